@@ -1,0 +1,1 @@
+//! The SERCON816 at register and RAM level.
