@@ -1,0 +1,345 @@
+//! The drive's states: what the control word asks for, what power and faults allow, what the status word says.
+//!
+//! Sources: sercos2.md 1.6 (control word), 1.7 (status word), 6.3 (states and reactions).
+
+/// What the drive does with the motor.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
+pub enum DriveState {
+    /// Torque-free. Main power may be missing (status 01) or applied (status 10).
+    #[default]
+    Off,
+    /// In operation: the motor follows the cyclic command values.
+    Following,
+    /// In operation, but held by HALT: the drive has stopped by itself and keeps its loops closed.
+    Halted,
+    /// The control took bit 15 away: best possible deceleration, then torque-free.
+    SwitchingOff,
+    /// A class 1 diagnostic: best possible deceleration, then [`DriveState::Fault`].
+    FaultReaction,
+    /// Torque-free after a class 1 diagnostic, until S-0-0099 has cleared it.
+    Fault,
+}
+
+impl DriveState {
+    /// Whether torque is on.
+    #[must_use]
+    pub const fn has_torque(self) -> bool {
+        !matches!(self, Self::Off | Self::Fault)
+    }
+}
+
+/// The three switches of the control word (sercos2.md 1.6, bits 15 to 13).
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
+pub struct Switches {
+    /// Bit 15, drive ON.
+    pub on: bool,
+    /// Bit 14, drive ENABLE.
+    pub enable: bool,
+    /// Bit 13: `true` lets the drive follow, `false` is HALT.
+    pub run: bool,
+}
+
+impl Switches {
+    /// The switches in a control word.
+    #[must_use]
+    pub const fn from_control_word(word: u16) -> Self {
+        Self {
+            on: word & 0x8000 != 0,
+            enable: word & 0x4000 != 0,
+            run: word & 0x2000 != 0,
+        }
+    }
+}
+
+/// What the state machine has to know of the rest of the drive.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Conditions {
+    /// CP4: command values are valid and torque is allowed.
+    pub operating_phase: bool,
+    /// Main power is applied and the amplifier reports no fault of its own.
+    pub power: bool,
+    /// A class 1 diagnostic is present.
+    pub fault: bool,
+    /// The fault forbids a controlled stop: torque off at once (feedback lost, amplifier tripped).
+    pub fatal: bool,
+    /// The motor stands still (within S-0-0124).
+    pub standstill: bool,
+}
+
+/// The state machine of sercos2.md 6.3.
+///
+/// Torque comes on only at a rising edge of ON and ENABLE together, seen in CP4 with power and without fault: a switch that
+/// was left on through a fault, a loss of power or a run-up never starts a motor.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct StateMachine {
+    state: DriveState,
+    request_before: bool,
+}
+
+impl StateMachine {
+    /// The state.
+    #[must_use]
+    pub const fn state(&self) -> DriveState {
+        self.state
+    }
+
+    /// Takes one look at switches and conditions and returns the new state. Called every loop tick; costs a few compares.
+    pub fn update(&mut self, switches: Switches, conditions: Conditions) -> DriveState {
+        let request = switches.on && switches.enable && conditions.operating_phase;
+        let rising = request && !self.request_before;
+        self.request_before = request;
+        let torque_forbidden = !conditions.power || conditions.fatal;
+        self.state = match self.state {
+            DriveState::Off if conditions.fault => DriveState::Fault,
+            DriveState::Off if rising && !torque_forbidden => Self::running(switches),
+            DriveState::Off => DriveState::Off,
+            DriveState::Fault if conditions.fault => DriveState::Fault,
+            DriveState::Fault => DriveState::Off,
+            _ if torque_forbidden => Self::stopped(conditions),
+            // ENABLE goes past every ramp: torque off at once (sercos2.md 6.3). A lost ring has no switches to obey.
+            _ if conditions.operating_phase && !switches.enable => Self::stopped(conditions),
+            DriveState::FaultReaction if conditions.standstill => Self::stopped(conditions),
+            DriveState::FaultReaction => DriveState::FaultReaction,
+            _ if conditions.fault => DriveState::FaultReaction,
+            DriveState::SwitchingOff if rising => Self::running(switches),
+            DriveState::SwitchingOff if conditions.standstill => DriveState::Off,
+            DriveState::SwitchingOff => DriveState::SwitchingOff,
+            DriveState::Following | DriveState::Halted if !request => DriveState::SwitchingOff,
+            DriveState::Following | DriveState::Halted => Self::running(switches),
+        };
+        self.state
+    }
+
+    const fn running(switches: Switches) -> DriveState {
+        if switches.run {
+            DriveState::Following
+        } else {
+            DriveState::Halted
+        }
+    }
+
+    const fn stopped(conditions: Conditions) -> DriveState {
+        if conditions.fault {
+            DriveState::Fault
+        } else {
+            DriveState::Off
+        }
+    }
+}
+
+/// Bits 15, 14, 13 and 3 of the status word (sercos2.md 1.7) for a state.
+#[must_use]
+pub const fn status_bits(state: DriveState, conditions: Conditions) -> u16 {
+    let ready = match state {
+        _ if state.has_torque() => 0xC000,
+        _ if conditions.power => 0x8000,
+        _ => 0x4000,
+    };
+    let error = if conditions.fault { 0x2000 } else { 0 };
+    let following = if matches!(state, DriveState::Following) {
+        0x0008
+    } else {
+        0
+    };
+    ready | error | following
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const FOLLOW: Switches = Switches {
+        on: true,
+        enable: true,
+        run: true,
+    };
+    const HALT: Switches = Switches {
+        on: true,
+        enable: true,
+        run: false,
+    };
+    const ENABLED: Switches = Switches {
+        on: false,
+        enable: true,
+        run: true,
+    };
+    const NONE: Switches = Switches {
+        on: false,
+        enable: false,
+        run: false,
+    };
+    const READY: Conditions = Conditions {
+        operating_phase: true,
+        power: true,
+        fault: false,
+        fatal: false,
+        standstill: false,
+    };
+    const FAULT: Conditions = Conditions {
+        fault: true,
+        ..READY
+    };
+    const STANDING: Conditions = Conditions {
+        standstill: true,
+        ..READY
+    };
+
+    fn following() -> StateMachine {
+        let mut machine = StateMachine::default();
+        let _ = machine.update(NONE, READY);
+        assert_eq!(machine.update(FOLLOW, READY), DriveState::Following);
+        machine
+    }
+
+    #[test]
+    fn torque_needs_cp4_and_power_and_a_new_edge() {
+        let mut machine = StateMachine::default();
+        let no_power = Conditions {
+            power: false,
+            ..READY
+        };
+        let cp3 = Conditions {
+            operating_phase: false,
+            ..READY
+        };
+        assert_eq!(machine.update(FOLLOW, cp3), DriveState::Off);
+        assert_eq!(machine.update(FOLLOW, no_power), DriveState::Off);
+        assert_eq!(
+            machine.update(FOLLOW, READY),
+            DriveState::Off,
+            "power came under a request that was already there"
+        );
+        let _ = machine.update(ENABLED, READY);
+        assert_eq!(machine.update(FOLLOW, READY), DriveState::Following);
+    }
+
+    #[test]
+    fn a_fault_stops_the_motor_and_a_switch_left_on_does_not_restart_it() {
+        let mut machine = following();
+        assert_eq!(machine.update(FOLLOW, FAULT), DriveState::FaultReaction);
+        assert_eq!(machine.update(FOLLOW, FAULT), DriveState::FaultReaction);
+        assert_eq!(
+            machine.update(
+                FOLLOW,
+                Conditions {
+                    standstill: true,
+                    ..FAULT
+                }
+            ),
+            DriveState::Fault
+        );
+        assert_eq!(machine.update(FOLLOW, READY), DriveState::Off);
+        assert_eq!(machine.update(FOLLOW, READY), DriveState::Off);
+        let _ = machine.update(NONE, READY);
+        assert_eq!(machine.update(FOLLOW, READY), DriveState::Following);
+    }
+
+    #[test]
+    fn a_ring_that_falls_to_cp0_ends_in_a_controlled_stop() {
+        let mut machine = following();
+        let lost = Conditions {
+            operating_phase: false,
+            ..FAULT
+        };
+        assert_eq!(machine.update(NONE, lost), DriveState::FaultReaction);
+        assert_eq!(
+            machine.update(
+                NONE,
+                Conditions {
+                    standstill: true,
+                    ..lost
+                }
+            ),
+            DriveState::Fault
+        );
+        let mut machine = following();
+        let orderly = Conditions {
+            operating_phase: false,
+            ..READY
+        };
+        assert_eq!(machine.update(NONE, orderly), DriveState::SwitchingOff);
+        assert_eq!(
+            machine.update(
+                NONE,
+                Conditions {
+                    standstill: true,
+                    ..orderly
+                }
+            ),
+            DriveState::Off
+        );
+    }
+
+    #[test]
+    fn enable_and_lost_power_take_the_torque_away_at_once() {
+        let mut machine = following();
+        assert_eq!(
+            machine.update(
+                Switches {
+                    enable: false,
+                    ..FOLLOW
+                },
+                READY
+            ),
+            DriveState::Off
+        );
+        let mut machine = following();
+        assert_eq!(
+            machine.update(
+                FOLLOW,
+                Conditions {
+                    power: false,
+                    ..READY
+                }
+            ),
+            DriveState::Off
+        );
+        let mut machine = following();
+        assert_eq!(
+            machine.update(
+                FOLLOW,
+                Conditions {
+                    fatal: true,
+                    ..FAULT
+                }
+            ),
+            DriveState::Fault
+        );
+    }
+
+    #[test]
+    fn drive_off_decelerates_first_and_halt_keeps_the_loop_closed() {
+        let mut machine = following();
+        assert_eq!(machine.update(HALT, READY), DriveState::Halted);
+        assert_eq!(machine.update(FOLLOW, STANDING), DriveState::Following);
+        assert_eq!(machine.update(ENABLED, READY), DriveState::SwitchingOff);
+        assert_eq!(machine.update(ENABLED, READY), DriveState::SwitchingOff);
+        assert_eq!(machine.update(ENABLED, STANDING), DriveState::Off);
+    }
+
+    #[test]
+    fn status_bits_follow_the_captured_words() {
+        // 0x5801 and 0x9801 of a real ring: power missing, power applied (sercos2.md 1.7; bits 12, 11 and 0 are not ours).
+        let no_power = Conditions {
+            power: false,
+            ..READY
+        };
+        assert_eq!(status_bits(DriveState::Off, no_power), 0x4000);
+        assert_eq!(status_bits(DriveState::Off, READY), 0x8000);
+        assert_eq!(status_bits(DriveState::Following, READY), 0xC008);
+        assert_eq!(status_bits(DriveState::Halted, READY), 0xC000);
+        assert_eq!(status_bits(DriveState::FaultReaction, FAULT), 0xE000);
+        assert_eq!(
+            status_bits(
+                DriveState::Fault,
+                Conditions {
+                    power: false,
+                    ..FAULT
+                }
+            ),
+            0x6000
+        );
+    }
+}
