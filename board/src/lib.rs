@@ -1,2 +1,3 @@
 //! Placeholder.
 #![no_std]
+pub use stm32f4xx_hal::pac;

@@ -1,0 +1,13 @@
+//! Hands the memory map at the repository root and the linker scripts to the linker, so that no Cargo configuration is needed.
+
+use std::path::Path;
+
+fn main() {
+    let repository = Path::new(env!("CARGO_MANIFEST_DIR")).join("../..");
+    let memory = repository.join("memory.x");
+    println!("cargo:rerun-if-changed={}", memory.display());
+    println!("cargo:rustc-link-search={}", repository.display());
+    println!("cargo:rustc-link-arg-bins=--nmagic");
+    println!("cargo:rustc-link-arg-bins=-Tlink.x");
+    println!("cargo:rustc-link-arg-bins=-Tdefmt.x");
+}
