@@ -1,0 +1,97 @@
+//! Independent watchdog: resets the drive when the control loop or a bus task stops making progress.
+//!
+//! The amplifier is off through a reset and after it (see [`crate::amplifier`]), and the SERCON816 is reset with us, so a hung drive
+//! leaves the ring and lets the motor coast within the period of the watchdog.
+//!
+//! What it is fed on ([`Progress`]): `idle` runs, so no task hangs or storms; the control loop has ticked; and no bus task
+//! that was started is still waiting to begin, which would mean that its interrupt was lost.
+
+use core::sync::atomic::{AtomicU8, AtomicU32, Ordering};
+
+use stm32f4xx_hal::pac;
+
+/// Ticks of the LSI oscillator (32 kHz, 17 to 47 kHz over all parts) divided by four: 100 ms, at least 68 and at most 188 ms.
+const RELOAD: u16 = 800 - 1;
+
+/// Ticks of the control loop (125 us) between two feedings: 8 ms, an eighth of the shortest period.
+const TICKS_PER_FEEDING: u32 = 64;
+
+/// What the tasks report and `idle` judges; one static of the application.
+#[derive(Debug)]
+pub struct Progress {
+    ticks: AtomicU32,
+    started: AtomicU8,
+}
+
+impl Progress {
+    /// Nothing done, nothing asked for.
+    #[must_use]
+    pub const fn new() -> Self {
+        Self { ticks: AtomicU32::new(0), started: AtomicU8::new(0) }
+    }
+
+    /// The control loop ran.
+    #[inline(always)]
+    pub fn tick(&self) {
+        // One writer, so no read-modify-write instruction is needed.
+        let ticks = self.ticks.load(Ordering::Relaxed);
+        self.ticks.store(ticks.wrapping_add(1), Ordering::Relaxed);
+    }
+
+    /// Bus tasks were pended, one bit for each.
+    #[inline(always)]
+    pub fn started(&self, tasks: u8) {
+        self.started.fetch_or(tasks, Ordering::Relaxed);
+    }
+
+    /// A bus task begins; called by it before anything else, so that being started again meanwhile counts anew.
+    #[inline(always)]
+    pub fn begun(&self, tasks: u8) {
+        self.started.fetch_and(!tasks, Ordering::Relaxed);
+    }
+}
+
+impl Default for Progress {
+    fn default() -> Self {
+        Self::new()
+    }
+}
+
+/// The watchdog; cannot be stopped once started.
+#[derive(Debug)]
+pub struct Watchdog {
+    watchdog: pac::IWDG,
+    running: bool,
+    fed_at: u32,
+}
+
+impl Watchdog {
+    pub(crate) fn new(watchdog: pac::IWDG) -> Self {
+        Self { watchdog, running: false, fed_at: 0 }
+    }
+
+    /// Starts the watchdog and returns `true`; with a debugger attached leaves it off, as a halted core would be reset.
+    pub fn start(&mut self) -> bool {
+        if !self.running && !cortex_m::peripheral::DCB::is_debugger_attached() {
+            // Starting first switches the oscillator on, without which the registers would not take a value.
+            self.watchdog.kr().write(|w| w.key().start());
+            self.watchdog.kr().write(|w| w.key().unlock());
+            self.watchdog.pr().write(|w| w.pr().divide_by4());
+            self.watchdog.rlr().write(|w| w.rl().set(RELOAD));
+            self.running = true;
+        }
+        self.running
+    }
+
+    /// Feeds the watchdog when it is time and the tasks made progress. For `idle`, at every wake-up.
+    pub fn feed(&mut self, progress: &Progress) {
+        let ticks = progress.ticks.load(Ordering::Relaxed);
+        if self.running
+            && ticks.wrapping_sub(self.fed_at) >= TICKS_PER_FEEDING
+            && progress.started.load(Ordering::Relaxed) == 0
+        {
+            self.fed_at = ticks;
+            self.watchdog.kr().write(|w| w.key().feed());
+        }
+    }
+}
