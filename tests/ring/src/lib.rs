@@ -2,11 +2,18 @@
 //!
 //! * [`time`]: simulated time.
 //! * [`wire`]: flags, zero insertion, NRZI and the frame check sequence; what a telegram can suffer on its way.
+//! * [`fibre`], [`station`], [`ring`]: delays and faults, what stands between them, and the ring that joins them.
 //! * [`chip`]: the SERCON816 at register and RAM level.
 #![forbid(unsafe_code)]
 
 pub mod chip;
+pub mod fibre;
+pub mod ring;
+pub mod station;
 pub mod time;
 pub mod wire;
 
+pub use fibre::RingConfiguration;
+pub use ring::Ring;
+pub use station::{Master, Station};
 pub use time::Nanoseconds;
