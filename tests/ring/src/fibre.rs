@@ -24,10 +24,7 @@ pub struct Hop {
 impl Hop {
     /// A fibre of so many metres behind a repeater that needs `repeater` to pass a bit on.
     pub const fn of_metres(metres: u64, repeater: Nanoseconds) -> Self {
-        Self {
-            fibre: Nanoseconds(metres * NANOSECONDS_PER_METRE),
-            repeater,
-        }
+        Self { fibre: Nanoseconds(metres * NANOSECONDS_PER_METRE), repeater }
     }
 }
 
@@ -51,13 +48,7 @@ impl RingConfiguration {
     pub fn new(drives: usize, bit_rate: BitRate) -> Self {
         let mut hops = vec![Hop::of_metres(5, bit_rate.span(1)); drives + 1];
         hops[0].repeater = Nanoseconds::ZERO;
-        Self {
-            bit_rate,
-            hops,
-            faults: Vec::new(),
-            clock: SharedClock::default(),
-            trace: false,
-        }
+        Self { bit_rate, hops, faults: Vec::new(), clock: SharedClock::default(), trace: false }
     }
 }
 
@@ -75,11 +66,7 @@ pub enum TelegramKind {
 impl TelegramKind {
     /// What the master sends: an MST is the telegram to all drives with a single byte (sercos2.md 1.3).
     pub fn of_master(bytes: &[u8]) -> Self {
-        if matches!(bytes, [BROADCAST, _]) {
-            Self::Mst
-        } else {
-            Self::Mdt
-        }
+        if matches!(bytes, [BROADCAST, _]) { Self::Mst } else { Self::Mdt }
     }
 }
 
@@ -128,20 +115,12 @@ pub enum Cause {
 impl Fault {
     /// `effect` on the telegram of this kind in one cycle.
     pub const fn once(cycle: u64, hop: usize, kind: TelegramKind, effect: Effect) -> Self {
-        Self {
-            cycles: cycle..cycle + 1,
-            hop,
-            cause: Cause::Telegram(kind, effect),
-        }
+        Self { cycles: cycle..cycle + 1, hop, cause: Cause::Telegram(kind, effect) }
     }
 
     /// No light on `hop` from the MST of the first cycle until before that of the cycle behind the last.
     pub const fn ring_break(cycles: Range<u64>, hop: usize) -> Self {
-        Self {
-            cycles,
-            hop,
-            cause: Cause::Break,
-        }
+        Self { cycles, hop, cause: Cause::Break }
     }
 }
 
@@ -157,18 +136,14 @@ pub(crate) fn crossing(
             Effect::Drop => arriving.clear(),
             Effect::Delay(delay) => arriving.iter_mut().for_each(|(_, late)| *late += delay),
             Effect::Duplicate(gap) => {
-                let again: Vec<_> = arriving
-                    .iter()
-                    .map(|(signal, late)| (signal.clone(), *late + duration + gap))
-                    .collect();
+                let again: Vec<_> =
+                    arriving.iter().map(|(signal, late)| (signal.clone(), *late + duration + gap)).collect();
                 arriving.extend(again);
             }
-            Effect::FlipBit(bit) => {
-                change(&mut arriving, signal, |signal| signal.with_flipped_bit(bit))
+            Effect::FlipBit(bit) => change(&mut arriving, signal, |signal| signal.with_flipped_bit(bit)),
+            Effect::Phase(phase) => {
+                change(&mut arriving, signal, |_| Some(LineSignal::of_telegram(&[BROADCAST, phase])))
             }
-            Effect::Phase(phase) => change(&mut arriving, signal, |_| {
-                Some(LineSignal::of_telegram(&[BROADCAST, phase]))
-            }),
             Effect::Byte { index, value } => change(&mut arriving, signal, |signal| {
                 let mut bytes = signal.telegram().ok()?.to_vec();
                 *bytes.get_mut(index)? = value;
@@ -198,10 +173,7 @@ mod tests {
     #[test]
     fn the_masters_telegrams_are_told_apart() {
         assert_eq!(TelegramKind::of_master(&[255, 3]), TelegramKind::Mst);
-        assert_eq!(
-            TelegramKind::of_master(&[255, 7, 0, 0, 0]),
-            TelegramKind::Mdt
-        );
+        assert_eq!(TelegramKind::of_master(&[255, 7, 0, 0, 0]), TelegramKind::Mdt);
         assert_eq!(TelegramKind::of_master(&[4, 1, 0, 0, 0]), TelegramKind::Mdt);
     }
 
@@ -210,18 +182,14 @@ mod tests {
         let signal = LineSignal::of_telegram(&[255, 4]);
         let end = BitRate::M2.span(signal.len());
         let gap = Nanoseconds(1_000);
-        let arriving = crossing(
-            &signal,
-            end,
-            &[Effect::Phase(7), Effect::Duplicate(gap), Effect::Delay(gap)],
-        );
+        let arriving = crossing(&signal, end, &[Effect::Phase(7), Effect::Duplicate(gap), Effect::Delay(gap)]);
         let late: Vec<_> = arriving.iter().map(|(_, late)| *late).collect();
         assert_eq!(late, [gap, end + gap + gap]);
-        assert!(arriving.iter().all(|(signal, _)| {
-            signal
-                .as_ref()
-                .is_some_and(|signal| signal.telegram() == Ok(&[255, 7][..]))
-        }));
+        assert!(
+            arriving
+                .iter()
+                .all(|(signal, _)| { signal.as_ref().is_some_and(|signal| signal.telegram() == Ok(&[255, 7][..])) })
+        );
         assert!(crossing(&signal, end, &[Effect::Drop, Effect::Duplicate(gap)]).is_empty());
     }
 }

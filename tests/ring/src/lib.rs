@@ -3,12 +3,15 @@
 //! * [`time`]: simulated time.
 //! * [`wire`]: flags, zero insertion, NRZI and the frame check sequence; what a telegram can suffer on its way.
 //! * [`fibre`], [`station`], [`ring`]: delays and faults, what stands between them, and the ring that joins them.
+//! * [`ident`], [`service_client`]: data blocks, and the master's side of a drive's service channel.
 //! * [`chip`]: the SERCON816 at register and RAM level.
 #![forbid(unsafe_code)]
 
 pub mod chip;
 pub mod fibre;
+pub mod ident;
 pub mod ring;
+pub mod service_client;
 pub mod station;
 pub mod time;
 pub mod wire;

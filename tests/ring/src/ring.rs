@@ -146,12 +146,7 @@ impl<M: Master, S: Station> Ring<M, S> {
     /// When there are not as many hops as drives plus one.
     pub fn new(configuration: RingConfiguration, master: M, stations: Vec<S>) -> Self {
         let nodes = stations.len() + 1;
-        assert_eq!(
-            configuration.hops.len(),
-            nodes,
-            "a ring of {} drives has {nodes} hops",
-            stations.len()
-        );
+        assert_eq!(configuration.hops.len(), nodes, "a ring of {} drives has {nodes} hops", stations.len());
         configuration.clock.set(Nanoseconds::ZERO);
         let mut ring = Self {
             master,
@@ -163,21 +158,12 @@ impl<M: Master, S: Station> Ring<M, S> {
             broken: vec![false; nodes],
             lit: vec![true; nodes],
             cycle: None,
-            statistics: Statistics {
-                line_errors: vec![0; nodes],
-                ..Statistics::default()
-            },
+            statistics: Statistics { line_errors: vec![0; nodes], ..Statistics::default() },
             trace: Vec::new(),
             configuration,
         };
         for node in 0..nodes {
-            ring.schedule(
-                Nanoseconds::ZERO,
-                Event::Signal {
-                    node,
-                    present: true,
-                },
-            );
+            ring.schedule(Nanoseconds::ZERO, Event::Signal { node, present: true });
         }
         ring
     }
@@ -237,12 +223,7 @@ impl<M: Master, S: Station> Ring<M, S> {
         let on_fibre = self.events.peek().map(|Reverse((time, ..))| *time);
         let stations = self.stations.iter().filter_map(Station::next_event).min();
         let master = self.master.next_transmission();
-        on_fibre
-            .into_iter()
-            .chain(stations)
-            .chain(master)
-            .min()
-            .map(|time| time.max(self.now()))
+        on_fibre.into_iter().chain(stations).chain(master).min().map(|time| time.max(self.now()))
     }
 
     /// The earliest instant at which something can reach the chip of this station: its own timers, a telegram on
@@ -252,35 +233,24 @@ impl<M: Master, S: Station> Ring<M, S> {
         let in_flight = self.events.iter().filter_map(|Reverse((time, _, event))| {
             let (node, begins) = match event {
                 Event::Begin(passage) => (self.passages.get(passage)?.node, true),
-                Event::FlagSeen(passage) | Event::End(passage) => {
-                    (self.passages.get(passage)?.node, false)
-                }
+                Event::FlagSeen(passage) | Event::End(passage) => (self.passages.get(passage)?.node, false),
                 Event::Signal { node, .. } => (*node, false),
             };
             match node.cmp(&station) {
                 std::cmp::Ordering::Equal => Some(*time),
-                std::cmp::Ordering::Less if begins => {
-                    Some(*time + self.delay_between(node, station))
-                }
+                std::cmp::Ordering::Less if begins => Some(*time + self.delay_between(node, station)),
                 _ => None,
             }
         });
         let before = (0..station).filter_map(|node| {
-            Some(
-                self.stations[node].next_event()?.max(self.now())
-                    + self.delay_between(node, station),
-            )
+            Some(self.stations[node].next_event()?.max(self.now()) + self.delay_between(node, station))
         });
         let own = self.stations[station].next_event();
-        let master = self.master.next_transmission().map(|time| {
-            time.max(self.now()) + self.delay_of_hop(0) + self.delay_between(0, station)
-        });
-        in_flight
-            .chain(before)
-            .chain(own)
-            .chain(master)
-            .min()
-            .map(|time| time.max(self.now()))
+        let master = self
+            .master
+            .next_transmission()
+            .map(|time| time.max(self.now()) + self.delay_of_hop(0) + self.delay_between(0, station));
+        in_flight.chain(before).chain(own).chain(master).min().map(|time| time.max(self.now()))
     }
 
     /// Lets everything happen up to and including `until`, which is then the time.
@@ -293,10 +263,7 @@ impl<M: Master, S: Station> Ring<M, S> {
         let mut rounds = 0;
         while let Some(time) = self.next_event().filter(|time| *time <= until) {
             rounds = if time == instant { rounds + 1 } else { 0 };
-            assert!(
-                rounds < MOST_ROUNDS_IN_AN_INSTANT,
-                "a station or the master asks for {time} without end"
-            );
+            assert!(rounds < MOST_ROUNDS_IN_AN_INSTANT, "a station or the master asks for {time} without end");
             instant = time;
             self.configuration.clock.set(time);
             self.step(time);
@@ -313,20 +280,13 @@ impl<M: Master, S: Station> Ring<M, S> {
             self.happen(now, event);
         }
         for station in 0..self.stations.len() {
-            if self.stations[station]
-                .next_event()
-                .is_some_and(|time| time <= now)
-            {
+            if self.stations[station].next_event().is_some_and(|time| time <= now) {
                 if let Some(transmission) = self.stations[station].on_time(now) {
                     self.send_from_station(now, station, transmission);
                 }
             }
         }
-        if self
-            .master
-            .next_transmission()
-            .is_some_and(|time| time <= now)
-        {
+        if self.master.next_transmission().is_some_and(|time| time <= now) {
             if let Some(transmission) = self.master.transmit(now) {
                 self.send_from_master(now, transmission);
             }
@@ -347,11 +307,7 @@ impl<M: Master, S: Station> Ring<M, S> {
                 }
             }
             Event::End(number) => {
-                if self
-                    .passages
-                    .get(&number)
-                    .is_some_and(|passage| passage.end == now)
-                {
+                if self.passages.get(&number).is_some_and(|passage| passage.end == now) {
                     if let Some(passage) = self.passages.remove(&number) {
                         self.deliver(&passage);
                     }
@@ -421,16 +377,8 @@ impl<M: Master, S: Station> Ring<M, S> {
         let passing: Vec<(u64, TelegramKind, usize)> = self
             .passages
             .iter()
-            .filter(|(_, passage)| {
-                passage.node == station && passage.start <= now && now < passage.end
-            })
-            .map(|(number, passage)| {
-                (
-                    *number,
-                    passage.kind,
-                    self.configuration.bit_rate.bits_in(now - passage.start),
-                )
-            })
+            .filter(|(_, passage)| passage.node == station && passage.start <= now && now < passage.end)
+            .map(|(number, passage)| (*number, passage.kind, self.configuration.bit_rate.bits_in(now - passage.start)))
             .collect();
         for (number, cut, bits) in passing {
             let forwarded = self
@@ -440,9 +388,7 @@ impl<M: Master, S: Station> Ring<M, S> {
                 .unwrap_or_default();
             if !forwarded.is_empty() {
                 self.report_collision(now, station, cut);
-                forwarded
-                    .into_iter()
-                    .for_each(|number| self.cut(number, bits));
+                forwarded.into_iter().for_each(|number| self.cut(number, bits));
             }
         }
         self.sending_until[station] = self.send(now, Sender::Station(station), kind, transmission);
@@ -466,12 +412,7 @@ impl<M: Master, S: Station> Ring<M, S> {
         self.cross(hop, &signal, kind, now, Damage::None);
         if self.configuration.trace {
             let cycle = self.cycle.unwrap_or(0);
-            self.trace.push(TraceEntry {
-                time: now,
-                cycle,
-                sender,
-                bytes: transmission.bytes,
-            });
+            self.trace.push(TraceEntry { time: now, cycle, sender, bytes: transmission.bytes });
         }
         end
     }
@@ -502,18 +443,8 @@ impl<M: Master, S: Station> Ring<M, S> {
                 let number = self.schedule(start, Event::Begin(self.numbers));
                 self.schedule(start + rate.span(FLAG.len()), Event::FlagSeen(number));
                 self.schedule(end, Event::End(number));
-                self.passages.insert(
-                    number,
-                    Passage {
-                        signal,
-                        kind,
-                        node: hop,
-                        start,
-                        end,
-                        damage,
-                        forwarded: Vec::new(),
-                    },
-                );
+                self.passages
+                    .insert(number, Passage { signal, kind, node: hop, start, end, damage, forwarded: Vec::new() });
                 number
             })
             .collect()
@@ -530,9 +461,7 @@ impl<M: Master, S: Station> Ring<M, S> {
         passage.end = (passage.start + self.configuration.bit_rate.span(left)).max(now);
         let (end, forwarded) = (passage.end, passage.forwarded.clone());
         self.schedule(end, Event::End(number));
-        forwarded
-            .into_iter()
-            .for_each(|number| self.cut(number, bits));
+        forwarded.into_iter().for_each(|number| self.cut(number, bits));
     }
 
     fn effects_on(&self, hop: usize, telegram: TelegramKind) -> Vec<Effect> {
@@ -561,25 +490,14 @@ impl<M: Master, S: Station> Ring<M, S> {
             light &= !broken;
             if self.lit[hop] != light {
                 self.lit[hop] = light;
-                self.schedule(
-                    now,
-                    Event::Signal {
-                        node: hop,
-                        present: light,
-                    },
-                );
+                self.schedule(now, Event::Signal { node: hop, present: light });
             }
         }
     }
 
     fn report_collision(&mut self, time: Nanoseconds, station: usize, cut: TelegramKind) {
         let cycle = self.cycle.unwrap_or(0);
-        self.statistics.collisions.push(Collision {
-            time,
-            cycle,
-            station,
-            cut,
-        });
+        self.statistics.collisions.push(Collision { time, cycle, station, cut });
     }
 
     fn delay_of_hop(&self, hop: usize) -> Nanoseconds {
@@ -588,9 +506,7 @@ impl<M: Master, S: Station> Ring<M, S> {
 
     /// From the input of one station to that of a later one.
     fn delay_between(&self, node: usize, later: usize) -> Nanoseconds {
-        self.configuration.hops[node + 1..=later]
-            .iter()
-            .fold(Nanoseconds::ZERO, |sum, hop| sum + hop.fibre)
+        self.configuration.hops[node + 1..=later].iter().fold(Nanoseconds::ZERO, |sum, hop| sum + hop.fibre)
     }
 
     fn schedule(&mut self, time: Nanoseconds, event: Event) -> u64 {

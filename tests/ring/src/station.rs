@@ -15,12 +15,7 @@ pub trait Station {
     fn on_telegram_start(&mut self, now: Nanoseconds);
 
     /// A telegram has ended now, at `end`; its opening flag began at `start`. `frame` is address and data.
-    fn on_telegram(
-        &mut self,
-        start: Nanoseconds,
-        end: Nanoseconds,
-        frame: Result<&[u8], LineError>,
-    );
+    fn on_telegram(&mut self, start: Nanoseconds, end: Nanoseconds, frame: Result<&[u8], LineError>);
 
     /// The receiver sees light, or no longer does.
     fn on_signal(&mut self, now: Nanoseconds, present: bool);
@@ -58,12 +53,7 @@ impl<S: Station + ?Sized> Station for Box<S> {
     fn on_telegram_start(&mut self, now: Nanoseconds) {
         (**self).on_telegram_start(now);
     }
-    fn on_telegram(
-        &mut self,
-        start: Nanoseconds,
-        end: Nanoseconds,
-        frame: Result<&[u8], LineError>,
-    ) {
+    fn on_telegram(&mut self, start: Nanoseconds, end: Nanoseconds, frame: Result<&[u8], LineError>) {
         (**self).on_telegram(start, end, frame);
     }
     fn on_signal(&mut self, now: Nanoseconds, present: bool) {

@@ -77,17 +77,8 @@ mod tests {
 
     #[test]
     fn units_and_display() {
-        assert_eq!(
-            Nanoseconds::from_millis(2),
-            Nanoseconds::from_microseconds(2_000)
-        );
-        assert_eq!(
-            (Nanoseconds(1_500) + Nanoseconds(7)).to_string(),
-            "1.507 us"
-        );
-        assert_eq!(
-            Nanoseconds(5).saturating_sub(Nanoseconds(6)),
-            Nanoseconds::ZERO
-        );
+        assert_eq!(Nanoseconds::from_millis(2), Nanoseconds::from_microseconds(2_000));
+        assert_eq!((Nanoseconds(1_500) + Nanoseconds(7)).to_string(), "1.507 us");
+        assert_eq!(Nanoseconds(5).saturating_sub(Nanoseconds(6)), Nanoseconds::ZERO);
     }
 }

@@ -60,9 +60,7 @@ impl BitRate {
 
     /// The rate of so many Mbit/s, if there is one.
     pub fn from_megabits(megabits: u64) -> Option<Self> {
-        Self::ALL
-            .into_iter()
-            .find(|rate| rate.megabits() == megabits)
+        Self::ALL.into_iter().find(|rate| rate.megabits() == megabits)
     }
 
     /// How long `bits` bit times last, rounded down to a nanosecond (at 16 Mbit/s a bit is 62.5 ns).

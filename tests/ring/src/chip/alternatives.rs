@@ -414,10 +414,8 @@ impl Alternatives {
     /// Every two deviations of different G-numbers among those that touch the service container and the interrupts
     /// (G2, G4, G5, G11, G20, G21, G24, G32), with both names joined by " + ".
     pub fn pairs() -> Vec<(String, Self)> {
-        let paired: Vec<_> = DEVIATIONS
-            .iter()
-            .filter(|deviation| PAIRED_G_NUMBERS.contains(&deviation.g_number))
-            .collect();
+        let paired: Vec<_> =
+            DEVIATIONS.iter().filter(|deviation| PAIRED_G_NUMBERS.contains(&deviation.g_number)).collect();
         let mut pairs = Vec::new();
         for (index, first) in paired.iter().enumerate() {
             for second in &paired[index + 1..] {

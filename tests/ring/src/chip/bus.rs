@@ -32,26 +32,18 @@ impl ChipBus {
 
 impl Bus for ChipBus {
     fn read_register(&mut self, register: Register) -> u16 {
-        self.chip
-            .borrow_mut()
-            .read_register(self.clock.get(), register.word())
+        self.chip.borrow_mut().read_register(self.clock.get(), register.word())
     }
 
     fn write_register(&mut self, register: Register, value: u16) {
-        self.chip
-            .borrow_mut()
-            .write_register(self.clock.get(), register.word(), value);
+        self.chip.borrow_mut().write_register(self.clock.get(), register.word(), value);
     }
 
     fn read_ram(&mut self, address: RamAddress) -> u16 {
-        self.chip
-            .borrow_mut()
-            .read_ram(self.clock.get(), address.word())
+        self.chip.borrow_mut().read_ram(self.clock.get(), address.word())
     }
 
     fn write_ram(&mut self, address: RamAddress, value: u16) {
-        self.chip
-            .borrow_mut()
-            .write_ram(self.clock.get(), address.word(), value);
+        self.chip.borrow_mut().write_ram(self.clock.get(), address.word(), value);
     }
 }

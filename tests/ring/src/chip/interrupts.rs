@@ -69,10 +69,7 @@ impl Outputs {
             RoutingSense::OneIsInt0 => !flags.routing,
         };
         let raised = flags.status & enabled;
-        for (line, pending) in [raised & !to_second, raised & to_second]
-            .into_iter()
-            .enumerate()
-        {
+        for (line, pending) in [raised & !to_second, raised & to_second].into_iter().enumerate() {
             let fresh = pending & !self.pending[line] != 0;
             self.pending[line] = pending;
             let active = match alternatives.interrupt_output {
@@ -103,10 +100,7 @@ impl Outputs {
     }
 
     pub(super) fn levels(&self, alternatives: &Alternatives) -> InterruptPins {
-        InterruptPins {
-            int0: level(self.active[0], alternatives),
-            int1: level(self.active[1], alternatives),
-        }
+        InterruptPins { int0: level(self.active[0], alternatives), int1: level(self.active[1], alternatives) }
     }
 
     pub(super) fn take_edges(&mut self) -> Vec<PinEdge> {
@@ -123,11 +117,7 @@ impl Outputs {
         }
         self.edges.push_back(PinEdge {
             time: now,
-            pin: if line == 0 {
-                InterruptPin::Int0
-            } else {
-                InterruptPin::Int1
-            },
+            pin: if line == 0 { InterruptPin::Int0 } else { InterruptPin::Int1 },
             level: level(active, alternatives),
         });
     }

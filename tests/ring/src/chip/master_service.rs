@@ -57,14 +57,7 @@ impl MasterService {
     }
 
     /// Takes the status and info words of an accepted AT; `true` asks for the interrupt.
-    pub(super) fn on_at(
-        &mut self,
-        ram: &mut Ram,
-        base: u16,
-        status: u16,
-        info: u16,
-        timeouts: (u8, u8),
-    ) -> bool {
+    pub(super) fn on_at(&mut self, ram: &mut Ram, base: u16, status: u16, info: u16, timeouts: (u8, u8)) -> bool {
         let mut interrupt = false;
         if status & !ram.get(base + 1) & CMD_AT != 0 {
             ram.change(base + 4, 0, INT_CMD);
@@ -99,25 +92,15 @@ impl MasterService {
     }
 
     /// The slave has taken the word, or delivered it.
-    fn acknowledged(
-        &mut self,
-        ram: &mut Ram,
-        base: u16,
-        word: u16,
-        status: u16,
-        info: u16,
-    ) -> bool {
+    fn acknowledged(&mut self, ram: &mut Ram, base: u16, word: u16, status: u16, info: u16) -> bool {
         let read_position = ram.get(base + 3) & 0xFF;
         ram.set(base + BUFFERS + read_position, info);
         if status & ERR_AT != 0 {
             ram.change(base, 0, M_BUSY | INT_ERR);
             return true;
         }
-        let (pointers, end_flag) = if word & WRITE != 0 {
-            (base + 2, INT_END_WRBUF)
-        } else {
-            (base + 3, INT_END_RDBUF)
-        };
+        let (pointers, end_flag) =
+            if word & WRITE != 0 { (base + 2, INT_END_WRBUF) } else { (base + 3, INT_END_RDBUF) };
         let (position, last) = (ram.get(pointers) & 0xFF, ram.get(pointers) >> 8);
         if position >= last || word & END_MDT != 0 {
             ram.change(base, 0, M_BUSY | end_flag);
@@ -134,24 +117,11 @@ impl MasterService {
     }
 
     /// Counts a cycle without progress.
-    fn count(
-        &mut self,
-        ram: &mut Ram,
-        base: u16,
-        kind: u16,
-        (handshake, busy): (u8, u8),
-    ) -> bool {
+    fn count(&mut self, ram: &mut Ram, base: u16, kind: u16, (handshake, busy): (u8, u8)) -> bool {
         let word = ram.get(base + 4);
-        let counted = if word & BUSY_CNT == kind {
-            (word & 0xFF) + 1
-        } else {
-            1
-        };
-        let (limit, flag) = if kind == BUSY_CNT {
-            (u16::from(busy), INT_BUSY_TIMEOUT)
-        } else {
-            (u16::from(handshake), INT_HS_TIMEOUT)
-        };
+        let counted = if word & BUSY_CNT == kind { (word & 0xFF) + 1 } else { 1 };
+        let (limit, flag) =
+            if kind == BUSY_CNT { (u16::from(busy), INT_BUSY_TIMEOUT) } else { (u16::from(handshake), INT_HS_TIMEOUT) };
         ram.change(base + 4, 0x00FF | BUSY_CNT, counted.min(0xFF) | kind);
         if limit == 0 || counted < limit {
             return false;

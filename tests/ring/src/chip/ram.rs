@@ -16,9 +16,7 @@ pub(super) struct Ram {
 impl Ram {
     /// Undefined contents, as after power-up.
     pub(super) fn garbage(noise: &mut Noise) -> Self {
-        Self {
-            words: (0..WORDS).map(|_| noise.word()).collect(),
-        }
+        Self { words: (0..WORDS).map(|_| noise.word()).collect() }
     }
 
     pub(super) fn get(&self, address: u16) -> u16 {

@@ -91,19 +91,12 @@ impl RegisterFile {
         Self { words }
     }
 
-    pub(super) fn read(
-        &self,
-        register: u16,
-        alternatives: &Alternatives,
-        noise: &mut Noise,
-    ) -> u16 {
+    pub(super) fn read(&self, register: u16, alternatives: &Alternatives, noise: &mut Noise) -> u16 {
         let Some(&stored) = self.words.get(usize::from(register)) else {
             return 0;
         };
         match usize::from(register) {
-            PHASE if alternatives.phase_read_back == PhaseReadBack::Received => {
-                self.words[RECEIVED_PHASE]
-            }
+            PHASE if alternatives.phase_read_back == PhaseReadBack::Received => self.words[RECEIVED_PHASE],
             RECEIVED_PHASE if alternatives.received_phase_upper_byte == UpperByte::Garbage => {
                 stored | noise.word() & 0xFF00
             }
@@ -111,12 +104,7 @@ impl RegisterFile {
         }
     }
 
-    pub(super) fn write(
-        &mut self,
-        register: u16,
-        value: u16,
-        alternatives: &Alternatives,
-    ) -> Effect {
+    pub(super) fn write(&mut self, register: u16, value: u16, alternatives: &Alternatives) -> Effect {
         let index = usize::from(register);
         match index {
             VERSION | RECEIVED_PHASE | RING_DELAY | COUNT.. => Effect::None,
@@ -154,11 +142,7 @@ impl RegisterFile {
 
     pub(super) fn flags(&self) -> Flags {
         let pair = |low: usize| u32::from(self.words[low]) | u32::from(self.words[low + 1]) << 16;
-        Flags {
-            status: pair(0x04),
-            enable: pair(0x06),
-            routing: pair(0x08),
-        }
+        Flags { status: pair(0x04), enable: pair(0x06), routing: pair(0x08) }
     }
 
     /// A master switches its repeater off, a slave keeps it on.
@@ -225,10 +209,7 @@ impl RegisterFile {
 
     /// JTSCYC1 and JTSCYC2.
     pub(super) fn mst_window(&self) -> (i16, i16) {
-        (
-            self.words[MST_WINDOW] as i16,
-            self.words[MST_WINDOW + 1] as i16,
-        )
+        (self.words[MST_WINDOW] as i16, self.words[MST_WINDOW + 1] as i16)
     }
 
     /// JTRDEL1 and JTRDEL2 as they stand.

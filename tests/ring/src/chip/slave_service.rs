@@ -72,11 +72,7 @@ impl SlaveService {
         let write = control & WRITE != 0;
         let element = control >> 3 & 7;
         let same = element != 0 && element == word >> 4 & 7 && write == (word & 1 << 7 != 0);
-        let direction = if write {
-            Direction::Received
-        } else {
-            Direction::Sent
-        };
+        let direction = if write { Direction::Received } else { Direction::Sent };
         let buffer = Buffer::of(direction, alternatives);
         let position = self.position(ram, base, buffer, alternatives);
         let last = ram.get(base + buffer.word) >> 8;
@@ -126,13 +122,7 @@ impl SlaveService {
     }
 
     /// Software has written word `offset` of the container.
-    pub(super) fn on_software_write(
-        &mut self,
-        ram: &mut Ram,
-        base: u16,
-        offset: u16,
-        alternatives: &Alternatives,
-    ) {
+    pub(super) fn on_software_write(&mut self, ram: &mut Ram, base: u16, offset: u16, alternatives: &Alternatives) {
         match offset {
             0 => self.on_word_0(ram, base, alternatives),
             2 | 3 => self.moved[usize::from(offset - 2)] = false,
@@ -212,15 +202,9 @@ impl Buffer {
             BufferSense::WriteIsReceived => Direction::Received,
         };
         if direction == written {
-            Self {
-                word: 2,
-                end_flag: INT_END_WRBUF,
-            }
+            Self { word: 2, end_flag: INT_END_WRBUF }
         } else {
-            Self {
-                word: 3,
-                end_flag: INT_END_RDBUF,
-            }
+            Self { word: 3, end_flag: INT_END_RDBUF }
         }
     }
 

@@ -14,10 +14,7 @@ pub struct Straps {
 impl Default for Straps {
     /// 2 Mbit/s, 32 MHz.
     fn default() -> Self {
-        Self {
-            bit_rate: 2_000_000,
-            mclk_megahertz: 32,
-        }
+        Self { bit_rate: 2_000_000, mclk_megahertz: 32 }
     }
 }
 
@@ -66,9 +63,7 @@ impl TimeBase {
         let start = i64::from(divider >> 8);
         Self {
             straps,
-            preset_picoseconds: to_picoseconds(mst_end)
-                + straps.mst_recognition()
-                + straps.half_clocks(2 * start - 1),
+            preset_picoseconds: to_picoseconds(mst_end) + straps.mst_recognition() + straps.half_clocks(2 * start - 1),
             preset: i64::from(preset),
             clocks_per_tick: i64::from(divider & 0xFF) + 1,
         }
@@ -77,9 +72,7 @@ impl TimeBase {
     /// When the counter reaches `count`.
     pub(super) fn time_of(&self, count: i32) -> Nanoseconds {
         let ticks = i64::from(count) - self.preset;
-        to_nanoseconds(
-            self.preset_picoseconds + self.straps.half_clocks(2 * ticks * self.clocks_per_tick),
-        )
+        to_nanoseconds(self.preset_picoseconds + self.straps.half_clocks(2 * ticks * self.clocks_per_tick))
     }
 
     /// The count at which an MST with its end at `end` is recognised.
@@ -138,10 +131,7 @@ mod tests {
     #[test]
     fn the_worked_values_make_the_counter_show_microseconds_after_the_mst() {
         for (mclk_megahertz, megabits, divider, preset) in WORKED {
-            let straps = Straps {
-                bit_rate: megabits * 1_000_000,
-                mclk_megahertz,
-            };
+            let straps = Straps { bit_rate: megabits * 1_000_000, mclk_megahertz };
             let base = TimeBase::new(Nanoseconds(1_000_000), straps, divider, preset);
             for count in [0, 150, 65_000] {
                 assert_eq!(

@@ -27,11 +27,7 @@ pub fn encode(bytes: &[u8]) -> Vec<bool> {
     let mut bits = Vec::with_capacity(16 + (bytes.len() + CHECK_SEQUENCE_BYTES) * 10);
     bits.extend(FLAG);
     let mut ones = 0;
-    for byte in bytes
-        .iter()
-        .copied()
-        .chain(check_sequence(bytes).to_le_bytes())
-    {
+    for byte in bytes.iter().copied().chain(check_sequence(bytes).to_le_bytes()) {
         for position in 0..8 {
             let bit = byte >> position & 1 == 1;
             bits.push(bit);
@@ -54,10 +50,8 @@ pub fn encode(bytes: &[u8]) -> Vec<bool> {
 ///
 /// The first reason, in the order of the line, why there is no valid telegram.
 pub fn decode(bits: &[bool]) -> Result<Vec<u8>, LineError> {
-    let opening = bits
-        .windows(FLAG.len())
-        .position(|window| window == FLAG)
-        .ok_or(LineError::NoFlag { bits: bits.len() })?;
+    let opening =
+        bits.windows(FLAG.len()).position(|window| window == FLAG).ok_or(LineError::NoFlag { bits: bits.len() })?;
     let mut rest = &bits[opening + FLAG.len()..];
     let mut content = content_before_flag(rest)?;
     while content.is_empty() {
@@ -72,10 +66,7 @@ pub fn decode(bits: &[bool]) -> Result<Vec<u8>, LineError> {
     }
     let mut bytes: Vec<u8> = data.chunks_exact(8).map(byte).collect();
     if bytes.len() < SHORTEST_TELEGRAM_BYTES {
-        return Err(LineError::TooShort {
-            bytes: bytes.len(),
-            expected: SHORTEST_TELEGRAM_BYTES,
-        });
+        return Err(LineError::TooShort { bytes: bytes.len(), expected: SHORTEST_TELEGRAM_BYTES });
     }
     let received = bytes.split_off(bytes.len() - CHECK_SEQUENCE_BYTES);
     let actual = u16::from_le_bytes([received[0], received[1]]);
@@ -93,9 +84,7 @@ fn content_before_flag(bits: &[bool]) -> Result<&[bool], LineError> {
         if bit {
             ones += 1;
             if ones == ONES_OF_ABORT {
-                return Err(LineError::Aborted {
-                    bits: index + 1 - ONES_OF_ABORT as usize,
-                });
+                return Err(LineError::Aborted { bits: index + 1 - ONES_OF_ABORT as usize });
             }
         } else {
             if ones == ONES_OF_ABORT - 1 {
@@ -125,9 +114,7 @@ fn without_inserted_zeros(bits: &[bool]) -> Vec<bool> {
 }
 
 fn byte(bits: &[bool]) -> u8 {
-    bits.iter()
-        .enumerate()
-        .fold(0, |byte, (position, &bit)| byte | u8::from(bit) << position)
+    bits.iter().enumerate().fold(0, |byte, (position, &bit)| byte | u8::from(bit) << position)
 }
 
 #[cfg(test)]
@@ -137,46 +124,14 @@ mod tests {
 
     /// sercon816.md 10.4: bytes, frame check sequence, line bits.
     const GOLDEN: [(&str, &str, &str); 10] = [
-        (
-            "FF 00",
-            "87 F0",
-            "0111111011111011100000000111000010000111101111110",
-        ),
-        (
-            "FF 01",
-            "0E E1",
-            "0111111011111011110000000011100001000011101111110",
-        ),
-        (
-            "FF 02",
-            "95 D3",
-            "0111111011111011101000000101010011100101101111110",
-        ),
-        (
-            "FF 03",
-            "1C C2",
-            "01111110111110111110000000001110000100001101111110",
-        ),
-        (
-            "FF 04",
-            "A3 B6",
-            "0111111011111011100100000110001010110110101111110",
-        ),
-        (
-            "01 01 00 00 00",
-            "88 D8",
-            "011111101000000010000000000000000000000000000000000100010001101101111110",
-        ),
-        (
-            "01 0F 00 03 00",
-            "A2 5C",
-            "011111101000000011110000000000001100000000000000010001010011101001111110",
-        ),
-        (
-            "01 18 00 03 00",
-            "22 C8",
-            "011111101000000000011000000000001100000000000000010001000001001101111110",
-        ),
+        ("FF 00", "87 F0", "0111111011111011100000000111000010000111101111110"),
+        ("FF 01", "0E E1", "0111111011111011110000000011100001000011101111110"),
+        ("FF 02", "95 D3", "0111111011111011101000000101010011100101101111110"),
+        ("FF 03", "1C C2", "01111110111110111110000000001110000100001101111110"),
+        ("FF 04", "A3 B6", "0111111011111011100100000110001010110110101111110"),
+        ("01 01 00 00 00", "88 D8", "011111101000000010000000000000000000000000000000000100010001101101111110"),
+        ("01 0F 00 03 00", "A2 5C", "011111101000000011110000000000001100000000000000010001010011101001111110"),
+        ("01 18 00 03 00", "22 C8", "011111101000000000011000000000001100000000000000010001000001001101111110"),
         (
             "03 01 58 00 00 00 00 9F 11 00 00 03 00",
             "54 AB",
@@ -190,9 +145,7 @@ mod tests {
     ];
 
     fn hex(text: &str) -> Vec<u8> {
-        text.split(' ')
-            .map(|byte| u8::from_str_radix(byte, 16).expect("golden bytes are hex"))
-            .collect()
+        text.split(' ').map(|byte| u8::from_str_radix(byte, 16).expect("golden bytes are hex")).collect()
     }
 
     fn bits(text: &str) -> Vec<bool> {
@@ -202,11 +155,7 @@ mod tests {
     #[test]
     fn golden_vectors_both_ways() {
         for (bytes, sequence, line) in GOLDEN {
-            assert_eq!(
-                check_sequence(&hex(bytes)).to_le_bytes().to_vec(),
-                hex(sequence),
-                "{bytes}"
-            );
+            assert_eq!(check_sequence(&hex(bytes)).to_le_bytes().to_vec(), hex(sequence), "{bytes}");
             assert_eq!(encode(&hex(bytes)), bits(line), "{bytes}");
             assert_eq!(decode(&bits(line)), Ok(hex(bytes)), "{bytes}");
         }
@@ -219,10 +168,7 @@ mod tests {
             for position in 0..clean.len() {
                 let mut wrong = clean.clone();
                 wrong[position] ^= true;
-                assert!(
-                    decode(&wrong).is_err(),
-                    "{bytes}: bit {position} flipped and still accepted"
-                );
+                assert!(decode(&wrong).is_err(), "{bytes}: bit {position} flipped and still accepted");
             }
         }
     }
@@ -237,25 +183,10 @@ mod tests {
             "{error}"
         );
         assert_eq!(decode(&[false; 20]), Err(LineError::NoFlag { bits: 20 }));
-        assert_eq!(
-            decode(&bits("0111111000000000")),
-            Err(LineError::Unterminated { bits: 8 })
-        );
-        assert_eq!(
-            decode(&bits("0111111000011111110")),
-            Err(LineError::Aborted { bits: 3 })
-        );
-        assert_eq!(
-            decode(&bits("01111110000001111110")),
-            Err(LineError::NotWholeBytes { bits: 4 })
-        );
-        assert_eq!(
-            decode(&bits("011111100000000001111110")),
-            Err(LineError::TooShort {
-                bytes: 1,
-                expected: 4
-            })
-        );
+        assert_eq!(decode(&bits("0111111000000000")), Err(LineError::Unterminated { bits: 8 }));
+        assert_eq!(decode(&bits("0111111000011111110")), Err(LineError::Aborted { bits: 3 }));
+        assert_eq!(decode(&bits("01111110000001111110")), Err(LineError::NotWholeBytes { bits: 4 }));
+        assert_eq!(decode(&bits("011111100000000001111110")), Err(LineError::TooShort { bytes: 1, expected: 4 }));
     }
 
     #[test]

@@ -39,10 +39,8 @@ impl LineSignal {
     /// (README of the captures). The level before the first one is taken as its opposite, so that a recording which
     /// starts exactly at a flag still shows the flag's first zero.
     pub fn from_packed(packed: &[u8]) -> Self {
-        let levels: Vec<bool> = packed
-            .iter()
-            .flat_map(|byte| (0..8).rev().map(move |position| byte >> position & 1 == 1))
-            .collect();
+        let levels: Vec<bool> =
+            packed.iter().flat_map(|byte| (0..8).rev().map(move |position| byte >> position & 1 == 1)).collect();
         Self::new(levels.first().is_none_or(|first| !first), levels)
     }
 
@@ -52,14 +50,7 @@ impl LineSignal {
         levels.extend(&self.levels);
         let padding = levels.last().copied().unwrap_or(self.before);
         levels.resize(levels.len().next_multiple_of(8), padding);
-        levels
-            .chunks_exact(8)
-            .map(|chunk| {
-                chunk
-                    .iter()
-                    .fold(0, |byte, &level| byte << 1 | u8::from(level))
-            })
-            .collect()
+        levels.chunks_exact(8).map(|chunk| chunk.iter().fold(0, |byte, &level| byte << 1 | u8::from(level))).collect()
     }
 
     /// Address and data of the telegram in this burst.
@@ -87,10 +78,7 @@ impl LineSignal {
     /// The line bits, inserted zeros and flags included.
     pub fn bits(&self) -> Vec<bool> {
         let before = std::iter::once(self.before).chain(self.levels.iter().copied());
-        before
-            .zip(&self.levels)
-            .map(|(before, &level)| before == level)
-            .collect()
+        before.zip(&self.levels).map(|(before, &level)| before == level).collect()
     }
 
     /// The same burst with line bit `position` inverted on the way: every level from there on is inverted.
@@ -110,11 +98,7 @@ impl LineSignal {
     }
 
     fn new(before: bool, levels: Vec<bool>) -> Self {
-        Self {
-            before,
-            levels,
-            decoded: OnceCell::new(),
-        }
+        Self { before, levels, decoded: OnceCell::new() }
     }
 }
 
@@ -137,10 +121,7 @@ mod tests {
     fn the_first_recorded_telegram() {
         // First line of the recording: two bit times of lead, five of padding.
         let packed = [0x3F, 0x81, 0xEA, 0xBD, 0x6B, 0xE0, 0x3F];
-        assert_eq!(
-            LineSignal::from_packed(&packed).telegram(),
-            Ok(&MST_CP0[..])
-        );
+        assert_eq!(LineSignal::from_packed(&packed).telegram(), Ok(&MST_CP0[..]));
         let signal = LineSignal::of_telegram(&MST_CP0);
         assert_eq!(signal.len(), 49);
         assert_eq!(signal.to_packed(2)[..6], packed[..6]);
@@ -150,9 +131,7 @@ mod tests {
     fn a_wrong_level_is_never_a_telegram() {
         let signal = LineSignal::of_telegram(&[1, 0x0F, 0, 3, 0]);
         for position in 0..signal.len() {
-            let level = signal
-                .with_flipped_level(position)
-                .expect("inside the burst");
+            let level = signal.with_flipped_level(position).expect("inside the burst");
             // The last level's only neighbour is idle line: there the flag's final zero alone is lost.
             assert!(level.telegram().is_err(), "level {position}");
             let bit = signal.with_flipped_bit(position).expect("inside the burst");
