@@ -1,0 +1,262 @@
+//! One axis: modes, loops and their bumpless hand-over.
+
+use crate::{
+    AxisSettings, CommandSource, CurrentFraction, Interpolator, ModuloCounter, Position, PositionLoop, Ramp, Setpoint,
+    Velocity, VelocityEstimate, VelocityFilter, VelocityInterpolator, VelocityLoop,
+};
+
+/// What the axis does.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
+pub enum Mode {
+    /// No current; the measurement goes on.
+    Off,
+    /// Follows velocity commands (S-0-0036) with the velocity loop.
+    Velocity,
+    /// Follows position commands (S-0-0047) with position and velocity loop.
+    Position,
+    /// Best possible deceleration: the velocity command goes to zero at S-0-0138, the velocity loop stays closed, at zero too.
+    Stopping,
+    /// Drive halt (control word bit 13): brakes at S-0-0138 on a position ramp and holds the position where it ends.
+    Halt,
+}
+
+/// Result of a tick.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
+pub struct AxisOutput {
+    /// Torque-producing current command, zero in [`Mode::Off`].
+    pub current: CurrentFraction,
+    /// Commanded less measured position (S-0-0189); zero while no position is commanded (`Off`, `Velocity`, `Stopping`).
+    pub following_error: Position,
+    /// Measured velocity for S-0-0040 and the monitoring, filtered with 2 ms.
+    pub velocity: Velocity,
+    /// Command of the velocity loop; the measured velocity in [`Mode::Off`].
+    pub velocity_command: Velocity,
+    /// Position setpoint of this tick, unbounded; the measured position while no position is commanded.
+    pub position_command: Position,
+    /// Where the setpoint comes from; [`CommandSource::Interpolated`] in modes without position commands.
+    pub command_source: CommandSource,
+    /// Measured velocity is within the standstill window (S-0-0124), and a braking ramp, if one runs, has ended (C3D bit 1).
+    pub standstill: bool,
+    /// The current stands at its limit (C3D bit 4).
+    pub current_limited: bool,
+    /// The following error is further from the expected lag than the monitoring window (C1D bit 11), in `Position` and `Halt`.
+    pub excessive_deviation: bool,
+}
+
+/// State of an axis.
+///
+/// Call order in a control unit cycle: at t3 [`Axis::set_mode`] when the mode changes, then [`Axis::command_position`] or
+/// [`Axis::command_velocity`] (or both: the mode takes its own); then one [`Axis::tick`] per loop period.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Axis {
+    settings: AxisSettings,
+    mode: Mode,
+    measured: Position,
+    ranges: ModuloCounter,
+    estimate: VelocityEstimate,
+    monitored: VelocityEstimate,
+    monitor_filter: VelocityFilter,
+    interpolator: Interpolator,
+    velocity_interpolator: VelocityInterpolator,
+    ramp: Ramp,
+    position_loop: PositionLoop,
+    velocity_loop: VelocityLoop,
+    velocity_command: Velocity,
+}
+
+/// Time constant of the reported velocity in microseconds: slow enough for the standstill window of a coarse encoder,
+/// fast against the cycles in which a master looks at it.
+const MONITOR_TIME_CONSTANT: u16 = 2_000;
+
+impl Axis {
+    /// An axis in [`Mode::Off`], at standstill at this measured position. Divides.
+    #[must_use]
+    pub fn new(settings: AxisSettings, measured: Position) -> Self {
+        let here = Setpoint { position: measured, velocity: Velocity::ZERO };
+        let ranges = ranges_at(&settings, measured);
+        Self {
+            settings,
+            mode: Mode::Off,
+            measured,
+            ranges,
+            estimate: VelocityEstimate::new(measured),
+            monitored: VelocityEstimate::new(measured),
+            monitor_filter: VelocityFilter::from_microseconds(MONITOR_TIME_CONSTANT),
+            interpolator: Interpolator::new(measured, ranges),
+            velocity_interpolator: VelocityInterpolator::new(Velocity::ZERO),
+            ramp: Ramp::new(here),
+            position_loop: PositionLoop::new(&settings.position_loop, here),
+            velocity_loop: VelocityLoop::new(),
+            velocity_command: Velocity::ZERO,
+        }
+    }
+
+    /// Takes new settings over, also while the axis moves; the state of the loops is kept. Divides when the modulo value changes.
+    pub fn apply_settings(&mut self, settings: AxisSettings) {
+        if settings.interpolator.modulo() != self.settings.interpolator.modulo() {
+            self.ranges = ranges_at(&settings, self.measured);
+            self.interpolator.set_ranges(self.ranges);
+        }
+        self.settings = settings;
+    }
+
+    /// Settings in force.
+    #[must_use]
+    pub const fn settings(&self) -> &AxisSettings {
+        &self.settings
+    }
+
+    /// Mode in force.
+    #[must_use]
+    pub const fn mode(&self) -> Mode {
+        self.mode
+    }
+
+    /// Changes the mode without a bump: the new mode starts from the velocity command of the last tick and, with position control, from
+    /// a setpoint ahead of the measured position by the lag that belongs to that velocity. The integral part of the velocity loop is kept.
+    pub fn set_mode(&mut self, mode: Mode) {
+        if mode == self.mode {
+            return;
+        }
+        let positioned = matches!(self.mode, Mode::Position | Mode::Halt);
+        let setpoint = match self.mode {
+            Mode::Position => {
+                Setpoint { position: self.interpolator.position(), velocity: self.interpolator.velocity() }
+            }
+            Mode::Halt => self.ramp.setpoint(),
+            Mode::Off | Mode::Velocity | Mode::Stopping => Setpoint {
+                position: self.measured + self.settings.position_loop.lag(self.velocity_command),
+                velocity: self.velocity_command,
+            },
+        };
+        match mode {
+            Mode::Off => self.velocity_loop.reset(),
+            Mode::Velocity => self.velocity_interpolator = VelocityInterpolator::new(self.velocity_command),
+            Mode::Stopping => {
+                self.ramp = Ramp::new(Setpoint { position: self.measured, velocity: self.velocity_command })
+            }
+            Mode::Position => {
+                self.interpolator.start(&self.settings.interpolator, setpoint.position, setpoint.velocity, self.ranges);
+            }
+            Mode::Halt => self.ramp = Ramp::new(setpoint),
+        }
+        if !positioned {
+            self.position_loop = PositionLoop::new(&self.settings.position_loop, setpoint);
+        }
+        self.mode = mode;
+    }
+
+    /// Takes a position command valid at t3: within `0 ..` modulo value, or absolute. Ignored outside [`Mode::Position`].
+    #[inline]
+    pub fn command_position(&mut self, command: Position) {
+        if self.mode == Mode::Position {
+            self.interpolator.command(&self.settings.interpolator, command);
+        }
+    }
+
+    /// Takes a velocity command valid at t3. Ignored outside [`Mode::Velocity`].
+    #[inline]
+    pub fn command_velocity(&mut self, command: Velocity) {
+        if self.mode == Mode::Velocity {
+            let limited = command.limit(self.settings.velocity_limit);
+            self.velocity_interpolator.command(&self.settings.interpolator, limited);
+        }
+    }
+
+    /// One loop period: the measured position goes in, the current command comes out.
+    #[inline]
+    pub fn tick(&mut self, measured: Position) -> AxisOutput {
+        let settings = &self.settings;
+        self.measured = measured;
+        let velocity = self.estimate.update(&settings.velocity_filter, measured);
+        let monitored = self.monitored.update(&self.monitor_filter, measured);
+        if let Some(modulo) = settings.interpolator.modulo() {
+            self.ranges.wrap(modulo, measured);
+        }
+
+        let mut output = AxisOutput {
+            current: CurrentFraction::ZERO,
+            following_error: Position::ZERO,
+            velocity: monitored,
+            velocity_command: velocity,
+            position_command: measured,
+            command_source: CommandSource::Interpolated,
+            standstill: monitored.abs() <= settings.standstill_window,
+            current_limited: false,
+            excessive_deviation: false,
+        };
+        let setpoint = match self.mode {
+            Mode::Off => {
+                self.velocity_command = velocity;
+                return output;
+            }
+            Mode::Velocity => {
+                output.velocity_command = self.velocity_interpolator.tick();
+                None
+            }
+            Mode::Stopping => {
+                output.velocity_command = self.ramp.tick(settings.deceleration).velocity;
+                output.standstill &= self.ramp.is_finished();
+                None
+            }
+            Mode::Halt => {
+                let setpoint = self.ramp.tick(settings.deceleration);
+                output.standstill &= self.ramp.is_finished();
+                Some(setpoint)
+            }
+            Mode::Position => {
+                let (setpoint, source) = self.interpolator.tick(&settings.interpolator);
+                output.command_source = source;
+                Some(setpoint)
+            }
+        };
+        if let Some(setpoint) = setpoint {
+            let result = self.position_loop.tick(&settings.position_loop, settings.velocity_limit, setpoint, measured);
+            output.velocity_command = result.velocity;
+            output.position_command = setpoint.position;
+            output.following_error = result.following_error;
+            output.excessive_deviation = result.excessive_deviation;
+        }
+        self.velocity_command = output.velocity_command;
+        let result = self.velocity_loop.tick(&settings.velocity_loop, output.velocity_command, velocity);
+        output.current = result.current;
+        output.current_limited = result.limited;
+        output
+    }
+
+    /// A measured position near that of the last tick (the latch of t4) as cyclic data show it: within `0 ..` modulo value,
+    /// or as it is without modulo.
+    #[inline]
+    #[must_use]
+    pub fn cyclic_position(&self, position: Position) -> Position {
+        match self.settings.interpolator.modulo() {
+            Some(modulo) => {
+                let mut ranges = self.ranges;
+                ranges.wrap(modulo, position)
+            }
+            None => position,
+        }
+    }
+
+    /// Moves the zero of the axis by `difference` without a movement, as [`crate::Encoder::set_position`] did with the measurement.
+    /// Divides.
+    pub fn shift(&mut self, difference: Position) {
+        self.measured = self.measured + difference;
+        self.ranges = ranges_at(&self.settings, self.measured);
+        self.estimate.shift(difference);
+        self.monitored.shift(difference);
+        self.interpolator.shift(difference);
+        self.interpolator.set_ranges(self.ranges);
+        self.ramp.shift(difference);
+        self.position_loop.shift(difference);
+    }
+}
+
+fn ranges_at(settings: &AxisSettings, position: Position) -> ModuloCounter {
+    settings
+        .interpolator
+        .modulo()
+        .map_or_else(ModuloCounter::default, |modulo| ModuloCounter::containing(modulo, position))
+}

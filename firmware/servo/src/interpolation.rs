@@ -1,0 +1,255 @@
+//! From one command value per control unit cycle to one per loop tick.
+//!
+//! A command that becomes valid at t3 is reached exactly one control unit cycle later, on a straight line. The slope is worked
+//! out once per command, with the reciprocal of the number of ticks, so that a tick is one addition.
+//!
+//! The loop timer is trimmed to the ring's clock, so a cycle has its number of ticks once locked, and may have one more or
+//! less before. Each line starts where the last tick left off: a tick too few or too many bends the slope, the position never jumps.
+
+use crate::{Modulo, ModuloCounter, Position, SettingsError, Velocity};
+
+/// Where the setpoint of a tick comes from.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
+pub enum CommandSource {
+    /// On the line to the last command.
+    Interpolated,
+    /// The next command is late or missing: the line is continued with its last velocity, for two cycles at most.
+    Extrapolated,
+    /// Two commands and more are missing: the setpoint stands. The supervision has to stop the axis before that.
+    Held,
+}
+
+/// Position and velocity that the position loop follows in one tick.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
+pub struct Setpoint {
+    /// Commanded position, unbounded.
+    pub position: Position,
+    /// Commanded velocity, for the feed-forward.
+    pub velocity: Velocity,
+}
+
+/// Ticks per cycle, the reciprocal of it, and the modulo value.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
+pub struct InterpolatorSettings {
+    ticks_per_cycle: u16,
+    /// 2^32 / ticks, to the nearest.
+    reciprocal: u32,
+    modulo: Option<Modulo>,
+}
+
+impl InterpolatorSettings {
+    /// A control unit cycle (S-0-0001) of 4 to 520 loop ticks: 500 us to 65 ms. With a modulo value, commands lie within
+    /// `0 ..` modulo value and each goes the shortest way from the one before.
+    ///
+    /// # Errors
+    /// [`SettingsError::TicksPerCycle`] beyond that range.
+    pub fn new(ticks_per_cycle: u16, modulo: Option<Modulo>) -> Result<Self, SettingsError> {
+        let out_of_range = SettingsError::TicksPerCycle { actual: ticks_per_cycle };
+        if !(4..=520).contains(&ticks_per_cycle) {
+            return Err(out_of_range);
+        }
+        let ticks = u64::from(ticks_per_cycle);
+        let reciprocal = ((1_u64 << 32).saturating_add(ticks >> 1))
+            .checked_div(ticks)
+            .and_then(|r| u32::try_from(r).ok())
+            .ok_or(out_of_range)?;
+        Ok(Self { ticks_per_cycle, reciprocal, modulo })
+    }
+
+    /// Loop ticks per control unit cycle.
+    #[must_use]
+    pub const fn ticks_per_cycle(&self) -> u16 {
+        self.ticks_per_cycle
+    }
+
+    /// The modulo value, if position data are modulo.
+    #[must_use]
+    pub const fn modulo(&self) -> Option<&Modulo> {
+        self.modulo.as_ref()
+    }
+
+    /// `distance / ticks`, the remainder spread once more: less than a step of `distance` off after all ticks.
+    #[inline]
+    fn per_tick(&self, distance: i64) -> i64 {
+        let slope = times_fraction(distance, self.reciprocal);
+        let rest = distance.wrapping_sub(slope.wrapping_mul(i64::from(self.ticks_per_cycle)));
+        slope.wrapping_add(times_fraction(rest, self.reciprocal))
+    }
+}
+
+/// `value * fraction / 2^32`, rounded down.
+#[inline]
+fn times_fraction(value: i64, fraction: u32) -> i64 {
+    let fraction = i64::from(fraction);
+    let high = value >> 32;
+    let low = value & 0xFFFF_FFFF;
+    // The reciprocal of 4 ticks or more is below 2^31, so the lower product stays positive in 64 bits.
+    high.wrapping_mul(fraction).wrapping_add(low.wrapping_mul(fraction) >> 32)
+}
+
+/// Bits of a slope below a position step: the line runs in 2^-48 revolution.
+const FINE_BITS: u32 = 16;
+/// Longest line in position steps: 64 revolutions, four times the way at [`Velocity::MAX`] in the longest cycle.
+const DISTANCE_LIMIT: i64 = 1 << 38;
+
+/// Interpolates position commands.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
+pub struct Interpolator {
+    /// End of the line.
+    target: Position,
+    /// What is left of the line, in 2^-48 revolution; negative way beyond the target while extrapolating.
+    remaining: i64,
+    /// In 2^-48 revolution per tick.
+    slope: i64,
+    /// Ticks since the last command.
+    ticks: u16,
+    ranges: ModuloCounter,
+}
+
+impl Interpolator {
+    /// Stands at `position`.
+    #[must_use]
+    pub const fn new(position: Position, ranges: ModuloCounter) -> Self {
+        Self { target: position, remaining: 0, slope: 0, ticks: 0, ranges }
+    }
+
+    /// Starts anew at `position`, moving with `velocity` until the first command comes (for two cycles at most).
+    ///
+    /// `ranges` is the modulo range near `position` (from the feedback's counter).
+    pub fn start(
+        &mut self,
+        settings: &InterpolatorSettings,
+        position: Position,
+        velocity: Velocity,
+        ranges: ModuloCounter,
+    ) {
+        *self = Self {
+            target: position,
+            remaining: 0,
+            slope: i64::from(velocity.to_bits()) << 12,
+            ticks: settings.ticks_per_cycle,
+            ranges,
+        };
+    }
+
+    /// Takes the command that became valid at t3: reached after one cycle of ticks.
+    #[inline]
+    pub fn command(&mut self, settings: &InterpolatorSettings, command: Position) {
+        let here = self.position();
+        let target = match &settings.modulo {
+            Some(modulo) => self.ranges.unwrap_nearest(modulo, command, self.target),
+            None => command,
+        };
+        let distance = (target - here).to_bits().clamp(-DISTANCE_LIMIT, DISTANCE_LIMIT);
+        // What the position carries below its own step belongs to the new line, else slow movements lose it every cycle.
+        let below = self.remaining.wrapping_neg() & ((1 << FINE_BITS) - 1);
+        self.target = target;
+        self.remaining = (distance << FINE_BITS).wrapping_sub(below);
+        self.slope = settings.per_tick(self.remaining);
+        self.ticks = 0;
+    }
+
+    /// One tick further: the setpoint of this tick.
+    #[inline]
+    pub fn tick(&mut self, settings: &InterpolatorSettings) -> (Setpoint, CommandSource) {
+        let cycle = settings.ticks_per_cycle;
+        let source = if self.ticks < cycle {
+            CommandSource::Interpolated
+        } else if self.ticks < cycle.saturating_mul(3) {
+            CommandSource::Extrapolated
+        } else {
+            CommandSource::Held
+        };
+        if source == CommandSource::Held {
+            self.slope = 0;
+        } else {
+            self.ticks = self.ticks.saturating_add(1);
+            self.remaining = self.remaining.wrapping_sub(self.slope);
+            if self.ticks == cycle {
+                self.remaining = 0;
+            }
+        }
+        (Setpoint { position: self.position(), velocity: self.velocity() }, source)
+    }
+
+    /// The setpoint position of the last tick.
+    #[inline]
+    #[must_use]
+    pub fn position(&self) -> Position {
+        // The shift rounds the rest of the way up or down to a whole step; at the end of the line the rest is exactly zero.
+        self.target + Position::from_bits(self.remaining.wrapping_neg() >> FINE_BITS)
+    }
+
+    /// The setpoint velocity of the last tick.
+    #[inline]
+    #[must_use]
+    pub fn velocity(&self) -> Velocity {
+        Velocity::saturating_from_bits(self.slope >> 12)
+    }
+
+    /// The last commanded position, unbounded.
+    #[must_use]
+    pub const fn target(&self) -> Position {
+        self.target
+    }
+
+    /// Shifts the line by `difference` without a movement (homing).
+    pub fn shift(&mut self, difference: Position) {
+        self.target = self.target + difference;
+    }
+
+    /// Takes over the modulo range near the axis, after a change of the modulo value or of the zero.
+    pub fn set_ranges(&mut self, ranges: ModuloCounter) {
+        self.ranges = ranges;
+    }
+}
+
+/// Interpolates velocity commands: a straight line to each new value, held when commands are missing.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
+pub struct VelocityInterpolator {
+    target: Velocity,
+    /// In 2^-48 revolution per tick.
+    remaining: i64,
+    slope: i64,
+    ticks: u16,
+}
+
+impl VelocityInterpolator {
+    /// Runs at `velocity`.
+    #[must_use]
+    pub const fn new(velocity: Velocity) -> Self {
+        Self { target: velocity, remaining: 0, slope: 0, ticks: 0 }
+    }
+
+    /// Takes the command that became valid at t3: reached after one cycle of ticks.
+    #[inline]
+    pub fn command(&mut self, settings: &InterpolatorSettings, command: Velocity) {
+        let here = self.velocity();
+        self.target = command;
+        self.remaining = i64::from(command.to_bits()).wrapping_sub(i64::from(here.to_bits())) << 12;
+        self.slope = settings.per_tick(self.remaining);
+        self.ticks = settings.ticks_per_cycle;
+    }
+
+    /// One tick further: the velocity command of this tick.
+    #[inline]
+    pub fn tick(&mut self) -> Velocity {
+        if self.ticks > 0 {
+            self.ticks = self.ticks.saturating_sub(1);
+            self.remaining = if self.ticks == 0 { 0 } else { self.remaining.wrapping_sub(self.slope) };
+        }
+        self.velocity()
+    }
+
+    /// The velocity command of the last tick.
+    #[inline]
+    #[must_use]
+    pub fn velocity(&self) -> Velocity {
+        Velocity::saturating_from_bits(i64::from(self.target.to_bits()).wrapping_sub(self.remaining >> 12))
+    }
+}

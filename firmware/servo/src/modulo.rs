@@ -1,0 +1,105 @@
+//! Modulo positions (S-0-0103) over an unbounded position.
+
+use crate::{Position, SettingsError};
+
+/// A modulo value, in 2^-64 revolution of the motor.
+///
+/// The modulo of a load behind a gear is rarely a whole number of position steps; the finer unit keeps the error below
+/// one position step for 2^32 passages of the modulo point.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
+pub struct Modulo {
+    /// In 2^-32 revolution.
+    whole: i64,
+    /// In 2^-64 revolution.
+    fraction: u32,
+}
+
+impl Modulo {
+    /// A modulo of `numerator / denominator` revolutions of the motor, 1/16 to 2^30.
+    ///
+    /// # Errors
+    /// [`SettingsError::Zero`] for a denominator of 0, [`SettingsError::ModuloOutOfRange`] beyond the range.
+    pub fn from_ratio(numerator: u64, denominator: u64) -> Result<Self, SettingsError> {
+        let steps = (u128::from(numerator) << 64)
+            .checked_div(u128::from(denominator))
+            .ok_or(SettingsError::Zero { parameter: "modulo denominator" })?;
+        if !(1_u128 << 60..=1_u128 << 94).contains(&steps) {
+            return Err(SettingsError::ModuloOutOfRange);
+        }
+        // Range checked; the fraction is cut on purpose.
+        Ok(Self { whole: (steps >> 32) as i64, fraction: steps as u32 })
+    }
+
+    /// The modulo value, cut to whole position steps.
+    #[must_use]
+    pub const fn value(self) -> Position {
+        Position::from_bits(self.whole)
+    }
+}
+
+/// Where the current modulo range begins in the unbounded position.
+///
+/// Follows the position by at most one range a call: right as long as the position moves less than the modulo value between calls.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
+pub struct ModuloCounter {
+    begin: i64,
+    begin_fraction: u32,
+}
+
+impl ModuloCounter {
+    /// The range that contains `position`. Divides: for changes of settings.
+    #[must_use]
+    pub fn containing(modulo: &Modulo, position: Position) -> Self {
+        let steps = i128::from(modulo.whole).saturating_mul(1 << 32).saturating_add(i128::from(modulo.fraction));
+        let fine = i128::from(position.to_bits()).saturating_mul(1 << 32);
+        let ranges = fine.checked_div_euclid(steps).unwrap_or(0);
+        let begin = ranges.saturating_mul(steps);
+        // Whole part and fraction of a number below the position.
+        Self { begin: (begin >> 32) as i64, begin_fraction: begin as u32 }
+    }
+
+    /// Follows `position` and gives it within the range: `0 ..` modulo value.
+    #[inline]
+    pub fn wrap(&mut self, modulo: &Modulo, position: Position) -> Position {
+        let within = position.to_bits().wrapping_sub(self.begin);
+        if within < 0 {
+            self.step_down(modulo);
+        } else if within >= modulo.whole {
+            let mut next = *self;
+            next.step_up(modulo);
+            if position.to_bits().wrapping_sub(next.begin) >= 0 {
+                *self = next;
+            }
+        }
+        Position::from_bits(position.to_bits().wrapping_sub(self.begin))
+    }
+
+    /// The unbounded position nearest to `reference` that `command` names, following the ranges.
+    #[inline]
+    pub(crate) fn unwrap_nearest(&mut self, modulo: &Modulo, command: Position, reference: Position) -> Position {
+        let distance = command.to_bits().wrapping_add(self.begin).wrapping_sub(reference.to_bits());
+        let half = modulo.whole >> 1;
+        if distance > half {
+            self.step_down(modulo);
+        } else if distance < half.wrapping_neg() {
+            self.step_up(modulo);
+        }
+        Position::from_bits(command.to_bits().wrapping_add(self.begin))
+    }
+
+    #[inline]
+    fn step_up(&mut self, modulo: &Modulo) {
+        let (fraction, carry) = self.begin_fraction.overflowing_add(modulo.fraction);
+        self.begin_fraction = fraction;
+        self.begin = self.begin.wrapping_add(modulo.whole).wrapping_add(i64::from(carry));
+    }
+
+    #[inline]
+    fn step_down(&mut self, modulo: &Modulo) {
+        let (fraction, borrow) = self.begin_fraction.overflowing_sub(modulo.fraction);
+        self.begin_fraction = fraction;
+        self.begin = self.begin.wrapping_sub(modulo.whole).wrapping_sub(i64::from(borrow));
+    }
+}

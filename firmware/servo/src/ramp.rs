@@ -1,0 +1,56 @@
+//! Braking: a velocity that goes to zero at an acceleration limit (S-0-0138), and the way it covers.
+
+use crate::{Acceleration, Position, Setpoint, Velocity};
+
+/// A velocity on its way to zero, and the position that belongs to it.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
+pub struct Ramp {
+    /// In 2^-48 revolution per tick.
+    velocity: i64,
+    position: Position,
+    /// In 2^-48 revolution, below one position step.
+    below: i64,
+}
+
+impl Ramp {
+    /// Begins at this position and velocity.
+    #[must_use]
+    pub fn new(start: Setpoint) -> Self {
+        Self { velocity: i64::from(start.velocity.to_bits()) << 12, position: start.position, below: 0 }
+    }
+
+    /// One tick further.
+    #[inline]
+    pub fn tick(&mut self, deceleration: Acceleration) -> Setpoint {
+        let step = i64::try_from(deceleration.to_bits()).unwrap_or(i64::MAX);
+        self.velocity = if self.velocity >= 0 {
+            self.velocity.saturating_sub(step).max(0)
+        } else {
+            self.velocity.saturating_add(step).min(0)
+        };
+        let fine = self.below.wrapping_add(self.velocity);
+        self.position = self.position + Position::from_bits(fine >> 16);
+        self.below = fine & 0xFFFF;
+        self.setpoint()
+    }
+
+    /// Position and velocity of the last tick.
+    #[inline]
+    #[must_use]
+    pub fn setpoint(&self) -> Setpoint {
+        Setpoint { position: self.position, velocity: Velocity::saturating_from_bits(self.velocity >> 12) }
+    }
+
+    /// The velocity has come down to zero.
+    #[inline]
+    #[must_use]
+    pub const fn is_finished(&self) -> bool {
+        self.velocity == 0
+    }
+
+    /// Shifts the position by `difference` without a movement (homing).
+    pub fn shift(&mut self, difference: Position) {
+        self.position = self.position + difference;
+    }
+}

@@ -1,0 +1,157 @@
+//! All settings of an axis: from the units of the IDNs to the scaled form of the loops.
+
+use core::fmt;
+
+use crate::{
+    Acceleration, InterpolatorSettings, Modulo, Position, PositionLoopSettings, Velocity, VelocityFilter,
+    VelocityLoopSettings,
+};
+
+/// A parameter that the loops cannot work with.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
+pub enum SettingsError {
+    /// This parameter must not be zero.
+    Zero {
+        /// Name and, where it has one, IDN.
+        parameter: &'static str,
+    },
+    /// A control unit cycle must have 4 to 520 loop ticks (500 us to 65 ms).
+    TicksPerCycle {
+        /// Ticks asked for.
+        actual: u16,
+    },
+    /// The velocity feed-forward must not exceed 100 % (10 000).
+    FeedForward {
+        /// In 0.01 %.
+        actual: u16,
+    },
+    /// The velocity loop gain is too high for this integral time and peak current.
+    VelocityGain {
+        /// In mA s/rad.
+        actual: u32,
+    },
+    /// The modulo value must be 1/16 to 2^30 revolutions of the motor.
+    ModuloOutOfRange,
+    /// The position data must have 2 to 2^31 increments per revolution of the motor.
+    PositionScaleOutOfRange,
+    /// An increment of the velocity data must be 10^-9 to 100 rpm.
+    VelocityScaleOutOfRange,
+    /// The loop timer must have 200 to 32 767 counts in a loop period.
+    LoopTimerCounts {
+        /// Counts given.
+        actual: u16,
+    },
+}
+
+impl fmt::Display for SettingsError {
+    fn fmt(&self, formatter: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Zero { parameter } => write!(formatter, "{parameter} is zero"),
+            Self::TicksPerCycle { actual } => {
+                write!(formatter, "{actual} loop ticks per control unit cycle, expected 4 to 520")
+            }
+            Self::FeedForward { actual } => {
+                write!(formatter, "velocity feed-forward of {actual} in 0.01 %, expected at most 10000")
+            }
+            Self::VelocityGain { actual } => write!(formatter, "velocity loop gain of {actual} mA s/rad is too high"),
+            Self::ModuloOutOfRange => {
+                formatter.write_str("modulo value is not within 1/16 to 2^30 revolutions of the motor")
+            }
+            Self::PositionScaleOutOfRange => {
+                formatter.write_str("position scaling is not within 2 to 2^31 increments per revolution")
+            }
+            Self::VelocityScaleOutOfRange => {
+                formatter.write_str("velocity scaling is not within 10^-9 to 100 rpm per increment")
+            }
+            Self::LoopTimerCounts { actual } => {
+                write!(formatter, "{actual} counts per loop period, expected 200 to 32767")
+            }
+        }
+    }
+}
+
+impl core::error::Error for SettingsError {}
+
+/// Parameters of an axis in physical units, as the IDNs carry them.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct AxisParameters {
+    /// Loop ticks of 125 us per control unit cycle (S-0-0001), 4 ..= 520.
+    pub ticks_per_cycle: u16,
+    /// Modulo value S-0-0103, `None` for absolute position data.
+    pub modulo: Option<Modulo>,
+    /// Position loop Kv-factor S-0-0104 in 0.01 * 1000/min (1/6 1/s), 1 ..= 65 535.
+    pub position_gain: u16,
+    /// Velocity feed-forward in 0.01 %, 0 ..= 10 000 (10 000: without lag).
+    pub feed_forward: u16,
+    /// Velocity loop proportional gain S-0-0100 in mA s/rad at the motor (one increment of the IDN, 0.1 A s/rad, is 100).
+    pub velocity_gain: u32,
+    /// Velocity loop integral action time S-0-0101 in 0.1 ms, 0: no integral part.
+    pub integral_time: u16,
+    /// Time constant of the velocity feedback filter S-0-0392 in microseconds.
+    pub velocity_filter: u16,
+    /// Amplifier peak current S-0-0110 in mA: the unit of the current command.
+    pub peak_current: u32,
+    /// Bipolar limit of the torque-producing current in mA (S-0-0092 applied to S-0-0111).
+    pub current_limit: u32,
+    /// Bipolar velocity limit S-0-0091.
+    pub velocity_limit: Velocity,
+    /// Bipolar acceleration limit S-0-0138: brakes `Stopping` and `Halt`. Zero brakes without ramp, at the current limit.
+    pub deceleration: Acceleration,
+    /// Standstill window S-0-0124.
+    pub standstill_window: Velocity,
+    /// Monitoring window S-0-0159 for the deviation from the expected following error; zero: not monitored.
+    pub monitoring_window: Position,
+}
+
+/// Settings of an axis, scaled for the loops.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
+pub struct AxisSettings {
+    pub(crate) interpolator: InterpolatorSettings,
+    pub(crate) position_loop: PositionLoopSettings,
+    pub(crate) velocity_loop: VelocityLoopSettings,
+    pub(crate) velocity_filter: VelocityFilter,
+    pub(crate) velocity_limit: Velocity,
+    pub(crate) deceleration: Acceleration,
+    pub(crate) standstill_window: Velocity,
+}
+
+impl AxisSettings {
+    /// Scales the parameters. Divides: call it when a parameter changes, outside the loop.
+    ///
+    /// # Errors
+    /// The first parameter that the loops cannot work with.
+    pub fn new(parameters: &AxisParameters) -> Result<Self, SettingsError> {
+        if parameters.velocity_limit <= Velocity::ZERO {
+            return Err(SettingsError::Zero { parameter: "bipolar velocity limit S-0-0091" });
+        }
+        Ok(Self {
+            interpolator: InterpolatorSettings::new(parameters.ticks_per_cycle, parameters.modulo)?,
+            position_loop: PositionLoopSettings::new(
+                parameters.position_gain,
+                parameters.feed_forward,
+                parameters.monitoring_window,
+            )?,
+            velocity_loop: VelocityLoopSettings::new(
+                parameters.velocity_gain,
+                parameters.integral_time,
+                parameters.peak_current,
+                parameters.current_limit,
+            )?,
+            velocity_filter: VelocityFilter::from_microseconds(parameters.velocity_filter),
+            velocity_limit: parameters.velocity_limit,
+            deceleration: match parameters.deceleration.to_bits() {
+                0 => Acceleration::from_bits(u64::MAX),
+                _ => parameters.deceleration,
+            },
+            standstill_window: parameters.standstill_window.abs(),
+        })
+    }
+
+    /// Ticks and modulo value of the command interpolation.
+    #[must_use]
+    pub const fn interpolator(&self) -> &InterpolatorSettings {
+        &self.interpolator
+    }
+}

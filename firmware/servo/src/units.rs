@@ -1,0 +1,229 @@
+//! Position, velocity, acceleration and current in the loop's own units.
+//!
+//! | type | unit | one step | range |
+//! |---|---|---|---|
+//! | [`Position`] | revolution of the motor, 2^-32 | 84 n° | +-2^31 revolutions, then wraps (149 days at 10 000 rpm; differences stay right) |
+//! | [`Velocity`] | revolution per loop tick, 2^-36 | 7.0e-6 rpm | +-15 000 rpm, saturating |
+//! | [`Acceleration`] | revolution per loop tick squared, 2^-48 | 1.4e-6 rad/s² | 0 ... 2.2e9 rad/s² |
+//! | [`CurrentFraction`] | peak current, 2^-15 | 31 ppm of peak | -1 ... +1 - 2^-15 |
+
+use core::ops::{Add, Neg, Sub};
+
+use fixed::types::{I1F15, I32F32};
+
+/// Period of the position and velocity loop in microseconds.
+pub const LOOP_PERIOD_MICROSECONDS: u32 = 125;
+
+/// Loop ticks in a second.
+pub const LOOP_TICKS_PER_SECOND: u32 = 8_000;
+
+/// Torque-producing current as a fraction of the amplifier's peak current (S-0-0110); positive accelerates in counting direction.
+pub type CurrentFraction = I1F15;
+
+/// An angle of the motor shaft, or a difference of two, in 2^-32 revolution.
+///
+/// Sums and differences wrap at +-2^31 revolutions: an axis may turn one way for ever, its following error stays right.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord, Hash)]
+pub struct Position(i64);
+
+impl Position {
+    /// The zero of the axis.
+    pub const ZERO: Self = Self(0);
+
+    /// One revolution of the motor.
+    pub const REVOLUTION: Self = Self(1 << 32);
+
+    /// So many 2^-32 revolutions.
+    #[must_use]
+    pub const fn from_bits(bits: i64) -> Self {
+        Self(bits)
+    }
+
+    /// In 2^-32 revolutions.
+    #[must_use]
+    pub const fn to_bits(self) -> i64 {
+        self.0
+    }
+
+    /// From revolutions as a fixed-point number, exactly.
+    #[must_use]
+    pub const fn from_revolutions(revolutions: I32F32) -> Self {
+        Self(revolutions.to_bits())
+    }
+
+    /// Revolutions as a fixed-point number, exactly.
+    #[must_use]
+    pub const fn to_revolutions(self) -> I32F32 {
+        I32F32::from_bits(self.0)
+    }
+
+    /// The magnitude; that of -2^31 revolutions is one step short of 2^31.
+    #[must_use]
+    pub const fn abs(self) -> Self {
+        Self(self.0.saturating_abs())
+    }
+}
+
+impl Add for Position {
+    type Output = Self;
+    #[inline]
+    fn add(self, other: Self) -> Self {
+        Self(self.0.wrapping_add(other.0))
+    }
+}
+
+impl Sub for Position {
+    type Output = Self;
+    #[inline]
+    fn sub(self, other: Self) -> Self {
+        Self(self.0.wrapping_sub(other.0))
+    }
+}
+
+impl Neg for Position {
+    type Output = Self;
+    #[inline]
+    fn neg(self) -> Self {
+        Self(self.0.wrapping_neg())
+    }
+}
+
+#[cfg(feature = "defmt")]
+impl defmt::Format for Position {
+    fn format(&self, formatter: defmt::Formatter<'_>) {
+        defmt::write!(formatter, "Position({=i64})", self.0);
+    }
+}
+
+/// Angular velocity in 2^-36 revolution per loop tick; sums and differences saturate at +-15 000 rpm.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord, Hash)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
+pub struct Velocity(i32);
+
+impl Velocity {
+    /// Standstill.
+    pub const ZERO: Self = Self(0);
+
+    /// The fastest representable velocity, 15 000 rpm less one step.
+    pub const MAX: Self = Self(i32::MAX);
+
+    /// So many 2^-36 revolutions per tick.
+    #[must_use]
+    pub const fn from_bits(bits: i32) -> Self {
+        Self(bits)
+    }
+
+    /// In 2^-36 revolutions per tick.
+    #[must_use]
+    pub const fn to_bits(self) -> i32 {
+        self.0
+    }
+
+    /// So many 2^-36 revolutions per tick, limited to the range of the type.
+    #[inline]
+    #[must_use]
+    pub fn saturating_from_bits(bits: i64) -> Self {
+        // Clamped to the range of i32.
+        Self(bits.clamp(-0x7FFF_FFFF, 0x7FFF_FFFF) as i32)
+    }
+
+    /// From 10^-4 rpm, the preferred rotary scaling of S-0-0036, S-0-0040, S-0-0091 (sercos2.md 6.5); limited to +-15 000 rpm.
+    ///
+    /// Divides: for parameters. Cyclic values go through [`crate::VelocityScale`].
+    #[must_use]
+    pub fn from_ten_thousandths_rpm(value: i32) -> Self {
+        // 10^-4 rpm = 2^36 / (60 * 8000 * 10^4) steps = 2^24 / 1171875 steps
+        Self::saturating_from_bits(divide_rounding(i128::from(value) << 24, 1_171_875))
+    }
+
+    /// In 10^-4 rpm, to the nearest. Divides: for displays.
+    #[must_use]
+    pub fn to_ten_thousandths_rpm(self) -> i32 {
+        // At most 15 000 rpm: 1.5e8.
+        divide_rounding(i128::from(self.0).saturating_mul(1_171_875), 1 << 24) as i32
+    }
+
+    /// The magnitude.
+    #[inline]
+    #[must_use]
+    pub const fn abs(self) -> Self {
+        Self(self.0.saturating_abs())
+    }
+
+    /// Limited to `-limit ..= limit`; a negative limit counts as its magnitude.
+    #[inline]
+    #[must_use]
+    pub fn limit(self, limit: Self) -> Self {
+        let limit = limit.abs().0;
+        Self(self.0.clamp(limit.wrapping_neg(), limit))
+    }
+}
+
+impl Add for Velocity {
+    type Output = Self;
+    #[inline]
+    fn add(self, other: Self) -> Self {
+        Self(self.0.saturating_add(other.0))
+    }
+}
+
+impl Sub for Velocity {
+    type Output = Self;
+    #[inline]
+    fn sub(self, other: Self) -> Self {
+        Self(self.0.saturating_sub(other.0))
+    }
+}
+
+impl Neg for Velocity {
+    type Output = Self;
+    #[inline]
+    fn neg(self) -> Self {
+        Self(self.0.saturating_neg())
+    }
+}
+
+/// Magnitude of an angular acceleration in 2^-48 revolution per loop tick squared.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord, Hash)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
+pub struct Acceleration(u64);
+
+impl Acceleration {
+    /// So many 2^-48 revolutions per tick squared.
+    #[must_use]
+    pub const fn from_bits(bits: u64) -> Self {
+        Self(bits)
+    }
+
+    /// In 2^-48 revolutions per tick squared.
+    #[must_use]
+    pub const fn to_bits(self) -> u64 {
+        self.0
+    }
+
+    /// From 10^-3 rad/s², the preferred rotary scaling of S-0-0138 (sercos2.md 6.5). Divides: for parameters.
+    #[must_use]
+    pub fn from_milliradians_per_second_squared(value: u32) -> Self {
+        // 1 rad/s² = 2^48 / (2 pi * 8000^2) steps; at most 3.1e12 steps
+        // Positive and below 2^42.
+        let bits = divide_rounding(
+            (i128::from(value) << 48).saturating_mul(TEN_TO_15),
+            TWO_PI_TIMES_TEN_TO_15.saturating_mul(1_000 * 64_000_000),
+        ) as u64;
+        Self(bits)
+    }
+}
+
+/// 2 pi in 10^-15.
+pub(crate) const TWO_PI_TIMES_TEN_TO_15: i128 = 6_283_185_307_179_586;
+pub(crate) const TEN_TO_15: i128 = 1_000_000_000_000_000;
+
+/// Quotient to the nearest integer, halves away from zero, limited to the range of `i64`; 0 for a divisor of 0.
+pub(crate) fn divide_rounding(numerator: i128, divisor: i128) -> i64 {
+    let half = divisor / 2;
+    let adjusted =
+        if (numerator < 0) == (divisor < 0) { numerator.saturating_add(half) } else { numerator.saturating_sub(half) };
+    let quotient = adjusted.checked_div(divisor).unwrap_or(0);
+    // Clamped to the range of i64.
+    quotient.clamp(i128::from(i64::MIN), i128::from(i64::MAX)) as i64
+}

@@ -1,0 +1,68 @@
+//! The velocity that the loop controls: differences of the measured position, filtered.
+//!
+//! A first-order low-pass over the difference per tick. A higher order or an observer would damp the quantisation of the
+//! encoder more, but costs phase where the velocity loop needs it, or a model of the load; the difference has no bias at constant
+//! speed, and its only parameter exists as an IDN (S-0-0392). One increment per tick of a 65 536-increment encoder is
+//! 7.3 rpm; a time constant of 1 ms brings that down to 0.9 rpm, at 11 degrees of phase at 200 rad/s.
+
+use crate::{Gain, LOOP_PERIOD_MICROSECONDS, Position, Velocity};
+
+/// Time constant of a velocity filter, scaled.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
+pub struct VelocityFilter {
+    /// Share of the new difference in the estimate.
+    share: Gain,
+}
+
+impl VelocityFilter {
+    /// A filter with this time constant (S-0-0392); 0 passes the differences unfiltered.
+    #[must_use]
+    pub fn from_microseconds(time_constant: u16) -> Self {
+        let period = u128::from(LOOP_PERIOD_MICROSECONDS);
+        let share = Gain::from_ratio(period, period.saturating_add(u128::from(time_constant)));
+        Self { share: share.unwrap_or(Gain::ONE) }
+    }
+}
+
+/// Estimates velocity from positions at successive ticks.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
+pub struct VelocityEstimate {
+    position: Position,
+    /// In 2^-42 revolution per tick: six bits below [`Velocity`], so that the filter settles without bias.
+    filtered: i64,
+}
+
+impl VelocityEstimate {
+    /// Starts at standstill at `position`.
+    #[must_use]
+    pub const fn new(position: Position) -> Self {
+        Self { position, filtered: 0 }
+    }
+
+    /// Takes the position one tick later.
+    #[inline]
+    pub fn update(&mut self, filter: &VelocityFilter, position: Position) -> Velocity {
+        let moved = (position - self.position).to_bits().clamp(-MOVED_LIMIT, MOVED_LIMIT);
+        self.position = position;
+        let change = (moved << 10).wrapping_sub(self.filtered);
+        self.filtered = self.filtered.wrapping_add(filter.share.apply(change));
+        self.velocity()
+    }
+
+    /// The last estimate.
+    #[inline]
+    #[must_use]
+    pub fn velocity(&self) -> Velocity {
+        Velocity::saturating_from_bits(self.filtered >> 6)
+    }
+
+    /// Shifts the origin of the position by `difference` without a velocity (homing).
+    pub fn shift(&mut self, difference: Position) {
+        self.position = self.position + difference;
+    }
+}
+
+/// Largest movement in a tick that counts: that of [`Velocity::MAX`].
+const MOVED_LIMIT: i64 = 1 << 27;

@@ -1,0 +1,121 @@
+//! Velocity control: proportional and integral, current limited, with anti-windup.
+//!
+//! Anti-windup is conditional integration: while the current stands at its limit, an error that would push it further is not
+//! integrated, one that leads back is. Back-calculation would also empty the integrator when a single noisy difference of the
+//! encoder touches the limit; conditional integration does not, and has no time constant of its own to set.
+
+use crate::units::{TEN_TO_15, TWO_PI_TIMES_TEN_TO_15};
+use crate::{CurrentFraction, Gain, LOOP_TICKS_PER_SECOND, SettingsError, Velocity};
+
+/// Gains and limit of the velocity loop, scaled.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
+pub struct VelocityLoopSettings {
+    /// Velocity steps to 2^-31 of the peak current.
+    proportional: Gain,
+    /// Velocity steps to 2^-39 of the peak current, per tick.
+    integral: Gain,
+    /// In 2^-31 of the peak current.
+    limit: i64,
+}
+
+impl VelocityLoopSettings {
+    /// * `gain`: S-0-0100 in mA s/rad (an increment of 0.1 A s/rad is 100).
+    /// * `integral_time`: S-0-0101 in 0.1 ms; 0 switches the integral part off.
+    /// * `peak_current`: of the amplifier, S-0-0110, in mA.
+    /// * `current_limit`: bipolar limit in mA; above the peak current it counts as the peak current.
+    ///
+    /// # Errors
+    /// [`SettingsError::Zero`] without peak current, [`SettingsError::VelocityGain`] when the gain is beyond what can be represented
+    /// (the whole peak current for a difference of less than 2^-17 of the highest speed).
+    pub fn new(gain: u32, integral_time: u16, peak_current: u32, current_limit: u32) -> Result<Self, SettingsError> {
+        if peak_current == 0 {
+            return Err(SettingsError::Zero { parameter: "amplifier peak current S-0-0110" });
+        }
+        let too_high = SettingsError::VelocityGain { actual: gain };
+        // fraction [2^-31] = v [2^-36 rev/tick] * 2^-5 * 2 pi * 8000 * gain / peak current
+        let two_pi = u128::try_from(TWO_PI_TIMES_TEN_TO_15).unwrap_or_default();
+        let unit = u128::try_from(TEN_TO_15).unwrap_or_default();
+        let numerator = u128::from(gain).saturating_mul(u128::from(LOOP_TICKS_PER_SECOND)).saturating_mul(two_pi);
+        let denominator = u128::from(peak_current).saturating_mul(32).saturating_mul(unit);
+        // One tick is 1.25 times 0.1 ms; the integrator has 8 more bits.
+        let integral = if integral_time == 0 {
+            Gain::ZERO
+        } else {
+            let numerator = numerator.saturating_mul(256 * 5);
+            let denominator = denominator.saturating_mul(u128::from(integral_time)).saturating_mul(4);
+            Gain::from_ratio(numerator, denominator).ok_or(too_high)?
+        };
+        let limit =
+            (u64::from(current_limit.min(peak_current)) << 31).checked_div(u64::from(peak_current)).unwrap_or(0);
+        Ok(Self {
+            proportional: Gain::from_ratio(numerator, denominator).ok_or(too_high)?,
+            integral,
+            limit: i64::try_from(limit).unwrap_or(i64::MAX).min(LARGEST_CURRENT),
+        })
+    }
+}
+
+/// 1 - 2^-15, the largest [`CurrentFraction`], in 2^-31.
+const LARGEST_CURRENT: i64 = (1 << 31) - (1 << 16);
+
+/// What the velocity loop gives in a tick.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
+pub struct VelocityLoopOutput {
+    /// Torque-producing current.
+    pub current: CurrentFraction,
+    /// The current stands at its limit (C3D bit 4).
+    pub limited: bool,
+}
+
+/// State of the velocity loop: the integral part.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
+pub struct VelocityLoop {
+    /// In 2^-39 of the peak current.
+    integral: i64,
+}
+
+impl VelocityLoop {
+    /// Starts without integral part.
+    #[must_use]
+    pub const fn new() -> Self {
+        Self { integral: 0 }
+    }
+
+    /// Clears the integral part.
+    pub fn reset(&mut self) {
+        self.integral = 0;
+    }
+
+    /// Starts with this current at zero velocity error: bumpless start against a known load.
+    pub fn preset(&mut self, current: CurrentFraction) {
+        self.integral = i64::from(current.to_bits()) << 24;
+    }
+
+    /// One tick.
+    #[inline]
+    pub fn tick(
+        &mut self,
+        settings: &VelocityLoopSettings,
+        command: Velocity,
+        measured: Velocity,
+    ) -> VelocityLoopOutput {
+        let error = i64::from(command.to_bits()).wrapping_sub(i64::from(measured.to_bits()));
+        let limit = settings.limit;
+        let proportional = settings.proportional.apply(error);
+        let step = settings.integral.apply(error);
+        let wanted = proportional.saturating_add(self.integral.saturating_add(step) >> 8);
+        let pushes_further = (wanted > limit && step > 0) || (wanted < limit.wrapping_neg() && step < 0);
+        if !pushes_further {
+            let fine_limit = limit << 8;
+            self.integral = self.integral.saturating_add(step).clamp(fine_limit.wrapping_neg(), fine_limit);
+        }
+        let total = proportional.saturating_add(self.integral >> 8);
+        let current = total.clamp(limit.wrapping_neg(), limit);
+        // Within +-(2^31 - 2^16) and rounded to 2^-15: fits 16 bits.
+        let bits = (current.wrapping_add(1 << 15) >> 16) as i16;
+        VelocityLoopOutput { current: CurrentFraction::from_bits(bits), limited: total != current }
+    }
+}
