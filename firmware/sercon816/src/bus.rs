@@ -12,11 +12,7 @@ impl Register {
     /// The register at a word address, `None` beyond [`Register::LAST`].
     #[must_use]
     pub const fn new(word: u16) -> Option<Self> {
-        if word <= Self::LAST.0 as u16 {
-            Some(Self(word as u8))
-        } else {
-            None
-        }
+        if word <= Self::LAST.0 as u16 { Some(Self(word as u8)) } else { None }
     }
 
     /// For the named registers of this crate; checked at compile time.

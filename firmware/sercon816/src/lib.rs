@@ -1,5 +1,59 @@
-//! Placeholder.
+//! Driver for the SERCON816 SERCOS II ring controller, slave side.
+//!
+//! Everything goes through one trait, [`Bus`]: single 16-bit accesses to 43 control registers and 2048 words of dual-port
+//! RAM. A bus that is `Clone` gives each task its own handle, so that no task waits for another:
+//!
+//! | task | handle | what |
+//! |---|---|---|
+//! | interrupt lines | [`Interrupts`] | reads, acknowledges and sorts the interrupt sources |
+//! | loop timer, in CP0 | [`Discovery`] | finds out which timer sets which bit |
+//! | phase change | [`Slave`] | initialisation, phases |
+//! | service channel | [`ServicePort`] | one step of the master at a time |
+//! | t3 | [`CommandPort`] | the record of the MDT |
+//! | t4 | [`FeedbackPort`] | the record of the AT |
+//!
+//! The chip's reference guide is not public. What is known, and how well, is in sercon816.md; what is not known is in
+//! [`uncertain`], together with the way in which the driver does without.
 #![no_std]
 #![forbid(unsafe_code)]
+#![cfg_attr(
+    not(test),
+    deny(
+        clippy::unwrap_used,
+        clippy::expect_used,
+        clippy::indexing_slicing,
+        clippy::arithmetic_side_effects,
+        clippy::panic
+    )
+)]
+
+#[cfg(test)]
+extern crate std;
+
 mod bus;
+mod container;
+mod discovery;
+mod header;
+mod interrupt;
+pub mod layout;
+mod port;
+mod register;
+pub mod service;
+mod service_port;
+mod slave;
+mod status;
+mod timing;
+pub mod uncertain;
+
 pub use bus::{Bus, RamAddress, Register};
+pub use container::DataContainer;
+pub use discovery::{Discovery, Observation, Orders, Timer, TimerMap};
+pub use header::{END_MARKER, HeaderKind, ReceiveHeader, TransmitHeader, TransmitMode, header_kind};
+pub use interrupt::{Events, Interrupts};
+pub use layout::Block;
+pub use port::{CommandPort, FeedbackPort};
+pub use register::{ClockDivider, SerialConfiguration, ServiceTimeouts, StartCommand, Transceiver};
+pub use service_port::{Boundary, ServiceAnswer, ServicePort, ServiceStep};
+pub use slave::{Configuration, CyclicConfiguration, CyclicError, EnterError, InitialiseError, Slave};
+pub use status::{ErrorStatus, InterruptStatus};
+pub use timing::{BitRate, MasterClock, Timing, Window};

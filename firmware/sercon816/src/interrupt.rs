@@ -1,0 +1,116 @@
+//! What the chip wants: the two status registers read, acknowledged and sorted.
+
+use crate::bus::{Bus, Register};
+use crate::discovery::{Orders, TimerMap};
+use crate::status::{ErrorStatus, InterruptStatus};
+use crate::uncertain::{
+    ASSUMED_TIMERS, ENABLE_ALL, INITIAL_COMMAND_VALID_US, INTERRUPT_ROUNDS, ROUTING, TIMER_NEVER_US,
+};
+
+/// What happened since the status registers were read last.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
+pub struct Events {
+    /// Service container 0 waits.
+    pub service_channel: bool,
+    /// The t3 timer: the command values are valid; in CP1 and CP2 the MDT is over.
+    pub command_valid: bool,
+    /// The t4 timer: the feedback value is to be captured.
+    pub capture_feedback: bool,
+    /// Another event that comes in every cycle, such as the MST.
+    pub cycle: bool,
+    /// The high byte of 05H as it was, for [`crate::Discovery`].
+    pub raw: u8,
+    /// 04H as it was.
+    pub errors: ErrorStatus,
+}
+
+impl Events {
+    /// Nothing happened.
+    #[must_use]
+    pub fn is_empty(&self) -> bool {
+        *self == Self::default()
+    }
+}
+
+/// The handler of both interrupt lines, and the poll of the loop timer.
+#[derive(Debug)]
+pub struct Interrupts<B> {
+    bus: B,
+    timers: TimerMap,
+}
+
+impl<B: Bus> Interrupts<B> {
+    /// A handler that assumes [`ASSUMED_TIMERS`] until told better.
+    pub const fn new(bus: B) -> Self {
+        Self { bus, timers: ASSUMED_TIMERS }
+    }
+
+    /// The timers as they are known now.
+    #[must_use]
+    pub const fn timers(&self) -> TimerMap {
+        self.timers
+    }
+
+    /// Enables and routes every source; after the chip was initialised.
+    pub fn enable(&mut self) {
+        self.write_enable(ENABLE_ALL);
+        self.bus.write_register(Register::ERROR_ROUTING, ROUTING);
+        self.bus.write_register(Register::INTERRUPT_ROUTING, ROUTING);
+    }
+
+    /// Reads and acknowledges until nothing is pending, at most [`INTERRUPT_ROUNDS`] times.
+    ///
+    /// Nothing gets lost between the lines' edges: a flag that comes while this runs is either found in the next round
+    /// or sets the line again.
+    pub fn take(&mut self) -> Events {
+        let mut status = 0;
+        let mut errors = 0;
+        for _ in 0..INTERRUPT_ROUNDS {
+            let new_errors = self.bus.read_register(Register::ERROR_STATUS);
+            let new_status = self.bus.read_register(Register::INTERRUPT_STATUS);
+            if new_errors == 0 && new_status == 0 {
+                break;
+            }
+            if new_errors != 0 {
+                self.bus.write_register(Register::ERROR_STATUS, new_errors);
+            }
+            if new_status != 0 {
+                self.bus.write_register(Register::INTERRUPT_STATUS, new_status);
+            }
+            errors |= new_errors;
+            status |= new_status;
+        }
+        let events = InterruptStatus::new_with_raw_value(status);
+        Events {
+            service_channel: events.service_container(0),
+            command_valid: status & self.timers.command_valid.mask() != 0,
+            capture_feedback: status & self.timers.capture_feedback.mask() != 0,
+            cycle: status & self.timers.cycle_bits != 0,
+            raw: events.events(),
+            errors: ErrorStatus::new_with_raw_value(errors),
+        }
+    }
+
+    /// Does what [`crate::Discovery`] asks for. Not to be called with orders from before the chip was initialised.
+    pub fn carry_out(&mut self, orders: &Orders) {
+        if let Some(value) = orders.enable {
+            self.write_enable(value);
+        }
+        if let Some(watched) = orders.arm {
+            for register in Register::TIMERS {
+                let time = if register == watched { INITIAL_COMMAND_VALID_US } else { TIMER_NEVER_US };
+                self.bus.write_register(register, time);
+            }
+        }
+        if let Some(timers) = orders.found {
+            self.timers = timers;
+            timers.program(&mut self.bus, Some(INITIAL_COMMAND_VALID_US), None);
+        }
+    }
+
+    fn write_enable(&mut self, value: u16) {
+        self.bus.write_register(Register::ERROR_ENABLE, value);
+        self.bus.write_register(Register::INTERRUPT_ENABLE, value);
+    }
+}

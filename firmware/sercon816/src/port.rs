@@ -1,0 +1,116 @@
+//! Handles of the hot tasks: the record of the MDT taken at t3, the record of the AT written at t4.
+//!
+//! Each holds an access path of its own to the chip and touches its own words only.
+
+use crate::bus::Bus;
+use crate::header::{ReceiveHeader, TransmitHeader, TransmitMode};
+use crate::layout::{Block, MAXIMUM_CYCLIC_WORDS, SERVICE_WORDS};
+
+/// Bits 3..0 of the status word: the chip's own service bits.
+const SERVICE_BITS: u16 = 0x000F;
+
+/// The master's record, for the task of t3; in CP1 and CP2 also the switch of the one AT that answers an MDT.
+#[derive(Debug)]
+pub struct CommandPort<B> {
+    bus: B,
+    address: u8,
+}
+
+impl<B: Bus> CommandPort<B> {
+    /// A port for the drive address given to the chip at initialisation.
+    pub const fn new(bus: B, address: u8) -> Self {
+        Self { bus, address }
+    }
+
+    /// CP3 and CP4: whether an MDT was received since the last call. Clears the mark for the next cycle.
+    ///
+    /// To be called once in a cycle, between the end of the MDT and the next one (t3). 2 accesses.
+    pub fn take_cyclic(&mut self) -> bool {
+        self.take(&Block::CYCLIC, ReceiveHeader::addressed(0xFF))
+    }
+
+    /// CP1 and CP2: whether an MDT with our address was received since the last call. Clears the mark.
+    ///
+    /// To be called once in a cycle when the window of the MDT is over (800 us after the MST). 2 accesses.
+    pub fn take_initial(&mut self) -> bool {
+        self.take(&Block::INITIAL, ReceiveHeader::addressed(self.address))
+    }
+
+    /// CP1 and CP2: sends the AT in the next cycle, or does not. To be called in every cycle after [`CommandPort::take_initial`],
+    /// so that it does not matter whether the chip takes "send once" back by itself (G16).
+    pub fn answer_once(&mut self, send: bool) {
+        let mode = if send { TransmitMode::Once } else { TransmitMode::Off };
+        self.bus.write_ram(Block::INITIAL.at_header, TransmitHeader::addressed(self.address, mode).raw_value());
+    }
+
+    /// CP3 and CP4: the control word of the record, service bits included.
+    pub fn control_word(&mut self) -> u16 {
+        self.bus.read_ram(Block::CYCLIC.mdt_data)
+    }
+
+    /// CP3 and CP4: a word of cyclic data, 0 being the first behind the service info word.
+    /// Beyond the configured record the RAM holds nothing of use; beyond [`MAXIMUM_CYCLIC_WORDS`] the answer is 0.
+    pub fn word(&mut self, index: u16) -> u16 {
+        if index >= MAXIMUM_CYCLIC_WORDS {
+            return 0;
+        }
+        self.bus.read_ram(Block::CYCLIC.mdt_data.offset(SERVICE_WORDS).offset(index))
+    }
+
+    /// CP3 and CP4: two words of cyclic data, the low word first.
+    pub fn double_word(&mut self, index: u16) -> u32 {
+        let low = self.word(index);
+        let high = self.word(index.saturating_add(1));
+        u32::from(high).rotate_left(16) | u32::from(low)
+    }
+
+    fn take(&mut self, block: &Block, armed: ReceiveHeader) -> bool {
+        let header = ReceiveHeader::new_with_raw_value(self.bus.read_ram(block.mdt_header));
+        self.bus.write_ram(block.mdt_header, armed.raw_value());
+        header.valid()
+    }
+}
+
+/// The drive's record, for the task of t4.
+#[derive(Debug)]
+pub struct FeedbackPort<B> {
+    bus: B,
+}
+
+impl<B: Bus> FeedbackPort<B> {
+    /// A port.
+    pub const fn new(bus: B) -> Self {
+        Self { bus }
+    }
+
+    /// CP3 and CP4: writes bits 15 to 4 of the status word; bits 3 to 0 are the chip's.
+    pub fn set_status(&mut self, status: u16) {
+        self.set(&Block::CYCLIC, status);
+    }
+
+    /// CP1 and CP2: the same for the AT of these phases.
+    pub fn set_initial_status(&mut self, status: u16) {
+        self.set(&Block::INITIAL, status);
+    }
+
+    /// CP3 and CP4: writes a word of cyclic data, 0 being the first behind the service info word.
+    /// Beyond [`MAXIMUM_CYCLIC_WORDS`] nothing is written.
+    pub fn set_word(&mut self, index: u16, value: u16) {
+        if index < MAXIMUM_CYCLIC_WORDS {
+            self.bus.write_ram(Block::CYCLIC.at_data.offset(SERVICE_WORDS).offset(index), value);
+        }
+    }
+
+    /// CP3 and CP4: writes two words of cyclic data, the low word first.
+    pub fn set_double_word(&mut self, index: u16, value: u32) {
+        self.set_word(index, (value & 0xFFFF) as u16);
+        self.set_word(index.saturating_add(1), (value.rotate_right(16) & 0xFFFF) as u16);
+    }
+
+    /// The low bits are kept as they stand: the chip overlays them when it sends (sercon816.md 6.3),
+    /// and whether it does so in the RAM is not published.
+    fn set(&mut self, block: &Block, status: u16) {
+        let kept = self.bus.read_ram(block.at_data) & SERVICE_BITS;
+        self.bus.write_ram(block.at_data, (status & !SERVICE_BITS) | kept);
+    }
+}
