@@ -1,0 +1,427 @@
+//! The service channel: answers the steps of the master that need the processor (sercos2.md 3).
+//!
+//! The handshake bits belong to the ring controller. [`Server::step`] is called for the steps at which the controller
+//! stops: another element or direction, END, a sender buffer used up, a receiver buffer full. Words that the controller
+//! sent by itself are not told; words that it took in by itself are, as steps without END.
+
+mod error;
+mod transfer;
+
+pub use error::{Element, ServiceError};
+
+use crate::command::{CommandAction, CommandState, CommandStatus, Commands};
+use crate::data_block::{DataBlock, Location};
+use crate::dictionary;
+use crate::idn::Idn;
+use crate::parameters::{self, LIST_ENTRIES, Parameters, TEXT_BYTES};
+use crate::phase::Phase;
+use heapless::{String, Vec};
+use transfer::{Source, Staging, State, Transfer};
+
+/// Most words of one [`Reply::Send`].
+pub const SEGMENT_WORDS: usize = 16;
+
+/// Most bytes of a text that the drive itself supplies.
+pub const LIVE_TEXT_BYTES: usize = 60;
+
+/// Most entries of a list that the drive itself supplies.
+pub const LIVE_LIST_ENTRIES: usize = 64;
+
+/// One step of the master, as the control word and INFO of its MDT give it.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
+pub struct Step {
+    /// Control word bits 5 to 3, 0 to 7.
+    pub element: u8,
+    /// Control word bit 1: the master writes.
+    pub write: bool,
+    /// Control word bit 2: last step of this element.
+    pub end: bool,
+    /// INFO; means something if the master writes.
+    pub info: u16,
+    /// The controller saw another element or direction than before. The server notices that by itself; the flag tells
+    /// it of a transfer that starts anew with the same element.
+    pub new_transfer: bool,
+    /// For reading: all words of the last [`Reply::Send`] are used.
+    pub at_boundary: bool,
+}
+
+/// What to do about a step.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub enum Reply {
+    /// Send these words: the first answers this step if it has no answer yet, the others the steps after it. At least one word.
+    Send(Vec<u16, SEGMENT_WORDS>),
+    /// Release the step as it is.
+    Continue,
+    /// The step of a write (or the closing) is accepted.
+    Accept {
+        /// INFO for the AT: the data status of the open IDN.
+        info: u16,
+    },
+    /// The step is refused: INFO for the AT is the code, with the error bit of the status word.
+    Error(ServiceError),
+}
+
+/// Data and commands that live in the drive; asked only for IDNs whose [`Location`] says so.
+pub trait Live {
+    /// Operation data of fixed length; two-byte values in the low half.
+    fn read(&mut self, idn: Idn) -> u32;
+
+    /// A text; `text` is empty at the call.
+    fn read_text(&mut self, idn: Idn, text: &mut String<LIVE_TEXT_BYTES>);
+
+    /// A list of two-byte items; `list` is empty at the call.
+    fn read_list(&mut self, idn: Idn, list: &mut Vec<u16, LIVE_LIST_ENTRIES>);
+
+    /// Takes operation data of fixed length (S-0-0036, S-0-0047 while they are not cyclic); limits, phase and
+    /// [`Live::refuses`] have been asked before.
+    fn write(&mut self, idn: Idn, value: u32);
+
+    /// Told after every accepted write but those to commands. A check that was passed is void if it looked at
+    /// this data block ([`crate::data_block::DataBlock::needed_for`]).
+    fn written(&mut self, idn: Idn, parameters: &mut Parameters);
+
+    /// Does what the master wants of a command, and says how far the command is now (the answer to
+    /// [`CommandAction::Cancel`] only matters if it is an error).
+    ///
+    /// # Errors
+    /// The master's step is refused and the state of the command stays.
+    fn command(
+        &mut self,
+        idn: Idn,
+        action: CommandAction,
+        parameters: &mut Parameters,
+    ) -> Result<CommandState, ServiceError>;
+
+    /// The communication phase, for write protection.
+    fn phase(&self) -> Phase;
+
+    /// A reason of the drive's own against writing this value (0 for lists and texts), as
+    /// [`ServiceError::ProtectedBySettings`] while torque is on or [`ServiceError::InvalidData`].
+    fn refuses(&self, idn: Idn, value: u32, parameters: &Parameters) -> Option<ServiceError> {
+        let _ = (idn, value, parameters);
+        None
+    }
+}
+
+/// The slave's end of the service channel.
+#[derive(Debug)]
+pub struct Server {
+    open: Option<&'static DataBlock>,
+    transfer: Option<Transfer>,
+    staging: Staging,
+    commands: Commands,
+    segment_words: usize,
+}
+
+impl Default for Server {
+    fn default() -> Self {
+        Self::new()
+    }
+}
+
+impl Server {
+    /// Closed, no command set, segments of [`SEGMENT_WORDS`].
+    pub const fn new() -> Self {
+        Self::with_segment_words(SEGMENT_WORDS)
+    }
+
+    /// Like [`Server::new`], but never sends more than so many words (1 to [`SEGMENT_WORDS`]) at once.
+    pub const fn with_segment_words(words: usize) -> Self {
+        let segment_words = match words {
+            0 => 1,
+            1..=SEGMENT_WORDS => words,
+            _ => SEGMENT_WORDS,
+        };
+        Self { open: None, transfer: None, staging: Vec::new(), commands: Commands::new(), segment_words }
+    }
+
+    /// Answers one step.
+    ///
+    /// Nothing but an accepted END of element 7 changes a parameter or a command.
+    pub fn step(&mut self, step: Step, parameters: &mut Parameters, live: &mut impl Live) -> Reply {
+        let result = match Element::from_number(step.element) {
+            None => {
+                // Masters close with any L/S, END and INFO, and repeat the word of another drive (sercos2.md 2.1).
+                self.close();
+                Ok(Reply::Accept { info: 0 })
+            }
+            Some(Element::Idn) => self.open(step),
+            Some(element) => self.transfer(element, step, parameters, live),
+        };
+        result.unwrap_or_else(Reply::Error)
+    }
+
+    /// Status word bit 5: a command has ended and was not cancelled yet.
+    pub fn command_change(&self) -> bool {
+        self.commands.change()
+    }
+
+    /// The data status of a command.
+    pub fn command_status(&self, idn: Idn) -> CommandStatus {
+        self.commands.status(idn)
+    }
+
+    /// News of a command that [`Live::command`] has called [`CommandState::Executing`].
+    pub fn command_progress(&mut self, idn: Idn, state: CommandState) {
+        self.commands.progress(idn, state);
+    }
+
+    /// To be called on every phase change. The channel stays open from CP2 to CP4 (the master keeps its handshake);
+    /// commands that cannot be cancelled in the new phase are forgotten.
+    pub fn phase_changed(&mut self, phase: Phase) {
+        if phase <= Phase::Cp2 {
+            self.close();
+        }
+        self.commands.phase_changed(phase);
+    }
+
+    /// The IDN that is open.
+    pub fn open_idn(&self) -> Option<Idn> {
+        self.open.map(|block| block.idn)
+    }
+
+    /// Closes the channel.
+    pub fn close(&mut self) {
+        self.open = None;
+        self.transfer = None;
+    }
+
+    fn open(&mut self, step: Step) -> Result<Reply, ServiceError> {
+        self.transfer = None;
+        if !(step.write && step.end) {
+            return Err(ServiceError::InvalidIdnAccess);
+        }
+        self.open = dictionary::find(Idn(step.info));
+        let block = self.open.ok_or(ServiceError::IdnNotAvailable)?;
+        Ok(Reply::Accept { info: self.data_status(block) })
+    }
+
+    fn transfer(
+        &mut self,
+        element: Element,
+        step: Step,
+        parameters: &mut Parameters,
+        live: &mut impl Live,
+    ) -> Result<Reply, ServiceError> {
+        let block = self.open.ok_or(ServiceError::ChannelNotOpen)?;
+        let running = self.transfer.take().filter(|running| {
+            running.element == element && running.state.is_write() == step.write && !step.new_transfer
+        });
+        let result = match (running.map(|running| running.state), step.write) {
+            (Some(State::Failed { error, .. }), _) => Err(error),
+            (Some(State::Reading { source, position }), _) => self.go_on_reading(element, step, source, position),
+            (None, false) => self.start_reading(element, step, block, parameters, live),
+            (Some(State::Writing), _) => self.take_written(step, block, parameters, live),
+            (None, true) => {
+                self.staging.clear();
+                may_write(element, block, parameters, live)
+                    .and_then(|()| self.take_written(step, block, parameters, live))
+            }
+        };
+        if !step.end {
+            let state = match &result {
+                Ok((_, state)) => *state,
+                Err(error) => State::Failed { error: *error, write: step.write },
+            };
+            self.transfer = Some(Transfer { element, state });
+        }
+        result.map(|(reply, _)| reply)
+    }
+
+    fn start_reading(
+        &mut self,
+        element: Element,
+        step: Step,
+        block: &'static DataBlock,
+        parameters: &Parameters,
+        live: &mut impl Live,
+    ) -> Result<(Reply, State), ServiceError> {
+        let source = self.source(element, block, parameters, live)?;
+        self.send(element, step, source, 0)
+    }
+
+    fn go_on_reading(
+        &self,
+        element: Element,
+        step: Step,
+        source: Source,
+        position: usize,
+    ) -> Result<(Reply, State), ServiceError> {
+        if !step.at_boundary {
+            return Ok((Reply::Continue, State::Reading { source, position }));
+        }
+        if position < source.words(&self.staging) {
+            return self.send(element, step, source, position);
+        }
+        if step.end {
+            Ok((Reply::Continue, State::Reading { source, position }))
+        } else {
+            Err(ServiceError::TooLong(element))
+        }
+    }
+
+    fn send(
+        &self,
+        element: Element,
+        step: Step,
+        source: Source,
+        position: usize,
+    ) -> Result<(Reply, State), ServiceError> {
+        let remaining = source.words(&self.staging).saturating_sub(position);
+        if step.end && remaining > 1 {
+            return Err(ServiceError::TooShort(element));
+        }
+        let segment = source.segment(&self.staging, position, self.segment_words);
+        let position = position.saturating_add(segment.len());
+        Ok((Reply::Send(segment), State::Reading { source, position }))
+    }
+
+    /// Finds the words of an element, staging those that may change while they are read.
+    fn source(
+        &mut self,
+        element: Element,
+        block: &'static DataBlock,
+        parameters: &Parameters,
+        live: &mut impl Live,
+    ) -> Result<Source, ServiceError> {
+        let staging = &mut self.staging;
+        let limit = |limit: Option<i64>| match (limit, block.fixed_bytes()) {
+            // Limits are checked to fit the format when the dictionary is tested; the cast keeps the low 32 bits.
+            (Some(limit), Some(bytes)) => Ok((bytes, limit as u32)),
+            _ => Err(ServiceError::NotAvailable(element)),
+        };
+        match element {
+            Element::Idn => return Err(ServiceError::InvalidIdnAccess),
+            Element::Name => return Ok(Source::Text(block.name)),
+            Element::Unit if block.unit.is_empty() => return Err(ServiceError::NotAvailable(element)),
+            Element::Unit => return Ok(Source::Text(block.unit)),
+            Element::Attribute => transfer::stage_fixed(staging, 4, block.attribute.raw_value()),
+            Element::Minimum | Element::Maximum => {
+                let (bytes, raw) = limit(if element == Element::Minimum { block.minimum } else { block.maximum })?;
+                transfer::stage_fixed(staging, bytes, raw);
+            }
+            Element::Data => match (block.location, block.fixed_bytes()) {
+                (Location::Dictionary(selection), _) => return Ok(Source::Dictionary(selection)),
+                (Location::Command, _) => {
+                    transfer::stage_fixed(staging, 2, u32::from(self.commands.status(block.idn) as u16));
+                }
+                (Location::Parameter, Some(bytes)) => transfer::stage_fixed(staging, bytes, parameters.get(block.idn)),
+                (Location::Parameter, None) if block.is_text() => {
+                    transfer::stage_text(staging, parameters.text(block.idn), TEXT_BYTES);
+                }
+                (Location::Parameter, None) => {
+                    transfer::stage_list(staging, parameters.list(block.idn).iter().map(|idn| idn.0), LIST_ENTRIES);
+                }
+                (Location::Live, Some(bytes)) => transfer::stage_fixed(staging, bytes, live.read(block.idn)),
+                (Location::Live, None) if block.is_text() => {
+                    let mut text = String::new();
+                    live.read_text(block.idn, &mut text);
+                    transfer::stage_text(staging, &text, LIVE_TEXT_BYTES);
+                }
+                (Location::Live, None) => {
+                    let mut list = Vec::new();
+                    live.read_list(block.idn, &mut list);
+                    transfer::stage_list(staging, list.iter().copied(), LIVE_LIST_ENTRIES);
+                }
+            },
+        }
+        Ok(Source::Staged)
+    }
+
+    fn take_written(
+        &mut self,
+        step: Step,
+        block: &'static DataBlock,
+        parameters: &mut Parameters,
+        live: &mut impl Live,
+    ) -> Result<(Reply, State), ServiceError> {
+        transfer::take_word(&mut self.staging, block, step.info)?;
+        if step.end {
+            if !transfer::is_complete(&self.staging, block) {
+                return Err(ServiceError::TooShort(Element::Data));
+            }
+            // Asked again: the phase may have changed since the first word.
+            may_write(Element::Data, block, parameters, live)?;
+            self.execute_write(block, parameters, live)?;
+        }
+        Ok((Reply::Accept { info: self.data_status(block) }, State::Writing))
+    }
+
+    fn execute_write(
+        &mut self,
+        block: &DataBlock,
+        parameters: &mut Parameters,
+        live: &mut impl Live,
+    ) -> Result<(), ServiceError> {
+        let idn = block.idn;
+        let value = match block.fixed_bytes() {
+            Some(_) => {
+                let word = |index| u32::from(self.staging.get(index).copied().unwrap_or(0));
+                word(0) | (word(1) << 16)
+            }
+            None => 0,
+        };
+        parameters::check_limits(block, value)?;
+        if let Some(error) = live.refuses(idn, value, parameters) {
+            return Err(error);
+        }
+        match (block.location, block.fixed_bytes()) {
+            (Location::Command, _) => {
+                let value = (value & 0xFFFF) as u16;
+                return self.commands.write(idn, value, |action| live.command(idn, action, parameters));
+            }
+            (Location::Dictionary(_), _) | (Location::Live, None) => return Err(ServiceError::ReadOnly(Element::Data)),
+            (Location::Live, Some(_)) => live.write(idn, value),
+            (Location::Parameter, Some(_)) => parameters.set(idn, value)?,
+            (Location::Parameter, None) if block.is_text() => {
+                parameters.set_text(idn, &transfer::written_bytes(&self.staging))?;
+            }
+            (Location::Parameter, None) => {
+                let entries: Vec<Idn, LIST_ENTRIES> =
+                    self.staging.iter().skip(2).take(LIST_ENTRIES).map(|&raw| Idn(raw)).collect();
+                parameters.set_list(idn, &entries)?;
+            }
+        }
+        parameters.mark_written(idn);
+        live.written(idn, parameters);
+        Ok(())
+    }
+
+    /// The data status: the command acknowledgement, 0 for everything else (sercos2.md 3.6).
+    fn data_status(&self, block: &DataBlock) -> u16 {
+        match block.location {
+            Location::Command => self.commands.status(block.idn) as u16,
+            _ => 0,
+        }
+    }
+}
+
+/// Write protection, before the first and after the last word.
+fn may_write(
+    element: Element,
+    block: &DataBlock,
+    parameters: &Parameters,
+    live: &impl Live,
+) -> Result<(), ServiceError> {
+    if element != Element::Data {
+        let available = match element {
+            Element::Unit => !block.unit.is_empty(),
+            Element::Minimum => block.minimum.is_some(),
+            Element::Maximum => block.maximum.is_some(),
+            _ => true,
+        };
+        return Err(if available { ServiceError::ReadOnly(element) } else { ServiceError::NotAvailable(element) });
+    }
+    let phase = live.phase();
+    if block.attribute.is_read_only() {
+        Err(ServiceError::ReadOnly(element))
+    } else if block.attribute.is_protected_in(phase) {
+        Err(ServiceError::WriteProtected(element))
+    } else if phase >= Phase::Cp3 && parameters.cyclic_mdt().contains(&block.idn) {
+        // Only what the MDT overwrites every cycle; a value that is merely shown in the AT can still be written.
+        Err(ServiceError::ConfiguredCyclically)
+    } else {
+        Ok(())
+    }
+}

@@ -1,0 +1,161 @@
+//! One element on its way: where the words to be read come from, and whether the words written are complete.
+
+use super::error::{Element, ServiceError};
+use super::{LIVE_LIST_ENTRIES, SEGMENT_WORDS};
+use crate::attribute::Length;
+use crate::data_block::{DataBlock, Selection};
+use crate::dictionary;
+use crate::parameters::{LIST_ENTRIES, TEXT_BYTES};
+use heapless::Vec;
+
+/// Words of the longest element that is not read straight from flash: two length words and the longest list.
+pub(super) const STAGING_WORDS: usize = LIVE_LIST_ENTRIES.saturating_add(2);
+
+/// Operation data, or what the master has written of them so far.
+pub(super) type Staging = Vec<u16, STAGING_WORDS>;
+
+/// A transfer that has begun and whose END has not come.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Transfer {
+    pub(super) element: Element,
+    pub(super) state: State,
+}
+
+#[derive(Clone, Copy, Debug)]
+pub(super) enum State {
+    /// Words up to `position` were handed to the sender.
+    Reading { source: Source, position: usize },
+    /// The words are in the staging buffer.
+    Writing,
+    /// A step was refused: so are all that follow, until END or another element.
+    Failed { error: ServiceError, write: bool },
+}
+
+impl State {
+    pub(super) const fn is_write(self) -> bool {
+        match self {
+            State::Reading { .. } => false,
+            State::Writing => true,
+            State::Failed { write, .. } => write,
+        }
+    }
+}
+
+/// Where the words of an element come from.
+#[derive(Clone, Copy, Debug)]
+pub(super) enum Source {
+    /// Read when the transfer began, so that values and lists are consistent.
+    Staged,
+    /// A name or unit.
+    Text(&'static str),
+    /// An IDN list that does not change.
+    Dictionary(Selection),
+}
+
+impl Source {
+    /// Words of the element, length words included.
+    pub(super) fn words(self, staging: &Staging) -> usize {
+        match self {
+            Source::Staged => staging.len(),
+            Source::Text(text) => text.len().div_ceil(2).saturating_add(2),
+            Source::Dictionary(selection) => dictionary::select(selection).count().saturating_add(2),
+        }
+    }
+
+    /// The words from `position` on, at most `limit` of them.
+    pub(super) fn segment(self, staging: &Staging, position: usize, limit: usize) -> Vec<u16, SEGMENT_WORDS> {
+        // Both length words of what is read from flash are the same: it can be neither longer nor shorter.
+        let data_position = position.saturating_sub(2);
+        let length_words = |bytes: usize| {
+            let bytes = u16::try_from(bytes).unwrap_or(u16::MAX);
+            [bytes, bytes].into_iter().skip(position)
+        };
+        let limit = limit.min(SEGMENT_WORDS);
+        match self {
+            Source::Staged => staging.iter().copied().skip(position).take(limit).collect(),
+            Source::Text(text) => {
+                let pairs = text.as_bytes().chunks(2).map(packed);
+                length_words(text.len()).chain(pairs.skip(data_position)).take(limit).collect()
+            }
+            Source::Dictionary(selection) => {
+                let bytes = dictionary::select(selection).count().saturating_mul(2);
+                let idns = dictionary::select(selection).map(|block| block.idn.0);
+                length_words(bytes).chain(idns.skip(data_position)).take(limit).collect()
+            }
+        }
+    }
+}
+
+/// Stages a value of fixed length, low word first.
+pub(super) fn stage_fixed(staging: &mut Staging, bytes: u16, raw: u32) {
+    staging.clear();
+    let words = [(raw & 0xFFFF) as u16, (raw >> 16) as u16];
+    staging.extend(words.into_iter().take(if bytes == 2 { 1 } else { 2 }));
+}
+
+/// Stages a list of two-byte items.
+pub(super) fn stage_list(staging: &mut Staging, items: impl ExactSizeIterator<Item = u16>, maximum_items: usize) {
+    staging.clear();
+    let bytes = |items: usize| u16::try_from(items.saturating_mul(2)).unwrap_or(u16::MAX);
+    staging.extend([bytes(items.len()), bytes(maximum_items)].into_iter().chain(items).take(STAGING_WORDS));
+}
+
+/// Stages a text.
+pub(super) fn stage_text(staging: &mut Staging, text: &str, maximum_bytes: usize) {
+    staging.clear();
+    let word = |bytes: usize| u16::try_from(bytes).unwrap_or(u16::MAX);
+    let pairs = text.as_bytes().chunks(2).map(packed);
+    staging.extend([word(text.len()), word(maximum_bytes)].into_iter().chain(pairs).take(STAGING_WORDS));
+}
+
+/// The bytes of a text that was written, without the padding of an odd length.
+pub(super) fn written_bytes(staging: &Staging) -> Vec<u8, TEXT_BYTES> {
+    let length = usize::from(staging.first().copied().unwrap_or(0));
+    staging.iter().skip(2).flat_map(|word| word.to_le_bytes()).take(length.min(TEXT_BYTES)).collect()
+}
+
+/// Takes one more word of operation data that the master writes.
+///
+/// # Errors
+/// [`ServiceError::TooLong`] as soon as it is certain; [`ServiceError::InvalidData`] for half an item.
+pub(super) fn take_word(staging: &mut Staging, block: &DataBlock, word: u16) -> Result<(), ServiceError> {
+    let too_long = ServiceError::TooLong(Element::Data);
+    staging.push(word).map_err(|_| too_long)?;
+    let length = block.attribute.length();
+    match length.fixed_bytes() {
+        Some(bytes) if staging.len() > usize::from(bytes >> 1) => Err(too_long),
+        Some(_) => Ok(()),
+        None => {
+            let bytes = usize::from(staging.first().copied().unwrap_or(0));
+            let (maximum, whole_items) = match length {
+                Length::ListOfBytes => (TEXT_BYTES, true),
+                _ => (LIST_ENTRIES.saturating_mul(2), bytes & 1 == 0),
+            };
+            if bytes > maximum || staging.len() > list_words(bytes) {
+                Err(too_long)
+            } else if !whole_items {
+                Err(ServiceError::InvalidData)
+            } else {
+                Ok(())
+            }
+        }
+    }
+}
+
+/// Checks at END that all words have come.
+pub(super) fn is_complete(staging: &Staging, block: &DataBlock) -> bool {
+    let words = match block.fixed_bytes() {
+        Some(bytes) => usize::from(bytes >> 1),
+        None => list_words(usize::from(staging.first().copied().unwrap_or(0))),
+    };
+    staging.len() == words
+}
+
+fn list_words(bytes: usize) -> usize {
+    bytes.div_ceil(2).saturating_add(2)
+}
+
+fn packed(bytes: &[u8]) -> u16 {
+    let byte = |index| u16::from(bytes.get(index).copied().unwrap_or(0));
+    byte(0) | (byte(1) << 8)
+}

@@ -1,0 +1,379 @@
+//! The transition checks: procedure commands S-0-0127 (before CP3) and S-0-0128 (before CP4).
+//!
+//! A slave can judge its own values only; whether the slots of the whole ring fit is the master's business
+//! (sercos2.md 5.3).
+
+use crate::data_block::{NeededFor, Selection};
+use crate::dictionary;
+use crate::duration::{self, BitRate};
+use crate::idn::Idn;
+use crate::parameters::{self, LIST_ENTRIES, Parameters};
+use crate::phase::{ReadyForCp3, ReadyForCp4};
+use crate::telegram_type::TelegramType;
+use heapless::Vec;
+
+/// What the drive can do beyond the read-only data of the dictionary.
+#[derive(Clone, Copy, Debug)]
+pub struct Capabilities {
+    /// Bit rate of the ring.
+    pub bit_rate: BitRate,
+    /// Values that S-0-0032 to S-0-0035 may have, besides 0 (none) for the secondary modes.
+    pub operation_modes: &'static [u16],
+}
+
+/// Everything that CP3 and CP4 need to know, taken from parameters that passed S-0-0127.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct CyclicConfiguration {
+    /// S-0-0002.
+    pub cycle_us: u16,
+    /// S-0-0001; equal to `cycle_us` if the master has not written it.
+    pub control_unit_cycle_us: u16,
+    /// S-0-0006, AT start.
+    pub t1_us: u16,
+    /// S-0-0089, MDT start.
+    pub t2_us: u16,
+    /// S-0-0008, command values valid.
+    pub t3_us: u16,
+    /// S-0-0007, feedback capture.
+    pub t4_us: u16,
+    /// S-0-0010: bytes of all records of the MDT.
+    pub mdt_length_bytes: u16,
+    /// S-0-0009: position of this drive's record, from 1.
+    pub record_position_bytes: u16,
+    /// Data of the AT, in order, with their lengths.
+    pub at: Vec<CyclicDatum, LIST_ENTRIES>,
+    /// Data of this drive's MDT record, in order, with their lengths.
+    pub mdt: Vec<CyclicDatum, LIST_ENTRIES>,
+}
+
+/// One datum of a cyclic telegram.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
+pub struct CyclicDatum {
+    /// Whose operation data.
+    pub idn: Idn,
+    /// Bytes from the start of the configurable data; even.
+    pub offset_bytes: u16,
+    /// 2 or 4.
+    pub bytes: u16,
+}
+
+impl CyclicConfiguration {
+    /// Bytes of configurable data in the AT.
+    pub fn at_data_bytes(&self) -> u16 {
+        data_bytes(&self.at)
+    }
+
+    /// Bytes of configurable data in the MDT record.
+    pub fn mdt_data_bytes(&self) -> u16 {
+        data_bytes(&self.mdt)
+    }
+}
+
+/// Why a check failed on a data block.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
+pub enum Reason {
+    /// The master has not written it since CP2 began.
+    NeverWritten,
+    /// Below its minimum or above its maximum.
+    OutOfRange,
+    /// A value, bit or combination that this drive does not support.
+    NotSupported,
+    /// Names an IDN that cannot be configured in this telegram, or one twice.
+    NotConfigurable(Idn),
+    /// The data do not fit into S-0-0185 or S-0-0186.
+    DataTooLong {
+        /// Bytes configured.
+        bytes: u16,
+        /// Bytes available.
+        maximum: u16,
+    },
+    /// S-0-0001 is not a multiple of S-0-0002.
+    NotAMultiple,
+    /// S-0-0009 is even or S-0-0010 is odd.
+    WrongParity,
+    /// The record does not lie inside the MDT.
+    RecordOutsideMdt,
+    /// The instant is too early: the drive needs at least this, in ns.
+    TooEarly {
+        /// Earliest instant after the end of the MST.
+        earliest_ns: u32,
+    },
+    /// The instant is too late: the drive needs at most this, in ns.
+    TooLate {
+        /// Latest instant after the end of the MST.
+        latest_ns: u32,
+    },
+    /// An operation mode needs a command value that the MDT does not carry.
+    CommandValueMissing(Idn),
+}
+
+/// One finding of a check.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
+pub struct Invalid {
+    /// The data block to blame.
+    pub idn: Idn,
+    /// What is wrong with it.
+    pub reason: Reason,
+}
+
+/// Most findings that are kept.
+pub const FINDINGS: usize = 48;
+
+/// The findings of a check that failed: the contents of S-0-0021 or S-0-0022.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub struct InvalidData {
+    findings: Vec<Invalid, FINDINGS>,
+    /// The drive was not synchronised to the MST (S-0-0128 only). No data block is to blame for that.
+    pub not_synchronised: bool,
+}
+
+impl InvalidData {
+    /// The findings in the order of their IDN, one for each IDN.
+    pub fn findings(&self) -> &[Invalid] {
+        &self.findings
+    }
+
+    /// The IDNs in ascending order.
+    pub fn idns(&self) -> impl Iterator<Item = Idn> {
+        self.findings.iter().map(|invalid| invalid.idn)
+    }
+
+    /// Keeps the first finding for each IDN.
+    fn add(&mut self, idn: Idn, reason: Reason) {
+        if let Err(place) = self.findings.binary_search_by_key(&idn, |invalid| invalid.idn) {
+            // More findings than room: the check has failed anyway.
+            let _ = self.findings.insert(place, Invalid { idn, reason });
+        }
+    }
+
+    fn is_empty(&self) -> bool {
+        self.findings.is_empty() && !self.not_synchronised
+    }
+}
+
+/// Cycle times are multiples of this (sercos2.md 5.5).
+const CYCLE_STEP_US: u16 = 250;
+
+const CONTROL_UNIT_CYCLE: Idn = Idn::standard(1);
+const CYCLE: Idn = Idn::standard(2);
+const T1_MIN: Idn = Idn::standard(3);
+const T_ATMT: Idn = Idn::standard(4);
+const T5: Idn = Idn::standard(5);
+const T1: Idn = Idn::standard(6);
+const T4: Idn = Idn::standard(7);
+const T3: Idn = Idn::standard(8);
+const RECORD_POSITION: Idn = Idn::standard(9);
+const MDT_LENGTH: Idn = Idn::standard(10);
+const T_MTSY: Idn = Idn::standard(88);
+const T2: Idn = Idn::standard(89);
+const T_MTSG: Idn = Idn::standard(90);
+const AT_MAXIMUM: Idn = Idn::standard(185);
+const MDT_MAXIMUM: Idn = Idn::standard(186);
+
+/// The check of S-0-0127: cycle, slots, telegram type, configuration lists.
+///
+/// # Errors
+/// Every data block that is not valid, for S-0-0021.
+pub fn check_cp3(
+    parameters: &Parameters,
+    capabilities: &Capabilities,
+) -> Result<(CyclicConfiguration, ReadyForCp3), InvalidData> {
+    let mut invalid = InvalidData::default();
+    // The least that masters write (sercos2.md 2.3); the others have usable defaults.
+    for idn in [CYCLE, T1, RECORD_POSITION, MDT_LENGTH, T2] {
+        if !parameters.is_written(idn) {
+            invalid.add(idn, Reason::NeverWritten);
+        }
+    }
+    check_ranges(parameters, NeededFor::Cp3, &mut invalid);
+
+    let cycle_us = parameters.get_word(CYCLE);
+    if cycle_us.checked_rem(CYCLE_STEP_US) != Some(0) {
+        invalid.add(CYCLE, Reason::NotSupported);
+    }
+    let control_unit_cycle_us = match parameters.is_written(CONTROL_UNIT_CYCLE) {
+        true => parameters.get_word(CONTROL_UNIT_CYCLE),
+        false => cycle_us,
+    };
+    if control_unit_cycle_us == 0 || control_unit_cycle_us.checked_rem(cycle_us) != Some(0) {
+        invalid.add(CONTROL_UNIT_CYCLE, Reason::NotAMultiple);
+    }
+
+    let telegram_type = parameters.telegram_type();
+    if telegram_type.is_none() {
+        invalid.add(Idn::TELEGRAM_TYPE, Reason::NotSupported);
+    }
+    let blamed = |list| if telegram_type == Some(TelegramType::Application) { list } else { Idn::TELEGRAM_TYPE };
+    let at = lay_out(parameters.cyclic_at(), Selection::ConfigurableInAt, parameters.get_word(AT_MAXIMUM))
+        .unwrap_or_else(|reason| {
+            invalid.add(blamed(Idn::AT_LIST), reason);
+            Vec::new()
+        });
+    let mdt = lay_out(parameters.cyclic_mdt(), Selection::ConfigurableInMdt, parameters.get_word(MDT_MAXIMUM))
+        .unwrap_or_else(|reason| {
+            invalid.add(blamed(Idn::MDT_LIST), reason);
+            Vec::new()
+        });
+
+    let configuration = CyclicConfiguration {
+        cycle_us,
+        control_unit_cycle_us,
+        t1_us: parameters.get_word(T1),
+        t2_us: parameters.get_word(T2),
+        t3_us: parameters.get_word(T3),
+        t4_us: parameters.get_word(T4),
+        mdt_length_bytes: parameters.get_word(MDT_LENGTH),
+        record_position_bytes: parameters.get_word(RECORD_POSITION),
+        at,
+        mdt,
+    };
+    check_record(&configuration, &mut invalid);
+    check_slots(&configuration, parameters, capabilities.bit_rate, &mut invalid);
+    if invalid.is_empty() { Ok((configuration, ReadyForCp3::new())) } else { Err(invalid) }
+}
+
+/// The check of S-0-0128: operation modes, scaling, limits, synchronisation to the MST.
+///
+/// # Errors
+/// Every data block that is not valid, for S-0-0022.
+pub fn check_cp4(
+    parameters: &Parameters,
+    capabilities: &Capabilities,
+    configuration: &CyclicConfiguration,
+    synchronised: bool,
+) -> Result<ReadyForCp4, InvalidData> {
+    let mut invalid = InvalidData { not_synchronised: !synchronised, ..InvalidData::default() };
+    check_ranges(parameters, NeededFor::Cp4, &mut invalid);
+    for number in 32..=35 {
+        let idn = Idn::standard(number);
+        let mode = parameters.get_word(idn);
+        // Secondary modes may be absent.
+        if mode == 0 && number != 32 {
+            continue;
+        }
+        if !capabilities.operation_modes.contains(&mode) {
+            invalid.add(idn, Reason::NotSupported);
+        } else if let Some(command) = command_value_of(mode) {
+            if !configuration.mdt.iter().any(|datum| datum.idn == command) {
+                invalid.add(idn, Reason::CommandValueMissing(command));
+            }
+        }
+    }
+    // Rotary data of the motor shaft; preferred or parameter scaling, absolute or modulo, per minute or per second
+    // (sercos2.md 6.5).
+    let velocity_scaling = Idn::standard(44);
+    if parameters.get_word(velocity_scaling) & !0b0010_1000 != 0b010 {
+        invalid.add(velocity_scaling, Reason::NotSupported);
+    }
+    let position_scaling = Idn::standard(76);
+    let position_type = parameters.get_word(position_scaling);
+    if position_type & !0b1000_1000 != 0b010 {
+        invalid.add(position_scaling, Reason::NotSupported);
+    }
+    let modulo = Idn::standard(103);
+    if position_type & 0b1000_0000 != 0 && parameters.get(modulo) == 0 {
+        invalid.add(modulo, Reason::OutOfRange);
+    }
+    if invalid.is_empty() { Ok(ReadyForCp4::new()) } else { Err(invalid) }
+}
+
+/// The command value that an operation mode follows (sercos2.md 6.2); `None`: commands come over the service channel,
+/// or the mode needs none.
+pub const fn command_value_of(operation_mode: u16) -> Option<Idn> {
+    if operation_mode & 0x4000 != 0 {
+        return None;
+    }
+    match operation_mode & 7 {
+        1 => Some(Idn::TORQUE_COMMAND),
+        2 => Some(Idn::VELOCITY_COMMAND),
+        3..=5 => Some(Idn::POSITION_COMMAND),
+        _ => None,
+    }
+}
+
+fn check_ranges(parameters: &Parameters, needed_for: NeededFor, invalid: &mut InvalidData) {
+    let needed = dictionary::DICTIONARY.iter().filter(|block| block.needed_for == needed_for);
+    for block in needed.filter(|block| block.fixed_bytes().is_some()) {
+        if parameters::check_limits(block, parameters.get(block.idn)).is_err() {
+            invalid.add(block.idn, Reason::OutOfRange);
+        }
+    }
+}
+
+/// Places data one after the other.
+fn lay_out(idns: &[Idn], selection: Selection, maximum: u16) -> Result<Vec<CyclicDatum, LIST_ENTRIES>, Reason> {
+    let mut data: Vec<CyclicDatum, LIST_ENTRIES> = Vec::new();
+    for &idn in idns {
+        let block = dictionary::find(idn).filter(|block| block.is_in(selection));
+        let is_new = !data.iter().any(|datum| datum.idn == idn);
+        let bytes =
+            block.and_then(|block| block.fixed_bytes()).filter(|_| is_new).ok_or(Reason::NotConfigurable(idn))?;
+        let offset_bytes = data_bytes(&data);
+        data.push(CyclicDatum { idn, offset_bytes, bytes }).map_err(|_| Reason::NotConfigurable(idn))?;
+    }
+    let bytes = data_bytes(&data);
+    if bytes > maximum { Err(Reason::DataTooLong { bytes, maximum }) } else { Ok(data) }
+}
+
+fn data_bytes(data: &[CyclicDatum]) -> u16 {
+    data.last().map_or(0, |last| last.offset_bytes.saturating_add(last.bytes))
+}
+
+fn check_record(configuration: &CyclicConfiguration, invalid: &mut InvalidData) {
+    let position = configuration.record_position_bytes;
+    let length = configuration.mdt_length_bytes;
+    if length & 1 != 0 {
+        invalid.add(MDT_LENGTH, Reason::WrongParity);
+    }
+    if position & 1 == 0 {
+        invalid.add(RECORD_POSITION, Reason::WrongParity);
+    }
+    // Control word and INFO come before the data; the position counts from 1.
+    let record_end = u32::from(position).saturating_add(3).saturating_add(u32::from(configuration.mdt_data_bytes()));
+    if record_end > u32::from(length) {
+        invalid.add(RECORD_POSITION, Reason::RecordOutsideMdt);
+    }
+}
+
+fn check_slots(
+    configuration: &CyclicConfiguration,
+    parameters: &Parameters,
+    bit_rate: BitRate,
+    invalid: &mut InvalidData,
+) {
+    let nanoseconds = |microseconds: u16| u32::from(microseconds).saturating_mul(1_000);
+    let own = |idn| nanoseconds(parameters.get_word(idn));
+    let cycle = nanoseconds(configuration.cycle_us);
+    let t1 = nanoseconds(configuration.t1_us);
+    let t2 = nanoseconds(configuration.t2_us);
+    let t3 = nanoseconds(configuration.t3_us);
+    let t4 = nanoseconds(configuration.t4_us);
+    let at_duration = bit_rate.longest_nanoseconds(duration::at_bytes(configuration.at_data_bytes()));
+    let mdt_duration = bit_rate.longest_nanoseconds(duration::mdt_bytes(configuration.mdt_length_bytes));
+
+    if t1 < own(T1_MIN) {
+        invalid.add(T1, Reason::TooEarly { earliest_ns: own(T1_MIN) });
+    }
+    let at_over = t1.saturating_add(at_duration).saturating_add(own(T_ATMT));
+    if t2 < at_over {
+        invalid.add(T2, Reason::TooEarly { earliest_ns: at_over });
+    }
+    let latest_t2 = cycle.saturating_sub(mdt_duration.saturating_add(own(T_MTSY)));
+    if t2 > latest_t2 {
+        invalid.add(T2, Reason::TooLate { latest_ns: latest_t2 });
+    }
+    let latest_t4 = cycle.saturating_sub(own(T5));
+    if t4 > latest_t4 {
+        invalid.add(T4, Reason::TooLate { latest_ns: latest_t4 });
+    }
+    // Before t2, the data of the MDT before are meant; after it, those of this cycle's.
+    let mdt_usable = t2.saturating_add(mdt_duration).saturating_add(own(T_MTSG));
+    if t3 > cycle {
+        invalid.add(T3, Reason::TooLate { latest_ns: cycle });
+    } else if t3 > t2 && t3 < mdt_usable {
+        invalid.add(T3, Reason::TooEarly { earliest_ns: mdt_usable });
+    }
+}
