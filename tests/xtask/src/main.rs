@@ -1,2 +1,61 @@
-//! Placeholder.
-fn main() {}
+//! `cargo xtask`: everything that is done with this repository, from a bare machine to a drive on the bench.
+//!
+//! Exit codes: 0 the command did what it says; 1 it ran and the result is negative (a test failed, a drive did not
+//! reach CP4); 2 it could not run (bad arguments, malformed recording, missing tool), with one line on stderr that
+//! names the cause and the remedy.
+#![forbid(unsafe_code)]
+
+mod cli;
+mod clippy;
+mod demo;
+mod firmware;
+mod flash;
+mod process;
+mod progress;
+mod replay;
+mod report;
+mod ring_server;
+mod setup;
+mod suite;
+mod workspace;
+
+use cli::{Command, CommandLine};
+use std::process::ExitCode;
+
+/// What came of a command that could run.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Verdict {
+    /// Exit code 0.
+    Passed,
+    /// Exit code 1.
+    Failed,
+}
+
+fn main() -> ExitCode {
+    let command_line = match cli::parse() {
+        Ok(command_line) => command_line,
+        Err(refused) => return refused.report(),
+    };
+    match run(command_line) {
+        Ok(Verdict::Passed) => ExitCode::SUCCESS,
+        Ok(Verdict::Failed) => ExitCode::from(1),
+        Err(error) => {
+            eprintln!("error: {}", cli::one_line(&format!("{error:#}")));
+            ExitCode::from(2)
+        }
+    }
+}
+
+fn run(command_line: CommandLine) -> anyhow::Result<Verdict> {
+    let installing = command_line.installing();
+    match command_line.command {
+        Command::Setup => setup::everything(installing),
+        Command::Build => firmware::build_and_print(installing),
+        Command::Clippy => clippy::run(installing),
+        Command::Test { host, qemu } => suite::run(suite::Selection::from_flags(host, qemu), installing),
+        Command::Demo { output } => demo::run(output, installing),
+        Command::Replay { file, on, json } => replay::run(&file, on.into(), json, installing),
+        Command::Ring { drives, chip_socket } => ring_server::run(&drives, &chip_socket),
+        Command::Flash { probe } => flash::run(probe.as_deref(), installing),
+    }
+}

@@ -1,0 +1,178 @@
+//! The command line: words, help texts, and how a refusal is said.
+
+use crate::report::data::Platform;
+use crate::setup::Installing;
+use clap::{Parser, Subcommand, ValueEnum, error::ErrorKind};
+use std::path::PathBuf;
+use std::process::ExitCode;
+
+/// Everything that is done with this repository.
+///
+/// Each command first sees to what it needs itself (QEMU, the compiler for the drive's processor), and says so before
+/// it installs anything.
+#[derive(Debug, Parser)]
+#[command(
+    name = "cargo xtask",
+    bin_name = "cargo xtask",
+    after_help = "Exit codes: 0 done, 1 ran and failed, 2 could not run (one line says why and what to do).",
+    disable_help_subcommand = true,
+    max_term_width = 100
+)]
+pub(crate) struct CommandLine {
+    /// Install nothing: where something is missing, say which command would install it and stop
+    #[arg(long, global = true)]
+    no_install: bool,
+    #[command(subcommand)]
+    pub(crate) command: Command,
+}
+
+#[derive(Debug, Subcommand)]
+pub(crate) enum Command {
+    /// Check what is needed for the other commands, and install what is missing
+    Setup,
+    /// Build the release ELF of the drive and the emulator's shim, and print their section sizes
+    Build,
+    /// Run clippy over the host crates and, where the compiler can, the target crates; warnings are errors
+    Clippy,
+    /// Run the tests: on this computer and, with the release ELF, in QEMU
+    Test {
+        /// Only the tests that run on this computer
+        #[arg(long, conflicts_with = "qemu")]
+        host: bool,
+        /// Only the tests that run the release ELF in QEMU
+        #[arg(long)]
+        qemu: bool,
+    },
+    /// Boot the release ELF in QEMU as drive 2 of a simulated press ring, run it up and let it follow a line shaft
+    Demo {
+        /// Folder for the report [default: demo in Cargo's target folder]
+        #[arg(long, value_name = "FOLDER")]
+        output: Option<PathBuf>,
+    },
+    /// Play a recording of a real master against one drive per address found in it
+    Replay {
+        /// The recording: cycle, kind, bytes, fcs and line levels, tab-separated, one telegram a line
+        file: PathBuf,
+        /// Where drive 1 runs; the other drives always run on this computer
+        #[arg(long, value_enum, default_value_t = On::Host)]
+        on: On,
+        /// Print the result as JSON
+        #[arg(long)]
+        json: bool,
+    },
+    /// Serve the registers and the RAM of a master's SERCON816 on a simulated ring, for a foreign master driver
+    ///
+    /// One command a line, one answer a line, all numbers hexadecimal but the count of cycles:
+    /// `r 0b` and `w 0a 0001` read and write registers, `R 012` and `W 012 5001` RAM words,
+    /// `cycles 5` lets the ring run so many cycles, `time` tells the simulated time.
+    Ring {
+        /// Addresses of the drives, in ring order
+        #[arg(long, value_delimiter = ',', required = true, value_name = "ADDRESSES",
+              value_parser = clap::value_parser!(u8).range(1..=254))]
+        drives: Vec<u8>,
+        /// Unix socket to serve; it must not exist yet
+        #[arg(long, value_name = "PATH")]
+        chip_socket: PathBuf,
+    },
+    /// Write the release ELF into a real board with probe-rs and show its log
+    Flash {
+        /// Debug probe to use, as `probe-rs list` names it
+        #[arg(long, value_name = "VID:PID[:SERIAL]")]
+        probe: Option<String>,
+    },
+}
+
+/// Where the drive under test runs.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+pub(crate) enum On {
+    /// The portable crates, compiled for this computer
+    Host,
+    /// The release ELF in QEMU
+    Qemu,
+}
+
+impl From<On> for Platform {
+    fn from(on: On) -> Self {
+        match on {
+            On::Host => Self::Host,
+            On::Qemu => Self::Qemu,
+        }
+    }
+}
+
+impl CommandLine {
+    /// May this run install something?
+    pub(crate) fn installing(&self) -> Installing {
+        if self.no_install { Installing::Never } else { Installing::Allowed }
+    }
+}
+
+/// The command line was not understood, or asked for help.
+pub(crate) struct Refused(clap::Error);
+
+impl Refused {
+    /// Prints help to stdout, or what is wrong as one line to stderr; gives the exit code.
+    pub(crate) fn report(&self) -> ExitCode {
+        match self.0.kind() {
+            ErrorKind::DisplayHelp | ErrorKind::DisplayVersion => {
+                // A closed pipe behind `--help | head` is not worth a word.
+                let _ = self.0.print();
+                ExitCode::SUCCESS
+            }
+            _ => {
+                eprintln!("error: {}", refusal(&self.0.to_string()));
+                ExitCode::from(2)
+            }
+        }
+    }
+}
+
+/// Reads the arguments of this process.
+pub(crate) fn parse() -> Result<CommandLine, Refused> {
+    CommandLine::try_parse().map_err(Refused)
+}
+
+/// The cause out of clap's several lines, and where to read on.
+fn refusal(clap_text: &str) -> String {
+    let usage = "see `cargo xtask --help`";
+    let cause: Vec<&str> = clap_text
+        .lines()
+        .map(str::trim)
+        .take_while(|line| !line.starts_with("Usage:") && !line.starts_with("For more information"))
+        .filter(|line| !line.is_empty())
+        .collect();
+    let cause = cause.join(" ");
+    let cause = cause.strip_prefix("error: ").unwrap_or(&cause);
+    if cause.is_empty() { format!("a command is missing; {usage}") } else { format!("{cause}; {usage}") }
+}
+
+/// Folds a message of several lines into one.
+pub(crate) fn one_line(message: &str) -> String {
+    message.lines().map(str::trim).filter(|line| !line.is_empty()).collect::<Vec<_>>().join(" ")
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use clap::CommandFactory;
+
+    #[test]
+    fn the_definition_of_the_command_line_is_consistent() {
+        CommandLine::command().debug_assert();
+    }
+
+    #[test]
+    fn clap_refusals_become_one_line_with_the_cause() {
+        let error = CommandLine::try_parse_from(["xtask", "replay", "file", "--on", "moon"]).unwrap_err();
+        let line = refusal(&error.to_string());
+        assert!(!line.contains('\n'), "{line}");
+        assert!(line.starts_with("invalid value 'moon'"), "{line}");
+        assert!(line.contains("host, qemu"), "{line}");
+        assert!(line.ends_with("see `cargo xtask --help`"), "{line}");
+    }
+
+    #[test]
+    fn a_message_of_several_lines_is_folded() {
+        assert_eq!(one_line("first\n   second\n\nthird"), "first second third");
+    }
+}

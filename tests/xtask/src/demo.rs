@@ -1,0 +1,62 @@
+//! The demonstration: the release ELF in a simulated press ring.
+
+use crate::firmware::{self, Firmware};
+use crate::progress::PhaseBars;
+use crate::report::data::{DemoReport, Progress};
+use crate::report::{checks, page, text};
+use crate::setup::{self, Installing};
+use crate::{Verdict, workspace};
+use anyhow::{Result, bail};
+use std::path::{Path, PathBuf};
+
+/// Runs it, prints its numbers, and writes the page.
+pub(crate) fn run(output: Option<PathBuf>, installing: Installing) -> Result<Verdict> {
+    let version = setup::qemu(installing)?;
+    let firmware = firmware::build(installing)?;
+    let folder = output.map_or_else(|| workspace::target_folder().map(|folder| folder.join("demo")), Ok)?;
+    eprintln!("running the ELF as drive 2 in a simulated ring (QEMU {version})");
+    let mut bars = PhaseBars::new();
+    let report = simulate(&firmware, &mut |progress| bars.show(progress));
+    bars.finish();
+    conclude(&report?, &folder)
+}
+
+/// The run itself.
+fn simulate(_firmware: &Firmware, _progress: &mut dyn FnMut(&Progress)) -> Result<DemoReport> {
+    bail!("the bench is not built yet")
+}
+
+/// Prints the numbers, writes the page, and judges.
+fn conclude(report: &DemoReport, folder: &Path) -> Result<Verdict> {
+    print!("{}", text::demo(report));
+    let page = folder.join("index.html");
+    workspace::write_whole(&page, &page::html(report))?;
+    println!("report: {}", page.display());
+    let passed = checks::of_demo(report).iter().all(|check| check.passed);
+    Ok(if passed { Verdict::Passed } else { Verdict::Failed })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::report::examples;
+
+    #[test]
+    fn two_runs_with_the_same_numbers_leave_the_same_file() {
+        let folder = tempfile::tempdir().unwrap();
+        let read = || std::fs::read(folder.path().join("index.html")).unwrap();
+        assert_eq!(conclude(&examples::demo(), folder.path()).unwrap(), Verdict::Passed);
+        let first = read();
+        assert_eq!(conclude(&examples::demo(), folder.path()).unwrap(), Verdict::Passed);
+        assert_eq!(read(), first);
+    }
+
+    #[test]
+    fn a_run_that_misses_a_check_fails_and_still_shows_its_page() {
+        let folder = tempfile::tempdir().unwrap();
+        let mut report = examples::demo();
+        report.missed.mdt = 1;
+        assert_eq!(conclude(&report, folder.path()).unwrap(), Verdict::Failed);
+        assert!(folder.path().join("index.html").is_file());
+    }
+}

@@ -1,0 +1,107 @@
+//! The tests, all of them in one run of one test runner.
+//!
+//! Tests that need QEMU and the ELF are marked `#[ignore]`, so that a plain `cargo test` works anywhere; they find the
+//! programs by the variables `PRODUCT_ELF` and `SHIM_ELF`, which are set here. Nothing else may be marked so.
+
+use crate::firmware;
+use crate::setup::{self, Installing, TestRunner};
+use crate::{Verdict, process, workspace};
+use anyhow::Result;
+use std::process::Command;
+
+/// Which tests to run.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Selection {
+    /// Those that run on this computer.
+    Host,
+    /// Those that run the ELF in QEMU.
+    Qemu,
+    /// Both.
+    All,
+}
+
+impl Selection {
+    /// No flag means everything.
+    pub(crate) fn from_flags(host: bool, qemu: bool) -> Self {
+        match (host, qemu) {
+            (true, false) => Self::Host,
+            (false, true) => Self::Qemu,
+            _ => Self::All,
+        }
+    }
+}
+
+/// Runs the tests; the last thing printed is the test runner's own summary.
+pub(crate) fn run(selection: Selection, installing: Installing) -> Result<Verdict> {
+    let firmware = if selection == Selection::Host {
+        None
+    } else {
+        let version = setup::qemu(installing)?;
+        eprintln!("QEMU {version}");
+        Some(firmware::build(installing)?)
+    };
+    let runner = setup::test_runner();
+    if selection != Selection::Qemu && process::watch(&mut examples_in_documentation())? == Verdict::Failed {
+        return Ok(Verdict::Failed);
+    }
+    let mut tests = tests(runner, selection);
+    if let Some(firmware) = firmware {
+        tests.env("PRODUCT_ELF", firmware.product).env("SHIM_ELF", firmware.shim);
+    }
+    process::watch(&mut tests)
+}
+
+/// Examples in the documentation, which nextest does not run.
+fn examples_in_documentation() -> Command {
+    let mut command = process::cargo();
+    command.current_dir(workspace::root()).args(["test", "--quiet", "--doc"]);
+    command
+}
+
+fn tests(runner: TestRunner, selection: Selection) -> Command {
+    let mut command = process::cargo();
+    command.current_dir(workspace::root());
+    match runner {
+        TestRunner::Nextest => {
+            let ignored = match selection {
+                Selection::Host => "default",
+                Selection::Qemu => "only",
+                Selection::All => "all",
+            };
+            command.args(["nextest", "run", "--no-fail-fast", "--run-ignored", ignored]);
+        }
+        TestRunner::CargoTest => {
+            command.args(["test", "--no-fail-fast", "--lib", "--bins", "--tests"]);
+            match selection {
+                Selection::Host => {}
+                Selection::Qemu => drop(command.args(["--", "--ignored"])),
+                Selection::All => drop(command.args(["--", "--include-ignored"])),
+            }
+        }
+    }
+    command
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn no_flag_means_every_test() {
+        assert_eq!(Selection::from_flags(false, false), Selection::All);
+        assert_eq!(Selection::from_flags(true, false), Selection::Host);
+        assert_eq!(Selection::from_flags(false, true), Selection::Qemu);
+    }
+
+    #[test]
+    fn both_runners_are_told_the_same_selection() {
+        for (selection, nextest, cargo_test) in [
+            (Selection::Host, "--run-ignored default", "--tests"),
+            (Selection::Qemu, "--run-ignored only", "-- --ignored"),
+            (Selection::All, "--run-ignored all", "-- --include-ignored"),
+        ] {
+            assert!(process::words(&super::tests(TestRunner::Nextest, selection)).ends_with(nextest));
+            assert!(process::words(&super::tests(TestRunner::CargoTest, selection)).ends_with(cargo_test));
+        }
+    }
+}

@@ -1,0 +1,70 @@
+//! Where the repository and Cargo's target folder are.
+
+use crate::process;
+use anyhow::{Context, Result};
+use std::path::{Path, PathBuf};
+
+/// The root of the repository.
+pub(crate) fn root() -> &'static Path {
+    let manifest = Path::new(env!("CARGO_MANIFEST_DIR"));
+    manifest.ancestors().nth(2).unwrap_or(manifest)
+}
+
+/// Cargo's target folder, wherever the user's configuration puts it.
+pub(crate) fn target_folder() -> Result<PathBuf> {
+    let mut command = process::cargo();
+    command.args(["metadata", "--no-deps", "--format-version", "1"]).current_dir(root());
+    let answer = process::ask(&mut command)
+        .with_context(|| format!("`{}` failed; run it by hand to see why", process::words(&command)))?;
+    let metadata: serde_json::Value = serde_json::from_str(&answer).context("Cargo's metadata cannot be read")?;
+    let folder = metadata["target_directory"].as_str().context("Cargo's metadata names no target folder")?;
+    Ok(folder.into())
+}
+
+/// Writes a file so that it is there completely or not at all.
+///
+/// # Errors
+/// The folder cannot be made, or the file not be written; nothing is left behind then.
+pub(crate) fn write_whole(path: &Path, content: &str) -> Result<()> {
+    let folder = path.parent().context("a file needs a folder")?;
+    std::fs::create_dir_all(folder).with_context(|| format!("cannot make the folder {}", folder.display()))?;
+    let partial = path.with_extension("partial");
+    let written = std::fs::write(&partial, content).and_then(|()| std::fs::rename(&partial, path));
+    if written.is_err() {
+        // Best effort: the write's own error is the one to report.
+        let _ = std::fs::remove_file(&partial);
+    }
+    written.with_context(|| format!("cannot write {}", path.display()))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_root_holds_the_workspace() {
+        let manifest = std::fs::read_to_string(root().join("Cargo.toml")).unwrap();
+        assert!(manifest.contains("[workspace]"));
+    }
+
+    #[test]
+    fn a_file_that_cannot_be_written_leaves_nothing_behind() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("page.html");
+        // A folder that is not empty stands where the file should go: the rename fails.
+        std::fs::create_dir_all(path.join("inside")).unwrap();
+        assert!(write_whole(&path, "text").is_err());
+        let left: Vec<_> = std::fs::read_dir(folder.path()).unwrap().map(|entry| entry.unwrap().file_name()).collect();
+        assert_eq!(left, ["page.html"]);
+    }
+
+    #[test]
+    fn a_written_file_replaces_the_old_one_and_leaves_no_partial() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("new/page.html");
+        write_whole(&path, "old").unwrap();
+        write_whole(&path, "new").unwrap();
+        assert_eq!(std::fs::read_to_string(&path).unwrap(), "new");
+        assert_eq!(std::fs::read_dir(path.parent().unwrap()).unwrap().count(), 1);
+    }
+}

@@ -1,0 +1,112 @@
+//! The command line as a user meets it: exit codes, one clear line, nothing half done.
+//!
+//! PATH is set to an empty folder where a tool shall be missing, so that nothing can be installed either.
+
+use std::path::Path;
+use std::process::{Command, Output};
+
+fn xtask() -> Command {
+    Command::new(env!("CARGO_BIN_EXE_xtask"))
+}
+
+/// The program on a machine that has no tools at all; Cargo is known to it, as always under `cargo xtask`.
+fn xtask_without_tools(empty: &Path) -> Command {
+    let mut command = xtask();
+    command.env("PATH", empty).env("CARGO", env!("CARGO"));
+    command
+}
+
+/// Exit code 2 and one line on stderr, nothing on stdout; gives the line.
+#[track_caller]
+fn refusal(output: &Output) -> String {
+    let stderr = String::from_utf8_lossy(&output.stderr).into_owned();
+    assert_eq!(output.status.code(), Some(2), "{stderr}");
+    assert_eq!(stderr.lines().count(), 1, "one line expected: {stderr}");
+    assert!(stderr.starts_with("error: "), "{stderr}");
+    assert!(output.stdout.is_empty(), "{}", String::from_utf8_lossy(&output.stdout));
+    stderr
+}
+
+#[test]
+fn the_help_is_as_written_down() {
+    let mut text = String::new();
+    for arguments in [
+        &["--help"][..],
+        &["test", "--help"],
+        &["demo", "--help"],
+        &["replay", "--help"],
+        &["ring", "--help"],
+        &["flash", "--help"],
+    ] {
+        let output = xtask().args(arguments).env("COLUMNS", "100").output().unwrap();
+        assert!(output.status.success());
+        text += &format!("$ cargo xtask {}\n{}\n", arguments.join(" "), String::from_utf8(output.stdout).unwrap());
+    }
+    let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/golden/help.txt");
+    if std::env::var_os("UPDATE_GOLDEN").is_some() {
+        std::fs::write(&path, &text).unwrap();
+    }
+    let golden = std::fs::read_to_string(&path).unwrap();
+    assert_eq!(text, golden, "set UPDATE_GOLDEN=1 to accept the new text");
+}
+
+#[test]
+fn bad_arguments_are_refused_in_one_line() {
+    for (arguments, cause) in [
+        (&["fly"][..], "unrecognized subcommand 'fly'"),
+        (&["replay"], "<FILE>"),
+        (&["replay", "x.tsv", "--on", "moon"], "invalid value 'moon'"),
+        (&["ring", "--drives", "1,0", "--chip-socket", "s"], "0 is not in 1..=254"),
+        (&["ring", "--drives", "1,255", "--chip-socket", "s"], "255 is not in 1..=254"),
+        (&["test", "--host", "--qemu"], "cannot be used with"),
+    ] {
+        let line = refusal(&xtask().args(arguments).output().unwrap());
+        assert!(line.contains(cause), "{cause:?} expected in {line}");
+        assert!(line.contains("cargo xtask --help"), "{line}");
+    }
+}
+
+#[test]
+fn no_command_at_all_is_a_refusal() {
+    let output = xtask().output().unwrap();
+    assert_eq!(output.status.code(), Some(2));
+    refusal(&output);
+}
+
+#[test]
+fn a_missing_qemu_is_named_with_the_command_that_installs_it() {
+    let empty = tempfile::tempdir().unwrap();
+    let output_folder = empty.path().join("report");
+    let output = xtask_without_tools(empty.path()).arg("demo").arg("--output").arg(&output_folder).output().unwrap();
+    let line = refusal(&output);
+    assert!(line.contains("QEMU (qemu-system-arm) is not installed"), "{line}");
+    assert!(line.contains("apt-get install -y qemu-system-arm"), "{line}");
+    assert!(!output_folder.exists(), "nothing may be left half done");
+}
+
+#[test]
+fn a_missing_target_is_named_with_the_command_that_installs_it() {
+    let empty = tempfile::tempdir().unwrap();
+    let line = refusal(&xtask_without_tools(empty.path()).arg("build").output().unwrap());
+    assert!(line.contains("target thumbv7em-none-eabihf is not installed"), "{line}");
+    assert!(line.contains("`rustup target add thumbv7em-none-eabihf`"), "{line}");
+}
+
+#[test]
+fn a_missing_probe_rs_is_named_before_anything_is_built() {
+    let empty = tempfile::tempdir().unwrap();
+    let line = refusal(&xtask_without_tools(empty.path()).arg("flash").output().unwrap());
+    assert!(line.contains("cargo install probe-rs-tools"), "{line}");
+}
+
+#[cfg(unix)]
+#[test]
+fn an_old_qemu_is_refused_with_both_versions() {
+    use std::os::unix::fs::PermissionsExt;
+    let folder = tempfile::tempdir().unwrap();
+    let program = folder.path().join("qemu-system-arm");
+    std::fs::write(&program, "#!/bin/sh\necho 'QEMU emulator version 5.2.0 (Debian)'\n").unwrap();
+    std::fs::set_permissions(&program, std::fs::Permissions::from_mode(0o755)).unwrap();
+    let line = refusal(&xtask_without_tools(folder.path()).arg("demo").output().unwrap());
+    assert!(line.contains("QEMU 5.2 is too old, 7.2 or newer is needed"), "{line}");
+}
