@@ -23,7 +23,6 @@ pub enum Mode {
 
 /// Result of a tick.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-#[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub struct AxisOutput {
     /// Torque-producing current command, zero in [`Mode::Off`].
     pub current: CurrentFraction,

@@ -61,7 +61,6 @@ const LARGEST_CURRENT: i64 = (1 << 31) - (1 << 16);
 
 /// What the velocity loop gives in a tick.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-#[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub struct VelocityLoopOutput {
     /// Torque-producing current.
     pub current: CurrentFraction,
