@@ -207,7 +207,7 @@ impl Chip {
                 Kind::Receive => {
                     let (lower, upper) = self.receive_window();
                     let window = (time + lower, time + upper);
-                    let own = base.time_of(window.1 + 1);
+                    let own = base.time_of(window.1 + 1) + self.telegram_time_of_a_master(address);
                     let following = base.time_of(i32::from(self.ram.get(next + 1)));
                     let checked = self.ram.get(address) & TCHK != 0;
                     let due = match self.kind(next) {
@@ -236,6 +236,17 @@ impl Chip {
             self.report_missing_answer(current.address);
         }
         self.enter_header(now, current.next);
+    }
+
+    /// The ring hands a master complete telegrams only, so it waits for one as long as its header says that it may last;
+    /// a slave is told of the start and need not wait when nothing has come.
+    fn telegram_time_of_a_master(&self, header: u16) -> Nanoseconds {
+        if self.registers.repeater_on() {
+            return Nanoseconds::ZERO;
+        }
+        // sercon816.md 5.7: flags, and 9.6 bits at most for each byte of address, data and check sequence.
+        let bytes = 3 + 2 * usize::from(self.ram.get(header + 2) & LENGTH);
+        self.straps.bit_rate.span(16 + (bytes * 96).div_ceil(10))
     }
 
     fn kind(&self, address: u16) -> Kind {

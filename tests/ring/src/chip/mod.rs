@@ -13,6 +13,8 @@ mod noise;
 mod ram;
 mod registers;
 mod slave_service;
+pub mod socket;
+mod station;
 mod timing;
 
 pub use alternatives::{
@@ -23,10 +25,11 @@ pub use alternatives::{
 };
 pub use bus::{ChipBus, SharedChip};
 pub use interrupts::{InterruptPin, InterruptPins, PinEdge};
+pub use station::ChipMaster;
 pub use timing::Straps;
 
 use crate::time::Nanoseconds;
-use crate::wire::{LineError, Transmission};
+use crate::wire::{BROADCAST, LineError, Transmission, encode};
 use headers::Walk;
 use interrupts::Outputs;
 use master_service::MasterService;
@@ -36,8 +39,6 @@ use registers::{Effect, RegisterFile, status_0};
 use slave_service::SlaveService;
 use timing::TimeBase;
 
-/// Address of the MST, and of the MDT in CP3 and CP4.
-const BROADCAST: u8 = 0xFF;
 /// Value of a timer register that never fires, whatever 0 means.
 const NEVER: u16 = 0xFFFF;
 /// Missed MSTs in a row after which any MST is taken again.
@@ -215,7 +216,8 @@ impl Chip {
         let may_send = !is_mst && self.sending.is_none();
         let transmission = mst.or(self.walk_on_time(now, may_send));
         if let Some(transmission) = &transmission {
-            self.sending = Some(Sending { ends: now + self.straps.bits(line_bits(&transmission.bytes)), is_mst });
+            self.sending =
+                Some(Sending { ends: now + self.straps.bit_rate.span(encode(&transmission.bytes).len()), is_mst });
         }
         self.update_outputs(now);
         transmission
@@ -427,37 +429,5 @@ impl Chip {
         self.next_mst = Some(due + cycle);
         self.walk.stop();
         Some(Transmission { bytes: vec![BROADCAST, self.registers.phase()] })
-    }
-}
-
-/// Number of bits that a telegram takes on the line: flags, check sequence and stuffed zeros included.
-fn line_bits(bytes: &[u8]) -> usize {
-    const FLAGS: usize = 16;
-    const CHECK: crc::Crc<u16> = crc::Crc::<u16>::new(&crc::CRC_16_IBM_SDLC);
-    let check = CHECK.checksum(bytes).to_le_bytes();
-    let mut ones = 0;
-    let mut bits = FLAGS;
-    for byte in bytes.iter().chain(&check) {
-        for bit in 0..8 {
-            bits += 1;
-            ones = if byte >> bit & 1 == 1 { ones + 1 } else { 0 };
-            if ones == 5 {
-                bits += 1;
-                ones = 0;
-            }
-        }
-    }
-    bits
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn line_bits_are_those_of_the_golden_vectors() {
-        // sercon816.md 10.4: MST CP0, MDT open IDN 3.
-        assert_eq!(line_bits(&[0xFF, 0]), 49);
-        assert_eq!(line_bits(&[0x01, 0x0F, 0, 3, 0]), 72);
     }
 }

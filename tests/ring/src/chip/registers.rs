@@ -6,6 +6,7 @@ use super::alternatives::{
 use super::interrupts::Flags;
 use super::noise::Noise;
 use super::timing::Straps;
+use crate::wire::BitRate;
 
 /// Number of control registers, 00H to 2AH.
 const COUNT: usize = 0x2B;
@@ -85,7 +86,7 @@ impl RegisterFile {
         }
         words[VERSION] = VERSION_VALUE;
         words[CONFIGURATION] = RSTFL | REPON;
-        if matches!(straps.bit_rate, 2_000_000 | 8_000_000) {
+        if matches!(straps.bit_rate, BitRate::M2 | BitRate::M8) {
             words[CONFIGURATION] |= SBAUD;
         }
         Self { words }

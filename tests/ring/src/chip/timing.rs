@@ -1,12 +1,13 @@
 //! The microsecond counter that starts at the MST. sercon816.md 5.7.
 
 use crate::time::Nanoseconds;
+use crate::wire::BitRate;
 
 /// What is wired to the chip's clock and bit rate pins.
 #[derive(Copy, Clone, Debug, PartialEq, Eq)]
 pub struct Straps {
-    /// Bits per second on the fibre: 2, 4, 8 or 16 million.
-    pub bit_rate: u32,
+    /// Bit rate of the ring, from the pins SBAUD and SBAUD16.
+    pub bit_rate: BitRate,
     /// Frequency at the pin MCLK in MHz, at most 32.
     pub mclk_megahertz: u32,
 }
@@ -14,24 +15,19 @@ pub struct Straps {
 impl Default for Straps {
     /// 2 Mbit/s, 32 MHz.
     fn default() -> Self {
-        Self { bit_rate: 2_000_000, mclk_megahertz: 32 }
+        Self { bit_rate: BitRate::M2, mclk_megahertz: 32 }
     }
 }
 
 impl Straps {
     /// Duration of `halves` half bits in picoseconds.
     fn half_bits(self, halves: i64) -> i64 {
-        halves * (500_000_000_000 / i64::from(self.bit_rate))
+        halves * (500_000 / self.bit_rate.megabits() as i64)
     }
 
     /// Duration of `halves` half periods of MCLK in picoseconds.
     fn half_clocks(self, halves: i64) -> i64 {
         (halves * 500_000).div_euclid(i64::from(self.mclk_megahertz))
-    }
-
-    /// Duration of so many bits on the line.
-    pub fn bits(self, bits: usize) -> Nanoseconds {
-        to_nanoseconds(self.half_bits(2 * bits as i64))
     }
 
     /// From the end of an MST's closing flag until the chip has recognised it: `t_start`.
@@ -119,7 +115,7 @@ mod tests {
     use super::*;
 
     /// sercon816.md 5.7, "Worked values": f_MCLK, Mbit/s, 0EH, TCNTST.
-    const WORKED: [(u32, u32, u16, u16); 6] = [
+    const WORKED: [(u32, u64, u16, u16); 6] = [
         (16, 2, 0x010F, 3),
         (16, 4, 0x070F, 2),
         (32, 2, 0x051F, 3),
@@ -131,7 +127,7 @@ mod tests {
     #[test]
     fn the_worked_values_make_the_counter_show_microseconds_after_the_mst() {
         for (mclk_megahertz, megabits, divider, preset) in WORKED {
-            let straps = Straps { bit_rate: megabits * 1_000_000, mclk_megahertz };
+            let straps = Straps { bit_rate: BitRate::from_megabits(megabits).unwrap(), mclk_megahertz };
             let base = TimeBase::new(Nanoseconds(1_000_000), straps, divider, preset);
             for count in [0, 150, 65_000] {
                 assert_eq!(
