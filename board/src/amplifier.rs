@@ -20,6 +20,12 @@ const ENABLE: u32 = pins::AMPLIFIER_ENABLE.mask();
 const MAIN_POWER: u32 = pins::AMPLIFIER_MAIN_POWER.mask();
 const READY: u32 = pins::AMPLIFIER_READY.mask();
 
+/// Forbids torque from wherever the program has come to a standstill: for fault and panic handlers, which own nothing.
+pub fn off() {
+    // SAFETY: a single store that can only switch off; right at any time, whoever owns the port.
+    unsafe { (*pac::GPIOC::ptr()).bsrr().write(|w| w.bits(ENABLE << 16)) };
+}
+
 /// The amplifier's lines.
 #[derive(Debug)]
 pub struct AmplifierPort {

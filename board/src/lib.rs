@@ -8,7 +8,7 @@
 //! | [`clocks`] | RCC, flash wait states | 168 MHz from an 8 MHz crystal |
 //! | [`pins`] | GPIO | the pin table: documentation and set-up in one |
 //! | [`fsmc`] | FSMC bank 1, NE1 | the SERCON816 as memory, [`fsmc::SercosBus`] |
-//! | [`chip_control`] | GPIO | reset and baud rate straps of the SERCON816 |
+//! | [`chip_control`] | GPIO | reset, straps and wiring of the SERCON816 |
 //! | [`interrupt_pins`] | EXTI | INT0 and INT1 of the SERCON816 |
 //! | [`encoder`] | TIM2 | position, latched in hardware by INT0 and INT1 |
 //! | [`current_command`] | DAC | torque-producing current as an analogue voltage |
@@ -84,7 +84,7 @@ impl Board {
         pins::set_up();
         let settings = switches::read(&peripherals.GPIOG);
         let bus = fsmc::SercosBus::new(peripherals.FSMC, &mut rcc);
-        chip_control::start(&peripherals.GPIOG, settings.baud_rate);
+        chip_control::start(&peripherals.GPIOG, settings.bit_rate);
         let (int0, int1) = interrupt_pins::set_up(&peripherals.EXTI, &peripherals.SYSCFG, &mut rcc);
         let timestamp = timestamp::Timestamp::new(&peripherals.TIM5, &mut rcc);
         let (loop_timer, loop_tick) = loop_timer::LoopTimer::new(peripherals.TIM6, &mut rcc);

@@ -34,7 +34,7 @@ mod app {
         defmt::info!(
             "drive {=u8}, {}, chip version {=?}",
             settings.address,
-            settings.baud_rate,
+            settings.bit_rate,
             Register::new(0).map(|version| bus.read_register(version))
         );
         if !watchdog.start() {
