@@ -2,6 +2,8 @@
 #![no_std]
 #![no_main]
 
+mod fault;
+
 use defmt_rtt as _;
 use panic_probe as _;
 
