@@ -127,10 +127,14 @@ impl History {
         (agrees && plausible).then_some(interval)
     }
 
+    /// Not seen in the last cycle.
+    fn is_old(&self, now: u32, period: u32) -> bool {
+        self.count == 0 || now.wrapping_sub(self.last_us) > period.saturating_add(TOLERANCE_US)
+    }
+
     /// Seen in both of the last two cycles.
     fn recurs(&self, now: u32, period: u32) -> bool {
-        let cycle = period.saturating_add(TOLERANCE_US);
-        self.count >= 2 && self.interval_us <= cycle && now.wrapping_sub(self.last_us) <= cycle
+        self.count >= 2 && self.interval_us <= period.saturating_add(TOLERANCE_US) && !self.is_old(now, period)
     }
 }
 
@@ -213,7 +217,14 @@ impl Discovery {
         match (self.stage, period) {
             (Stage::Measure, Some(period)) => {
                 self.period_us = period;
-                self.conclude(seen.time_us, &mut orders);
+                // What came in the last cycle but not in the one before may only have begun: one cycle more will tell.
+                if self
+                    .histories
+                    .iter()
+                    .all(|history| history.is_old(seen.time_us, period) || history.recurs(seen.time_us, period))
+                {
+                    self.conclude(seen.time_us, &mut orders);
+                }
             }
             (Stage::Measure, None) if elapsed > PATIENCE_US => {
                 let next = if self.candidate < CANDIDATES.len().saturating_sub(1) {
@@ -226,7 +237,6 @@ impl Discovery {
             }
             // The chip ran by itself when the cycle time was measured, and now a ring does.
             (Stage::Settle | Stage::Collect, Some(period)) if period.saturating_mul(3) < self.period_us => {
-                self.restart();
                 self.begin_with(0, seen.time_us);
                 orders.arm = CANDIDATES.first().copied();
             }
@@ -234,7 +244,14 @@ impl Discovery {
                 self.enter(Stage::Collect, seen.time_us);
             }
             (Stage::Collect, _) if elapsed > self.period_us.saturating_add(TOLERANCE_US).saturating_mul(2) => {
-                self.conclude(seen.time_us, &mut orders);
+                let regular = |history: &History| history.count == 0 || history.recurs(seen.time_us, self.period_us);
+                if self.histories.iter().all(regular) {
+                    self.conclude(seen.time_us, &mut orders);
+                } else {
+                    // The ring stopped, began or changed its cycle time.
+                    self.begin_with(0, seen.time_us);
+                    orders.arm = CANDIDATES.first().copied();
+                }
             }
             _ => {}
         }
@@ -312,3 +329,6 @@ impl Discovery {
         Some(if self.enable_attempts == 1 { !ENABLE_ALL } else { ENABLE_ALL })
     }
 }
+
+#[cfg(test)]
+mod tests;

@@ -114,3 +114,70 @@ impl<B: Bus> Interrupts<B> {
         self.bus.write_register(Register::INTERRUPT_ENABLE, value);
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::discovery::Timer;
+    use crate::test_bus::{TestBus, Write};
+
+    #[test]
+    fn events_are_sorted_acknowledged_and_gone() {
+        let bus = TestBus::new();
+        let mut interrupts = Interrupts::new(bus.clone());
+        bus.set_register(5, 0x1401);
+        bus.set_register(4, 0x0200);
+        let events = interrupts.take();
+        assert!(events.service_channel && events.command_valid && events.cycle && !events.capture_feedback);
+        assert!(events.errors.mst_missing());
+        assert_eq!(events.raw, 0x14);
+        assert_eq!(bus.take_writes(), [Write::Register(4, 0x0200), Write::Register(5, 0x1401)]);
+        assert!(interrupts.take().is_empty());
+    }
+
+    #[test]
+    fn other_service_containers_are_acknowledged_and_ignored() {
+        let bus = TestBus::new();
+        bus.set_register(5, 0x00FE);
+        let events = Interrupts::new(bus.clone()).take();
+        assert!(!events.service_channel);
+        assert_eq!(bus.register(5), 0);
+    }
+
+    #[test]
+    fn a_condition_that_persists_does_not_hold_the_handler() {
+        let bus = TestBus::new();
+        bus.0.borrow_mut().persistent = (4, 0x0002);
+        bus.set_register(4, 0x0002);
+        let events = Interrupts::new(bus.clone()).take();
+        assert!(events.errors.fibre_break());
+        assert_eq!(bus.take_accesses(), 4 * 3);
+    }
+
+    #[test]
+    fn learned_timers_replace_the_assumed_ones() {
+        let bus = TestBus::new();
+        let mut interrupts = Interrupts::new(bus.clone());
+        let found = TimerMap {
+            command_valid: Timer { register: Register::TIMER_1, bit: 15 },
+            capture_feedback: Timer { register: Register::TIMER_0, bit: 8 },
+            cycle_bits: 0,
+        };
+        interrupts.carry_out(&Orders { found: Some(found), ..Orders::default() });
+        assert_eq!([0x1A, 0x1B, 0x1C, 0x1D].map(|word| bus.register(word)), [0xFFFF, 800, 0xFFFF, 0xFFFF]);
+        bus.set_register(5, 0x8400);
+        let events = interrupts.take();
+        assert!(events.command_valid && !events.capture_feedback && !events.cycle);
+    }
+
+    #[test]
+    fn a_watched_timer_is_the_only_one_programmed() {
+        let bus = TestBus::new();
+        let mut interrupts = Interrupts::new(bus.clone());
+        interrupts.carry_out(&Orders { arm: Some(Register::TIMER_3), enable: Some(0), found: None });
+        assert_eq!([0x1A, 0x1B, 0x1C, 0x1D].map(|word| bus.register(word)), [0xFFFF, 0xFFFF, 0xFFFF, 800]);
+        assert_eq!((bus.register(6), bus.register(7)), (0, 0));
+        interrupts.enable();
+        assert_eq!([6, 7, 8, 9].map(|word| bus.register(word)), [0xFFFF, 0xFFFF, 0, 0]);
+    }
+}

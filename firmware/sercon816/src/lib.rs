@@ -42,6 +42,8 @@ pub mod service;
 mod service_port;
 mod slave;
 mod status;
+#[cfg(test)]
+mod test_bus;
 mod timing;
 pub mod uncertain;
 

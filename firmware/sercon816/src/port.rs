@@ -61,7 +61,7 @@ impl<B: Bus> CommandPort<B> {
     pub fn double_word(&mut self, index: u16) -> u32 {
         let low = self.word(index);
         let high = self.word(index.saturating_add(1));
-        u32::from(high).rotate_left(16) | u32::from(low)
+        (u32::from(high) << 16) | u32::from(low)
     }
 
     fn take(&mut self, block: &Block, armed: ReceiveHeader) -> bool {
@@ -104,7 +104,7 @@ impl<B: Bus> FeedbackPort<B> {
     /// CP3 and CP4: writes two words of cyclic data, the low word first.
     pub fn set_double_word(&mut self, index: u16, value: u32) {
         self.set_word(index, (value & 0xFFFF) as u16);
-        self.set_word(index.saturating_add(1), (value.rotate_right(16) & 0xFFFF) as u16);
+        self.set_word(index.saturating_add(1), (value >> 16) as u16);
     }
 
     /// The low bits are kept as they stand: the chip overlays them when it sends (sercon816.md 6.3),
@@ -112,5 +112,81 @@ impl<B: Bus> FeedbackPort<B> {
     fn set(&mut self, block: &Block, status: u16) {
         let kept = self.bus.read_ram(block.at_data) & SERVICE_BITS;
         self.bus.write_ram(block.at_data, (status & !SERVICE_BITS) | kept);
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use proptest::prelude::*;
+
+    use super::*;
+    use crate::test_bus::{TestBus, Write};
+
+    #[test]
+    fn a_received_mdt_is_seen_once_and_the_header_armed_again() {
+        let bus = TestBus::new();
+        let mut port = CommandPort::new(bus.clone(), 2);
+        bus.set_ram(0x048, 0x18FF | 0x0400);
+        assert!(port.take_cyclic());
+        assert_eq!(bus.ram(0x048), 0x18FF);
+        assert!(!port.take_cyclic());
+        bus.set_ram(0x018, 0x1802 | 0x0400);
+        assert!(port.take_initial());
+        assert_eq!(bus.ram(0x018), 0x1802);
+        assert!(!port.take_initial());
+    }
+
+    #[test]
+    fn the_unknown_bit_13_of_a_header_neither_counts_nor_stays() {
+        let bus = TestBus::new();
+        let mut port = CommandPort::new(bus.clone(), 2);
+        bus.set_ram(0x048, 0x38FF);
+        assert!(!port.take_cyclic());
+        assert_eq!(bus.ram(0x048), 0x18FF);
+        bus.set_ram(0x048, 0x3CFF);
+        assert!(port.take_cyclic());
+    }
+
+    #[test]
+    fn an_answer_is_armed_once_or_off() {
+        let bus = TestBus::new();
+        let mut port = CommandPort::new(bus.clone(), 0x21);
+        port.answer_once(true);
+        port.answer_once(false);
+        assert_eq!(bus.take_writes(), [Write::Ram(0x010, 0x4821), Write::Ram(0x010, 0x4021)]);
+    }
+
+    #[test]
+    fn the_chips_own_status_bits_are_left_alone() {
+        let bus = TestBus::new();
+        let mut port = FeedbackPort::new(bus.clone());
+        bus.set_ram(0x035, 0x5805);
+        port.set_status(0x98FA);
+        assert_eq!(bus.ram(0x035), 0x98F5);
+        bus.set_ram(0x015, 0x000F);
+        port.set_initial_status(0x4000);
+        assert_eq!(bus.ram(0x015), 0x400F);
+    }
+
+    #[test]
+    fn nothing_is_written_or_read_beyond_the_record() {
+        let bus = TestBus::new();
+        let mut feedback = FeedbackPort::new(bus.clone());
+        feedback.set_word(16, 0x1234);
+        feedback.set_double_word(u16::MAX, 0x1234_5678);
+        assert_eq!(bus.take_writes(), []);
+        assert_eq!(CommandPort::new(bus, 1).word(16), 0);
+    }
+
+    proptest! {
+        #[test]
+        fn cyclic_words_stand_behind_the_service_info(index in 0_u16..15, value: u32) {
+            let bus = TestBus::new();
+            FeedbackPort::new(bus.clone()).set_double_word(index, value);
+            prop_assert_eq!(u32::from(bus.ram(0x037 + index)) | u32::from(bus.ram(0x038 + index)) << 16, value);
+            bus.set_ram(0x051 + index, value as u16);
+            bus.set_ram(0x052 + index, (value >> 16) as u16);
+            prop_assert_eq!(CommandPort::new(bus, 1).double_word(index), value);
+        }
     }
 }

@@ -96,6 +96,8 @@ enum Transfer {
     None,
     /// A read; `first` is the handshake bit of the step that carries the segment's word 0.
     Sending { element: u3, first: bool, words: u8 },
+    /// A read whose segment has gone out completely: the next step asks for more.
+    Sent { element: u3 },
     /// A write; `handshake` was released last.
     Receiving { element: u3, handshake: bool },
 }
@@ -192,6 +194,10 @@ impl<B: Bus> ServicePort<B> {
                 step.boundary = self.boundary(answer, request, first, words);
                 sent = step.boundary != Boundary::SegmentExhausted;
             }
+            Transfer::Sent { element } if element == request.element() && !request.write() => {
+                step.new_transfer = false;
+                step.boundary = Boundary::SegmentExhausted;
+            }
             Transfer::Receiving { element, handshake } if element == request.element() && request.write() => {
                 step.new_transfer = false;
                 // Two flips of the handshake bit since the release: one step was accepted by the chip itself.
@@ -213,48 +219,47 @@ impl<B: Bus> ServicePort<B> {
         let element = request.element();
         let read = !request.write() && element != u3::new(0);
         let mut error = false;
-        let mut goes_on = false;
-        match answer {
+        self.transfer = match answer {
             ServiceAnswer::Send { words } if read && !words.is_empty() => {
                 let count = self.fill(words);
-                let first = request.handshake() ^ sent;
-                goes_on = !request.end();
-                if goes_on {
-                    self.transfer = Transfer::Sending { element, first, words: count };
+                if request.end() {
+                    Transfer::None
+                } else if count == 1 && !sent {
                     // The release itself sends the only word.
-                    goes_on = sent || count > 1;
+                    Transfer::Sent { element }
                 } else {
-                    self.transfer = Transfer::None;
+                    Transfer::Sending { element, first: request.handshake() ^ sent, words: count }
                 }
             }
             ServiceAnswer::Continue if read && sent => {
-                goes_on = !request.end() && !self.segment_complete(request);
                 if request.end() {
-                    self.transfer = Transfer::None;
+                    Transfer::None
+                } else {
+                    Transfer::Sent { element }
                 }
             }
             ServiceAnswer::Error { code } => {
                 error = true;
                 self.point_at_cell(code);
-                self.transfer = Transfer::None;
+                Transfer::None
             }
             ServiceAnswer::Send { .. } | ServiceAnswer::Continue | ServiceAnswer::Accept { .. } => {
                 let info = if let ServiceAnswer::Accept { info } = answer { info } else { 0 };
                 self.point_at_cell(info);
-                goes_on = request.write() && !request.end() && element != u3::new(0);
-                self.transfer = if goes_on {
+                if request.write() && !request.end() && element != u3::new(0) {
                     Transfer::Receiving { element, handshake: request.handshake() }
                 } else {
                     Transfer::None
-                };
+                }
             }
-        }
+        };
+        let under_way = matches!(self.transfer, Transfer::Sending { .. } | Transfer::Receiving { .. });
         self.bus.write_ram(SUPERVISION, 0);
         let word = Answer::DEFAULT
             .with_handshake(request.handshake())
             .with_error(error)
             .with_command_change(self.command_change)
-            .with_element(if goes_on { element } else { u3::new(0) })
+            .with_element(if under_way { element } else { u3::new(0) })
             .with_write(request.write());
         self.bus.write_ram(SERVICE_CONTAINER, word.raw_value());
     }
@@ -283,13 +288,6 @@ impl<B: Bus> ServicePort<B> {
             let pointer = BufferPointer::new_with_raw_value(self.bus.read_ram(address));
             pointer.present() > pointer.last()
         })
-    }
-
-    fn segment_complete(&self, request: Request) -> bool {
-        match self.transfer {
-            Transfer::Sending { first, words, .. } => took_last_word(request.handshake(), first, words),
-            _ => true,
-        }
     }
 
     /// Fills both buffers alike and returns how many words were taken.
@@ -323,3 +321,6 @@ const fn took_last_word(handshake: bool, first: bool, words: u8) -> bool {
     let flips_to_last_word_are_odd = words & 1 == 0;
     (handshake ^ first) == flips_to_last_word_are_odd
 }
+
+#[cfg(test)]
+mod tests;
