@@ -1,11 +1,84 @@
-//! Placeholder.
+//! The drive: what each task of the application does, as plain functions over two traits.
+//!
+//! | struct | priority | tasks |
+//! |---|---|---|
+//! | [`Interrupts`] | high | both interrupt lines of the ring controller |
+//! | [`Motion`] | high | `command_valid` (t3), `capture_feedback` (t4), `control_loop` (125 us) |
+//! | [`Communication`] | low | `phase_change`, `service_channel` |
+//!
+//! The application binds the tasks to interrupts and does nothing else; a test binds them to a simulated ring. The chip is
+//! reached through [`sercon816::Bus`], the motor through [`Hardware`].
 #![no_std]
 #![forbid(unsafe_code)]
+#![cfg_attr(
+    not(test),
+    deny(
+        clippy::unwrap_used,
+        clippy::expect_used,
+        clippy::indexing_slicing,
+        clippy::arithmetic_side_effects,
+        clippy::panic
+    )
+)]
 
+#[cfg(test)]
+extern crate std;
+
+mod communication;
+mod diagnosis;
+mod feedback;
 mod hardware;
+mod identity;
+mod interrupts;
+mod live;
+mod motion;
+mod mst;
+mod record;
+mod settings;
+mod snapshot;
 mod state;
 mod work;
 
+pub use communication::{Communication, PhaseReport, StartError};
+pub use diagnosis::{Diagnosis, diagnose};
+pub use feedback::FeedbackValues;
 pub use hardware::{Amplifier, Hardware, InterruptLine, LOOP_PERIOD_MICROSECONDS};
+pub use identity::{DriveAddress, Identity};
+pub use interrupts::Interrupts;
+pub use motion::{CommandValues, Motion};
+pub use record::{Command, Feedback, MOST_SIGNALS, Records};
+pub use settings::{InvalidSetting, MotionSettings, OperationMode, Polarity};
+pub use snapshot::Snapshot;
 pub use state::{Conditions, DriveState, StateMachine, Switches, status_bits};
 pub use work::Work;
+
+use sercon816::Bus;
+use sercos::parameters::Parameters;
+
+/// The three parts of a drive; each belongs to the tasks of one priority.
+#[derive(Debug)]
+pub struct Drive<B, H> {
+    /// The interrupt lines.
+    pub interrupts: Interrupts<B>,
+    /// Phases and service channel.
+    pub communication: Communication<B>,
+    /// Motor side and cyclic data.
+    pub motion: Motion<B, H>,
+}
+
+/// A drive with the default parameters, torque-free; the chip is not touched before [`Communication::start`].
+///
+/// # Errors
+/// The defaults do not make a drive with this board's loop timer (a mistake in the table or the board, found by tests).
+pub fn new<B: Bus + Clone, H: Hardware>(
+    bus: B,
+    hardware: H,
+    identity: Identity,
+) -> Result<Drive<B, H>, InvalidSetting> {
+    let settings = MotionSettings::new(&Parameters::new(), H::LOOP_TIMER_COUNTS)?;
+    Ok(Drive {
+        interrupts: Interrupts::new(bus.clone()),
+        communication: Communication::new(bus.clone(), identity),
+        motion: Motion::new(bus, identity.address.get(), hardware, settings),
+    })
+}

@@ -45,11 +45,7 @@ impl Switches {
     /// The switches in a control word.
     #[must_use]
     pub const fn from_control_word(word: u16) -> Self {
-        Self {
-            on: word & 0x8000 != 0,
-            enable: word & 0x4000 != 0,
-            run: word & 0x2000 != 0,
-        }
+        Self { on: word & 0x8000 != 0, enable: word & 0x4000 != 0, run: word & 0x2000 != 0 }
     }
 }
 
@@ -113,19 +109,11 @@ impl StateMachine {
     }
 
     const fn running(switches: Switches) -> DriveState {
-        if switches.run {
-            DriveState::Following
-        } else {
-            DriveState::Halted
-        }
+        if switches.run { DriveState::Following } else { DriveState::Halted }
     }
 
     const fn stopped(conditions: Conditions) -> DriveState {
-        if conditions.fault {
-            DriveState::Fault
-        } else {
-            DriveState::Off
-        }
+        if conditions.fault { DriveState::Fault } else { DriveState::Off }
     }
 }
 
@@ -138,11 +126,7 @@ pub const fn status_bits(state: DriveState, conditions: Conditions) -> u16 {
         _ => 0x4000,
     };
     let error = if conditions.fault { 0x2000 } else { 0 };
-    let following = if matches!(state, DriveState::Following) {
-        0x0008
-    } else {
-        0
-    };
+    let following = if matches!(state, DriveState::Following) { 0x0008 } else { 0 };
     ready | error | following
 }
 
@@ -150,41 +134,14 @@ pub const fn status_bits(state: DriveState, conditions: Conditions) -> u16 {
 mod tests {
     use super::*;
 
-    const FOLLOW: Switches = Switches {
-        on: true,
-        enable: true,
-        run: true,
-    };
-    const HALT: Switches = Switches {
-        on: true,
-        enable: true,
-        run: false,
-    };
-    const ENABLED: Switches = Switches {
-        on: false,
-        enable: true,
-        run: true,
-    };
-    const NONE: Switches = Switches {
-        on: false,
-        enable: false,
-        run: false,
-    };
-    const READY: Conditions = Conditions {
-        operating_phase: true,
-        power: true,
-        fault: false,
-        fatal: false,
-        standstill: false,
-    };
-    const FAULT: Conditions = Conditions {
-        fault: true,
-        ..READY
-    };
-    const STANDING: Conditions = Conditions {
-        standstill: true,
-        ..READY
-    };
+    const FOLLOW: Switches = Switches { on: true, enable: true, run: true };
+    const HALT: Switches = Switches { on: true, enable: true, run: false };
+    const ENABLED: Switches = Switches { on: false, enable: true, run: true };
+    const NONE: Switches = Switches { on: false, enable: false, run: false };
+    const READY: Conditions =
+        Conditions { operating_phase: true, power: true, fault: false, fatal: false, standstill: false };
+    const FAULT: Conditions = Conditions { fault: true, ..READY };
+    const STANDING: Conditions = Conditions { standstill: true, ..READY };
 
     fn following() -> StateMachine {
         let mut machine = StateMachine::default();
@@ -196,21 +153,11 @@ mod tests {
     #[test]
     fn torque_needs_cp4_and_power_and_a_new_edge() {
         let mut machine = StateMachine::default();
-        let no_power = Conditions {
-            power: false,
-            ..READY
-        };
-        let cp3 = Conditions {
-            operating_phase: false,
-            ..READY
-        };
+        let no_power = Conditions { power: false, ..READY };
+        let cp3 = Conditions { operating_phase: false, ..READY };
         assert_eq!(machine.update(FOLLOW, cp3), DriveState::Off);
         assert_eq!(machine.update(FOLLOW, no_power), DriveState::Off);
-        assert_eq!(
-            machine.update(FOLLOW, READY),
-            DriveState::Off,
-            "power came under a request that was already there"
-        );
+        assert_eq!(machine.update(FOLLOW, READY), DriveState::Off, "power came under a request that was already there");
         let _ = machine.update(ENABLED, READY);
         assert_eq!(machine.update(FOLLOW, READY), DriveState::Following);
     }
@@ -220,16 +167,7 @@ mod tests {
         let mut machine = following();
         assert_eq!(machine.update(FOLLOW, FAULT), DriveState::FaultReaction);
         assert_eq!(machine.update(FOLLOW, FAULT), DriveState::FaultReaction);
-        assert_eq!(
-            machine.update(
-                FOLLOW,
-                Conditions {
-                    standstill: true,
-                    ..FAULT
-                }
-            ),
-            DriveState::Fault
-        );
+        assert_eq!(machine.update(FOLLOW, Conditions { standstill: true, ..FAULT }), DriveState::Fault);
         assert_eq!(machine.update(FOLLOW, READY), DriveState::Off);
         assert_eq!(machine.update(FOLLOW, READY), DriveState::Off);
         let _ = machine.update(NONE, READY);
@@ -239,74 +177,23 @@ mod tests {
     #[test]
     fn a_ring_that_falls_to_cp0_ends_in_a_controlled_stop() {
         let mut machine = following();
-        let lost = Conditions {
-            operating_phase: false,
-            ..FAULT
-        };
+        let lost = Conditions { operating_phase: false, ..FAULT };
         assert_eq!(machine.update(NONE, lost), DriveState::FaultReaction);
-        assert_eq!(
-            machine.update(
-                NONE,
-                Conditions {
-                    standstill: true,
-                    ..lost
-                }
-            ),
-            DriveState::Fault
-        );
+        assert_eq!(machine.update(NONE, Conditions { standstill: true, ..lost }), DriveState::Fault);
         let mut machine = following();
-        let orderly = Conditions {
-            operating_phase: false,
-            ..READY
-        };
+        let orderly = Conditions { operating_phase: false, ..READY };
         assert_eq!(machine.update(NONE, orderly), DriveState::SwitchingOff);
-        assert_eq!(
-            machine.update(
-                NONE,
-                Conditions {
-                    standstill: true,
-                    ..orderly
-                }
-            ),
-            DriveState::Off
-        );
+        assert_eq!(machine.update(NONE, Conditions { standstill: true, ..orderly }), DriveState::Off);
     }
 
     #[test]
     fn enable_and_lost_power_take_the_torque_away_at_once() {
         let mut machine = following();
-        assert_eq!(
-            machine.update(
-                Switches {
-                    enable: false,
-                    ..FOLLOW
-                },
-                READY
-            ),
-            DriveState::Off
-        );
+        assert_eq!(machine.update(Switches { enable: false, ..FOLLOW }, READY), DriveState::Off);
         let mut machine = following();
-        assert_eq!(
-            machine.update(
-                FOLLOW,
-                Conditions {
-                    power: false,
-                    ..READY
-                }
-            ),
-            DriveState::Off
-        );
+        assert_eq!(machine.update(FOLLOW, Conditions { power: false, ..READY }), DriveState::Off);
         let mut machine = following();
-        assert_eq!(
-            machine.update(
-                FOLLOW,
-                Conditions {
-                    fatal: true,
-                    ..FAULT
-                }
-            ),
-            DriveState::Fault
-        );
+        assert_eq!(machine.update(FOLLOW, Conditions { fatal: true, ..FAULT }), DriveState::Fault);
     }
 
     #[test]
@@ -322,24 +209,12 @@ mod tests {
     #[test]
     fn status_bits_follow_the_captured_words() {
         // 0x5801 and 0x9801 of a real ring: power missing, power applied (sercos2.md 1.7; bits 12, 11 and 0 are not ours).
-        let no_power = Conditions {
-            power: false,
-            ..READY
-        };
+        let no_power = Conditions { power: false, ..READY };
         assert_eq!(status_bits(DriveState::Off, no_power), 0x4000);
         assert_eq!(status_bits(DriveState::Off, READY), 0x8000);
         assert_eq!(status_bits(DriveState::Following, READY), 0xC008);
         assert_eq!(status_bits(DriveState::Halted, READY), 0xC000);
         assert_eq!(status_bits(DriveState::FaultReaction, FAULT), 0xE000);
-        assert_eq!(
-            status_bits(
-                DriveState::Fault,
-                Conditions {
-                    power: false,
-                    ..FAULT
-                }
-            ),
-            0x6000
-        );
+        assert_eq!(status_bits(DriveState::Fault, Conditions { power: false, ..FAULT }), 0x6000);
     }
 }

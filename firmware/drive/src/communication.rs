@@ -1,0 +1,240 @@
+//! The tasks of low priority: phase change and service channel.
+
+use core::fmt;
+
+use rtic_core::Mutex;
+use sercon816::{Block, Boundary, Bus, Configuration, InitialiseError, ServiceAnswer, ServicePort, ServiceStep, Slave};
+use sercos::parameters::Parameters;
+use sercos::phase::{PhaseChange, PhaseError};
+use sercos::service::{Reply, Server, Step};
+use sercos::{Idn, Phase, PhaseMachine};
+
+use crate::diagnosis::diagnose;
+use crate::hardware::Hardware;
+use crate::identity::Identity;
+use crate::interrupts::Interrupts;
+use crate::live::{Checks, Context};
+use crate::motion::Motion;
+use crate::settings::MotionSettings;
+
+/// Why the drive cannot start.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
+pub enum StartError {
+    /// The ring controller is not there or not sound.
+    Chip(InitialiseError),
+}
+
+impl fmt::Display for StartError {
+    fn fmt(&self, formatter: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let Self::Chip(error) = self;
+        write!(formatter, "ring controller: {error}; check its supply, clock, reset line and bus")
+    }
+}
+
+impl core::error::Error for StartError {}
+
+/// A phase change that has happened, for the log.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
+pub struct PhaseReport {
+    /// Phase until now.
+    pub from: Phase,
+    /// Phase from now on.
+    pub to: Phase,
+    /// Why, if it was not the master's regular step.
+    pub error: Option<PhaseError>,
+}
+
+/// The ring's side of the drive: phases, parameters, service channel.
+///
+/// `phase_change` and `service_channel` run at one priority and share it without locks.
+#[derive(Debug)]
+pub struct Communication<B> {
+    identity: Identity,
+    slave: Slave<B>,
+    service: ServicePort<B>,
+    phases: PhaseMachine,
+    server: Server,
+    parameters: Parameters,
+    checks: Checks,
+}
+
+impl<B: Bus + Clone> Communication<B> {
+    /// A drive that has not touched its chip yet.
+    pub fn new(bus: B, identity: Identity) -> Self {
+        Self {
+            identity,
+            slave: Slave::new(bus.clone()),
+            service: ServicePort::new(bus),
+            phases: PhaseMachine::new(),
+            server: Server::new(),
+            parameters: Parameters::new(),
+            checks: Checks::default(),
+        }
+    }
+
+    /// Sets the chip up for CP0; once, before its interrupts can come. Some 1 000 bus accesses.
+    ///
+    /// # Errors
+    /// [`StartError`]; the drive then stays out of the ring: its repeater may be on, but it never answers.
+    pub fn start<H: Hardware>(
+        &mut self,
+        interrupts: &mut Interrupts<B>,
+        motion: &mut Motion<B, H>,
+    ) -> Result<(), StartError> {
+        let configuration = Configuration {
+            address: self.identity.address.get(),
+            bit_rate: self.identity.bit_rate,
+            clock: self.identity.master_clock,
+            transceiver: self.identity.transceiver,
+        };
+        self.slave.initialise(&configuration).map_err(StartError::Chip)?;
+        self.service.reset();
+        motion.enter_phase(Phase::Cp0);
+        interrupts.enable();
+        Ok(())
+    }
+
+    /// The slave's phase.
+    pub fn phase(&self) -> Phase {
+        self.phases.current()
+    }
+
+    /// The parameters, for tests and tools beside the ring.
+    pub fn parameters(&self) -> &Parameters {
+        &self.parameters
+    }
+
+    /// Task of a phase change: the MST carries another phase, or supervision has given the ring up.
+    ///
+    /// Contract: at most 50 us from the MST at 168 MHz; the first AT of CP3 may miss its t1, one is allowed (sercos2.md 2.4).
+    pub fn phase_change<H: Hardware>(
+        &mut self,
+        interrupts: &mut impl Mutex<T = Interrupts<B>>,
+        motion: &mut impl Mutex<T = Motion<B, H>>,
+    ) -> Option<PhaseReport> {
+        let from = self.phases.current();
+        let lost = motion.lock(Motion::take_loss);
+        let result = match lost {
+            Some(error) => Err(self.phases.fail(error)),
+            None => self.phases.received(self.slave.phase_received()),
+        };
+        let report = match result {
+            Ok(PhaseChange::Unchanged) => return None,
+            Ok(PhaseChange::Entered { from, to }) => {
+                self.enter(to, interrupts, motion);
+                PhaseReport { from, to, error: None }
+            }
+            Err(error) => {
+                motion.lock(Motion::communication_fault);
+                self.enter(Phase::Cp0, interrupts, motion);
+                // The master may have gone to CP0 in the same moment: then this is its CP0, and no other change will tell.
+                let _ = self.phases.received(self.slave.phase_received());
+                PhaseReport { from, to: Phase::Cp0, error: Some(error) }
+            }
+        };
+        self.show_diagnosis(motion);
+        Some(report)
+    }
+
+    /// Task of INT_SC_0: serves every step that waits in the service container.
+    ///
+    /// Contract: at most 100 us from the end of the MDT to the release; settings that a write has changed are worked out
+    /// after the release.
+    pub fn service_channel<H: Hardware>(&mut self, motion: &mut impl Mutex<T = Motion<B, H>>) {
+        let mut settings_changed = false;
+        let mut context = Context {
+            motion,
+            slave: &mut self.slave,
+            phases: &mut self.phases,
+            checks: &mut self.checks,
+            identity: &self.identity,
+            settings_changed: &mut settings_changed,
+        };
+        if context.checks.waits_for_lock {
+            let state = context.check_cp4(&self.parameters, false);
+            self.server.command_progress(Idn::CP4_TRANSITION_CHECK, state);
+            self.service.set_command_change(self.server.command_change());
+        }
+        let mut served = false;
+        while let Some(step) = self.service.pending() {
+            served = true;
+            if let Some(info) = step.silent {
+                // The controller has accepted this word by itself; an error in it comes back with the next step.
+                let before = Step { info, end: false, ..protocol_step(&step) };
+                let _ = self.server.step(before, &mut self.parameters, &mut context);
+            }
+            let reply = self.server.step(protocol_step(&step), &mut self.parameters, &mut context);
+            self.service.set_command_change(self.server.command_change());
+            self.service.release(answer(&step, &reply));
+        }
+        if settings_changed {
+            if let Ok(settings) = MotionSettings::new(&self.parameters, H::LOOP_TIMER_COUNTS) {
+                motion.lock(|motion| motion.apply_settings(settings));
+            }
+        }
+        if served {
+            self.show_diagnosis(motion);
+        }
+    }
+
+    fn enter<H: Hardware>(
+        &mut self,
+        phase: Phase,
+        interrupts: &mut impl Mutex<T = Interrupts<B>>,
+        motion: &mut impl Mutex<T = Motion<B, H>>,
+    ) {
+        if phase == Phase::Cp3 {
+            // The record of the first AT is complete before the chip may send it.
+            motion.lock(|motion| motion.enter_phase(phase));
+        }
+        let timers = interrupts.lock(|interrupts| interrupts.timers_for(phase));
+        // CP3 without a cyclic configuration can not be reached: the phase machine asks for S-0-0127 first.
+        let _ = self.slave.enter(phase.number(), timers.as_ref());
+        match phase {
+            Phase::Cp0 | Phase::Cp1 => self.service.set_block(&Block::INITIAL),
+            Phase::Cp2 => {
+                self.service.reset();
+                self.parameters.forget_written();
+            }
+            Phase::Cp3 => self.service.set_block(&Block::CYCLIC),
+            Phase::Cp4 => {}
+        }
+        if phase != Phase::Cp3 {
+            motion.lock(|motion| motion.enter_phase(phase));
+        }
+        self.checks.waits_for_lock = false;
+        self.server.phase_changed(phase);
+        self.service.set_command_change(self.server.command_change());
+    }
+
+    fn show_diagnosis<H: Hardware>(&self, motion: &mut impl Mutex<T = Motion<B, H>>) {
+        let interface = self.phases.interface_status();
+        let snapshot = motion.lock(|motion| motion.snapshot());
+        let number = diagnose(&snapshot, self.phases.current(), interface).number;
+        motion.lock(|motion| motion.set_diagnostics(interface.raw_value(), number));
+    }
+}
+
+fn protocol_step(step: &ServiceStep) -> Step {
+    Step {
+        element: step.element,
+        write: step.write,
+        end: step.end,
+        info: step.info,
+        new_transfer: step.new_transfer,
+        at_boundary: step.boundary != Boundary::None,
+    }
+}
+
+fn answer<'a>(step: &ServiceStep, reply: &'a Reply) -> ServiceAnswer<'a> {
+    match reply {
+        Reply::Send(words) => ServiceAnswer::Send { words },
+        Reply::Continue => ServiceAnswer::Continue,
+        Reply::Accept { info } => ServiceAnswer::Accept { info: *info },
+        // The last word went out with this step; that there is no further one is an error of the next step, if it asks.
+        Reply::Error(_) if step.boundary == Boundary::SegmentSent => ServiceAnswer::Continue,
+        Reply::Error(error) => ServiceAnswer::Error { code: error.code() },
+    }
+}

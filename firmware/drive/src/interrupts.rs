@@ -1,0 +1,127 @@
+//! The ring controller's two interrupt lines, and what each event starts.
+
+use sercon816::uncertain::PHASE_RECEIVED_BITS;
+use sercon816::{Bus, Discovery, Events, Observation, Register, TimerMap};
+use sercos::Phase;
+
+use crate::hardware::{Hardware, InterruptLine, LOOP_PERIOD_MICROSECONDS};
+use crate::motion::Motion;
+use crate::work::Work;
+
+/// No MST carries this byte: the first one received is a change.
+const NO_PHASE: u8 = 0xFF;
+
+/// Reads and acknowledges the chip's interrupts and sorts them into tasks.
+///
+/// Both lines are served alike, because which source drives which line is one of the chip's unknowns (G5). Until the chip
+/// has shown which timer raises which bit (G4, G11), [`Interrupts::poll`] looks at it in every loop tick as well.
+#[derive(Debug)]
+pub struct Interrupts<B> {
+    chip: sercon816::Interrupts<B>,
+    bus: B,
+    discovery: Discovery,
+    time_us: u32,
+    events: u8,
+    interrupted: bool,
+    interrupts_arrive: bool,
+    learning: bool,
+    phase_byte: u8,
+}
+
+impl<B: Bus + Clone> Interrupts<B> {
+    /// A handler that knows nothing of the chip yet.
+    pub fn new(bus: B) -> Self {
+        Self {
+            chip: sercon816::Interrupts::new(bus.clone()),
+            bus,
+            discovery: Discovery::new(),
+            time_us: 0,
+            events: 0,
+            interrupted: false,
+            interrupts_arrive: false,
+            learning: true,
+            phase_byte: NO_PHASE,
+        }
+    }
+
+    /// Enables the chip's interrupts, once it is initialised.
+    pub(crate) fn enable(&mut self) {
+        self.chip.enable();
+    }
+
+    /// Task of an interrupt line: reads the position latch of that line, then takes and acknowledges all events.
+    ///
+    /// The latch comes first, because acknowledging makes another edge on the line.
+    /// 4 to 10 bus accesses.
+    pub fn take<H: Hardware>(&mut self, line: InterruptLine, motion: &mut Motion<B, H>) -> Work {
+        let latch = motion.latch(line);
+        let events = self.chip.take();
+        self.interrupted = true;
+        if events.capture_feedback {
+            motion.set_latch(latch);
+        }
+        self.sort(events)
+    }
+
+    /// In every tick of the loop timer: learns the chip's timers in CP0, and stands in for interrupts that do not arrive.
+    ///
+    /// Two bus accesses while there is something to learn, none later.
+    pub fn poll<H: Hardware>(&mut self, motion: &mut Motion<B, H>) -> Work {
+        self.time_us = self.time_us.wrapping_add(u32::from(LOOP_PERIOD_MICROSECONDS));
+        self.interrupts_arrive |= self.interrupted;
+        if !self.learning && self.interrupts_arrive {
+            return Work::empty();
+        }
+        let events = self.chip.take();
+        if events.capture_feedback {
+            motion.latch_now();
+        }
+        let work = self.sort(events);
+        let mut orders = self.discovery.tick(Observation {
+            time_us: self.time_us,
+            events: self.events,
+            polled: !events.is_empty(),
+            interrupted: self.interrupted,
+        });
+        self.events = 0;
+        self.interrupted = false;
+        if !self.learning {
+            orders.arm = None;
+            orders.found = None;
+        }
+        self.learning &= !self.discovery.is_done();
+        self.chip.carry_out(&orders);
+        work
+    }
+
+    /// The timers to be programmed for a phase, `None` while the chip is still being learned in CP0 to CP2.
+    ///
+    /// CP3 and CP4 end the learning: what is not known by then is assumed.
+    pub(crate) fn timers_for(&mut self, phase: Phase) -> Option<TimerMap> {
+        if phase >= Phase::Cp3 {
+            self.learning = false;
+        }
+        (!self.learning).then(|| self.chip.timers())
+    }
+
+    fn sort(&mut self, events: Events) -> Work {
+        self.events |= events.raw;
+        let mut work = Work::empty();
+        work.set(Work::COMMAND_VALID, events.command_valid);
+        work.set(Work::CAPTURE_FEEDBACK, events.capture_feedback);
+        work.set(Work::SERVICE_CHANNEL, events.service_channel);
+        // Only an event of a running cycle proves that an MST has been received and 0BH means anything.
+        let in_cycle = events.cycle || events.command_valid || (self.learning && events.raw != 0);
+        if in_cycle && self.phase_changed() {
+            work |= Work::PHASE_CHANGE;
+        }
+        work
+    }
+
+    fn phase_changed(&mut self) -> bool {
+        let received = (self.bus.read_register(Register::PHASE_RECEIVED) & PHASE_RECEIVED_BITS) as u8;
+        let changed = received != self.phase_byte;
+        self.phase_byte = received;
+        changed
+    }
+}

@@ -1,0 +1,541 @@
+//! The hot tasks: command values at t3, feedback at t4, the loops every 125 us.
+//!
+//! All three run at one priority and share [`Motion`] without locks. The background tasks (phase change, service channel)
+//! take it under a short lock to hand over settings or to read a snapshot.
+
+use sercon816::{Bus, CommandPort, FeedbackPort};
+use sercos::Phase;
+use sercos::diagnostic::{Class1, Class3};
+use sercos::phase::PhaseError;
+use sercos::supervision::{Reception, Supervision};
+use servo::{Axis, CurrentFraction, Encoder, LoopClock, Mode, Position, Velocity};
+
+use crate::feedback::FeedbackValues;
+use crate::hardware::{Amplifier, Hardware, InterruptLine};
+use crate::mst::MstMonitor;
+use crate::record::{Command, Feedback, Records};
+use crate::settings::{MotionSettings, OperationMode};
+use crate::snapshot::Snapshot;
+use crate::state::{Conditions, DriveState, StateMachine, Switches, status_bits};
+use crate::work::Work;
+
+/// C3D change bit of the status word (sercos2.md 1.7). C2D has no bits yet, so bit 12 never changes.
+const CLASS_3_CHANGE: u16 = 1 << 11;
+
+/// The cyclic command values as they came last.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct CommandValues {
+    /// S-0-0134, the control word with its service bits.
+    pub control_word: u16,
+    /// S-0-0036 in its own weight.
+    pub velocity: i32,
+    /// S-0-0047 in its own weight.
+    pub position: i32,
+}
+
+/// The motor side of the drive and the cyclic half of the bus.
+#[derive(Debug)]
+pub struct Motion<B, H> {
+    hardware: H,
+    command_port: CommandPort<B>,
+    feedback_port: FeedbackPort<B>,
+    mst: MstMonitor<B>,
+    settings: MotionSettings,
+    axis: Axis,
+    encoder: Encoder,
+    clock: LoopClock,
+    records: Records,
+    machine: StateMachine,
+    amplifier: Amplifier,
+    switches: Switches,
+    mode: Option<OperationMode>,
+    phase: Phase,
+    commands: CommandValues,
+    values: FeedbackValues,
+    supervision: Supervision,
+    lost: Option<PhaseError>,
+    uninitialised_mode: bool,
+    class_1: Class1,
+    class_3: Class3,
+    class_3_change: bool,
+    diagnostic_number: u16,
+    interface_status: u16,
+    latch: u32,
+    /// Loop ticks since the last t3 event, or since the flywheel stood in for one.
+    ticks_since_t3: u16,
+    fatal: bool,
+    without_lag: bool,
+    /// Cycles since a command value was last handed to the axis.
+    cycles_since_command: u16,
+    /// Ticks for which somebody still waits for the loop clock to lock, see [`Motion::wait_for_lock`].
+    lock_patience: u16,
+}
+
+impl<B: Bus + Clone, H: Hardware> Motion<B, H> {
+    /// A motor side at rest: torque-free, CP0, position zero where the encoder stands.
+    pub fn new(bus: B, address: u8, mut hardware: H, settings: MotionSettings) -> Self {
+        let encoder = Encoder::new(settings.encoder, hardware.encoder_count());
+        hardware.set_current(CurrentFraction::ZERO);
+        hardware.set_amplifier(false);
+        let amplifier = hardware.amplifier();
+        Self {
+            hardware,
+            command_port: CommandPort::new(bus.clone(), address),
+            feedback_port: FeedbackPort::new(bus.clone()),
+            mst: MstMonitor::new(bus),
+            axis: Axis::new(settings.with_lag, encoder.position()),
+            encoder,
+            clock: LoopClock::new(settings.clock),
+            settings,
+            records: Records::default(),
+            machine: StateMachine::default(),
+            amplifier,
+            switches: Switches::default(),
+            mode: None,
+            phase: Phase::Cp0,
+            commands: CommandValues::default(),
+            values: FeedbackValues::default(),
+            supervision: Supervision::new(),
+            lost: None,
+            uninitialised_mode: false,
+            class_1: Class1::empty(),
+            class_3: Class3::empty(),
+            class_3_change: false,
+            diagnostic_number: 0,
+            interface_status: 0,
+            latch: 0,
+            ticks_since_t3: 0,
+            fatal: false,
+            without_lag: false,
+            cycles_since_command: 0,
+            lock_patience: 0,
+        }
+    }
+
+    /// Task of t3 (CP3, CP4): the MDT record of this cycle becomes active. In CP1 and CP2, when the window of the MDT is over:
+    /// arms the one AT that answers an MDT to this drive.
+    ///
+    /// Contract: at most 5 us at 168 MHz from the interrupt to the command in force. 4 to 12 bus accesses.
+    pub fn command_valid(&mut self) -> Work {
+        match self.phase {
+            Phase::Cp0 => Work::empty(),
+            Phase::Cp1 | Phase::Cp2 => {
+                let addressed = self.command_port.take_initial();
+                self.command_port.answer_once(addressed);
+                self.refresh_values(self.encoder.position());
+                let status = self.status_word();
+                self.feedback_port.set_initial_status(status);
+                Work::empty()
+            }
+            Phase::Cp3 | Phase::Cp4 => {
+                let phase_of_timer = self.hardware.loop_timer_phase();
+                self.clock.on_t3(phase_of_timer);
+                self.ticks_since_t3 = 0;
+                self.take_cycle()
+            }
+        }
+    }
+
+    /// Task of t4: position latched by hardware, status word and cyclic data written into the record of the next AT.
+    ///
+    /// Contract: at most 5 us at 168 MHz from the interrupt to the last word written. 2 to 18 bus accesses.
+    pub fn capture_feedback(&mut self) {
+        let position = self.encoder.position_of(self.latch);
+        self.refresh_values(position);
+        let status = self.status_word();
+        self.feedback_port.set_status(status);
+        let mut word = 0;
+        for &signal in &self.records.feedback {
+            let value = self.signal(signal);
+            if signal.words() == 2 {
+                self.feedback_port.set_double_word(word, value);
+            } else {
+                self.feedback_port.set_word(word, (value & 0xFFFF) as u16);
+            }
+            word = word.wrapping_add(signal.words());
+        }
+    }
+
+    /// Task of the loop timer, every 125 us: measures, steps the state machine and the loops, sets the current.
+    ///
+    /// Contract: done before the next tick with the tasks of t3 and t4 in between; no bus access but when a t3 event is overdue.
+    pub fn control_loop(&mut self) -> Work {
+        let position = self.encoder.update(self.hardware.encoder_count());
+        self.amplifier = self.hardware.amplifier();
+        self.update_state();
+        let output = self.axis.tick(position);
+        if output.excessive_deviation {
+            self.class_1 |= Class1::EXCESSIVE_DEVIATION;
+        }
+        self.hardware.set_current(output.current);
+        self.values.take_output(&output);
+        self.class_3 = self.class_3_of(&output);
+        let trim = self.clock.on_tick();
+        self.hardware.trim_loop_timer(trim);
+        self.flywheel() | self.tell_lock()
+    }
+
+    /// Notes the encoder position that the hardware latched at an edge of this interrupt line; before the interrupt is acknowledged.
+    pub fn latch(&mut self, line: InterruptLine) -> u32 {
+        self.hardware.encoder_latch(line)
+    }
+
+    /// Takes the position of this moment where the latch of an interrupt edge is missing (polled events).
+    pub fn latch_now(&mut self) {
+        self.latch = self.hardware.encoder_count();
+    }
+
+    /// The latch that belongs to t4.
+    pub fn set_latch(&mut self, latch: u32) {
+        self.latch = latch;
+    }
+
+    /// A t3 event that is overdue by a quarter of a cycle (at least two ticks) is stood in for, so that supervision and
+    /// extrapolation go on at the ring's rhythm whatever the chip does without an MST (G28).
+    fn flywheel(&mut self) -> Work {
+        if self.phase < Phase::Cp3 {
+            return Work::empty();
+        }
+        self.ticks_since_t3 = self.ticks_since_t3.saturating_add(1);
+        let cycle = self.settings.ticks_per_cycle;
+        let overdue = cycle.saturating_add((cycle >> 2).max(2));
+        if self.ticks_since_t3 < overdue {
+            return Work::empty();
+        }
+        self.ticks_since_t3 = self.ticks_since_t3.saturating_sub(cycle);
+        self.take_cycle()
+    }
+
+    /// What one communication cycle brought: supervision, control word, command values.
+    fn take_cycle(&mut self) -> Work {
+        let mst_missed = self.mst.missed_since_last_call();
+        let received = self.command_port.take_cyclic();
+        let mst = if mst_missed { Reception::Failed } else { Reception::Valid };
+        let mdt = match (received, mst_missed) {
+            (true, _) => Reception::Valid,
+            (false, false) => Reception::Failed,
+            // Without an MST nobody knows when to listen for the MDT.
+            (false, true) => Reception::Unknown,
+        };
+        if let Err(lost) = self.supervision.cycle(mst, mdt) {
+            self.lose(lost);
+            return Work::PHASE_CHANGE;
+        }
+        if self.phase == Phase::Cp4 && received {
+            return self.take_commands();
+        }
+        Work::empty()
+    }
+
+    fn take_commands(&mut self) -> Work {
+        let before = self.commands;
+        self.commands.control_word = self.command_port.control_word();
+        let mut word = 0_u16;
+        for command in &self.records.commands {
+            let value = self.command_port.double_word(word).cast_signed();
+            match command {
+                Command::Velocity => self.commands.velocity = value,
+                Command::Position => self.commands.position = value,
+            }
+            word = word.wrapping_add(2);
+        }
+        self.switches = Switches::from_control_word(self.commands.control_word);
+        let mode = self.requested_mode();
+        if mode.is_none() && !self.uninitialised_mode {
+            self.uninitialised_mode = true;
+            self.lose(PhaseError::UninitialisedMode);
+            return Work::PHASE_CHANGE;
+        }
+        self.mode = mode;
+        self.refuse_a_jump();
+        self.update_state();
+        self.cycles_since_command = self.cycles_since_command.saturating_add(1);
+        // A control unit slower than the ring repeats its values; a repeated value is no new point of the path.
+        let fresh = (before.position, before.velocity) != (self.commands.position, self.commands.velocity);
+        if fresh || self.cycles_since_command >= self.settings.cycles_per_command {
+            self.cycles_since_command = 0;
+            self.axis.command_position(self.commanded_position());
+            self.axis.command_velocity(self.commanded_velocity());
+        }
+        Work::empty()
+    }
+
+    fn commanded_velocity(&self) -> Velocity {
+        let velocity = self.settings.velocity.to_velocity(self.commands.velocity);
+        if self.settings.velocity_polarity.command { -velocity } else { velocity }
+    }
+
+    /// The mode of control word bits 11, 9, 8.
+    fn requested_mode(&self) -> Option<OperationMode> {
+        let word = self.commands.control_word;
+        let selected = ((word & 0x0800) >> 9) | ((word & 0x0300) >> 8);
+        self.settings.modes.get(usize::from(selected)).copied().flatten()
+    }
+
+    fn commanded_position(&self) -> Position {
+        let position = self.settings.position.to_position(self.commands.position);
+        match (self.settings.position_polarity.command, self.axis.settings().interpolator().modulo()) {
+            (false, _) => position,
+            (true, None) => -position,
+            (true, Some(modulo)) => modulo.value() - position,
+        }
+    }
+
+    /// A drive that is switched on far from its command would jump: the deviation is a fault before there is torque.
+    fn refuse_a_jump(&mut self) {
+        let starting = !self.machine.state().has_torque() && self.switches.on && self.switches.enable;
+        let window = self.settings.monitoring_window;
+        if !starting || self.mode == Some(OperationMode::Velocity) || window == Position::ZERO {
+            return;
+        }
+        let mut distance = self.commanded_position() - self.axis.cyclic_position(self.encoder.position());
+        if let Some(modulo) = self.axis.settings().interpolator().modulo() {
+            let range = modulo.value();
+            let half = Position::from_bits(range.to_bits() >> 1);
+            if distance > half {
+                distance = distance - range;
+            } else if distance < -half {
+                distance = distance + range;
+            }
+        }
+        if distance.abs() > window {
+            self.class_1 |= Class1::EXCESSIVE_DEVIATION;
+        }
+    }
+
+    fn lose(&mut self, error: PhaseError) {
+        self.lost = Some(error);
+        self.class_1 |= Class1::COMMUNICATION;
+        self.update_state();
+    }
+
+    fn conditions(&self) -> Conditions {
+        Conditions {
+            operating_phase: self.phase == Phase::Cp4 && self.lost.is_none(),
+            power: self.amplifier.main_power && !self.amplifier.fault,
+            fault: !self.class_1.is_empty(),
+            fatal: self.fatal,
+            standstill: self.class_3.contains(Class3::STANDSTILL),
+        }
+    }
+
+    /// Steps the state machine and puts its state into axis and amplifier.
+    fn update_state(&mut self) {
+        if self.machine.state().has_torque() {
+            if self.amplifier.fault {
+                self.class_1 |= Class1::MANUFACTURER;
+                self.fatal = true;
+            } else if !self.amplifier.main_power {
+                self.class_1 |= Class1::UNDERVOLTAGE;
+            }
+        }
+        let before = self.machine.state();
+        let conditions = self.conditions();
+        let state = self.machine.update(self.switches, conditions);
+        let mode = match (state, self.mode) {
+            (DriveState::Off | DriveState::Fault, _) => Mode::Off,
+            (DriveState::SwitchingOff | DriveState::FaultReaction, _) => Mode::Stopping,
+            (DriveState::Halted, _) => Mode::Halt,
+            (DriveState::Following, Some(OperationMode::Velocity)) => Mode::Velocity,
+            (DriveState::Following, _) => Mode::Position,
+        };
+        let without_lag = self.mode == Some(OperationMode::PositionWithoutLag);
+        if without_lag != self.without_lag {
+            self.without_lag = without_lag;
+            self.apply_axis_settings();
+        }
+        self.axis.set_mode(mode);
+        if state != before {
+            if !state.has_torque() {
+                self.hardware.set_current(CurrentFraction::ZERO);
+            }
+            self.hardware.set_amplifier(state.has_torque());
+        }
+    }
+
+    fn class_3_of(&mut self, output: &servo::AxisOutput) -> Class3 {
+        let mut class_3 = Class3::empty();
+        let velocity_error = output.velocity_command - output.velocity;
+        class_3.set(Class3::VELOCITY_REACHED, velocity_error.abs() <= self.settings.velocity_window);
+        class_3.set(Class3::STANDSTILL, output.standstill);
+        class_3.set(Class3::TORQUE_LIMIT, output.current_limited);
+        class_3.set(Class3::VELOCITY_LIMIT, output.velocity_command.abs() >= self.settings.velocity_limit);
+        let positioned = matches!(self.axis.mode(), Mode::Position | Mode::Halt);
+        class_3.set(Class3::IN_POSITION, positioned && output.following_error.abs() <= self.settings.position_window);
+        let [_, mask] = self.settings.change_masks;
+        self.class_3_change |= (class_3 ^ self.class_3).bits() & mask != 0;
+        class_3
+    }
+
+    fn refresh_values(&mut self, position: Position) {
+        let settings = &self.settings;
+        let within = self.axis.cyclic_position(position);
+        let within = match (settings.position_polarity.feedback, self.axis.settings().interpolator().modulo()) {
+            (false, _) => within,
+            (true, Some(modulo)) if within != Position::ZERO => modulo.value() - within,
+            (true, _) => -within,
+        };
+        self.values.position = settings.position.from_position(within);
+        let velocity = self.values.measured_velocity;
+        let velocity = if settings.velocity_polarity.feedback { -velocity } else { velocity };
+        self.values.velocity = settings.velocity.from_velocity(velocity);
+        self.values.following_distance = settings.position.from_position(self.values.following_error);
+        self.values.torque = settings.torque.apply(i64::from(self.values.current.to_bits()));
+    }
+
+    fn signal(&self, signal: Feedback) -> u32 {
+        match signal {
+            Feedback::Class1 => u32::from(self.class_1.bits()),
+            Feedback::Class2 => 0,
+            Feedback::Class3 => u32::from(self.class_3.bits()),
+            Feedback::InterfaceStatus => u32::from(self.interface_status),
+            Feedback::Velocity => self.values.velocity.cast_unsigned(),
+            Feedback::Position => self.values.position.cast_unsigned(),
+            Feedback::Torque => self.values.torque_word(),
+            Feedback::FollowingDistance => self.values.following_distance.cast_unsigned(),
+            Feedback::DiagnosticNumber => u32::from(self.diagnostic_number),
+            Feedback::ApplicationWord => u32::from(self.settings.application_word),
+        }
+    }
+
+    fn apply_axis_settings(&mut self) {
+        self.axis.apply_settings(if self.without_lag { self.settings.without_lag } else { self.settings.with_lag });
+    }
+
+    fn tell_lock(&mut self) -> Work {
+        if self.lock_patience == 0 {
+            return Work::empty();
+        }
+        self.lock_patience = if self.clock.is_locked() { 0 } else { self.lock_patience.saturating_sub(1) };
+        if self.lock_patience == 0 { Work::SERVICE_CHANNEL } else { Work::empty() }
+    }
+
+    /// Bits 15 to 8 and 3 of the status word, and the change bits of C2D and C3D.
+    fn status_word(&self) -> u16 {
+        let mode = (self.commands.control_word & 0x0300) | ((self.commands.control_word & 0x0800) >> 1);
+        let mode = if self.phase == Phase::Cp4 { mode } else { 0 };
+        let change = if self.class_3_change { CLASS_3_CHANGE } else { 0 };
+        status_bits(self.machine.state(), self.conditions()) | mode | change
+    }
+}
+
+/// For the tasks of low priority, under a lock.
+impl<B: Bus + Clone, H: Hardware> Motion<B, H> {
+    /// Enters a communication phase that the slave has accepted.
+    ///
+    /// CP3 clears the supervision and fills the AT record, so that the first AT is complete. Every phase below CP4 takes the
+    /// command values away: a motor that runs is stopped.
+    pub fn enter_phase(&mut self, phase: Phase) {
+        self.phase = phase;
+        self.switches = Switches::default();
+        self.commands = CommandValues::default();
+        self.uninitialised_mode = false;
+        self.ticks_since_t3 = 0;
+        self.cycles_since_command = 0;
+        match phase {
+            Phase::Cp3 => {
+                let _ = self.mst.missed_since_last_call();
+                let _ = self.command_port.take_cyclic();
+                self.supervision.clear();
+                self.clock = LoopClock::new(self.settings.clock);
+                self.latch_now();
+                self.capture_feedback();
+            }
+            Phase::Cp4 => self.mode = self.settings.modes.first().copied().flatten(),
+            _ => self.supervision.end_bursts(),
+        }
+        self.update_state();
+    }
+
+    /// Which values the cyclic records carry; before CP3.
+    pub fn set_records(&mut self, records: Records) {
+        self.records = records;
+    }
+
+    /// Settings from changed parameters. Another encoder resolution starts the position at zero again.
+    pub fn apply_settings(&mut self, settings: MotionSettings) {
+        let encoder = settings.encoder != self.settings.encoder;
+        let clock = settings.clock != self.settings.clock;
+        self.settings = settings;
+        if clock {
+            self.clock = LoopClock::new(settings.clock);
+        }
+        if encoder {
+            self.encoder = Encoder::new(settings.encoder, self.hardware.encoder_count());
+            self.axis = Axis::new(settings.with_lag, self.encoder.position());
+        }
+        self.apply_axis_settings();
+    }
+
+    /// The error that supervision has found, once.
+    pub fn take_loss(&mut self) -> Option<PhaseError> {
+        self.lost.take()
+    }
+
+    /// A communication error found elsewhere (an illegal phase): C1D bit 12 and best possible deceleration.
+    pub fn communication_fault(&mut self) {
+        self.class_1 |= Class1::COMMUNICATION;
+        self.update_state();
+    }
+
+    /// S-0-0014 and S-0-0390, for the AT.
+    pub fn set_diagnostics(&mut self, interface_status: u16, diagnostic_number: u16) {
+        self.interface_status = interface_status;
+        self.diagnostic_number = diagnostic_number;
+    }
+
+    /// S-0-0099: clears C1D unless a cause is still there or the error reaction still runs.
+    ///
+    /// Returns whether the drive is free of errors now.
+    pub fn reset_class_1(&mut self) -> bool {
+        let reacting = self.machine.state().has_torque() && !self.class_1.is_empty();
+        if reacting || self.amplifier.fault {
+            return false;
+        }
+        self.class_1 = Class1::empty();
+        self.fatal = false;
+        self.update_state();
+        true
+    }
+
+    /// Asks for [`Work::SERVICE_CHANNEL`] when the loop clock has locked to the ring, or after so many loop ticks without.
+    pub fn wait_for_lock(&mut self, ticks: u16) {
+        self.lock_patience = ticks;
+    }
+
+    /// Whether the loops run in a fixed phase to the ring.
+    pub fn is_synchronised(&self) -> bool {
+        self.clock.is_locked()
+    }
+
+    /// What the service channel may ask for.
+    pub fn snapshot(&mut self) -> Snapshot {
+        if self.phase < Phase::Cp3 {
+            self.refresh_values(self.encoder.position());
+        }
+        Snapshot {
+            state: self.machine.state(),
+            conditions: self.conditions(),
+            class_1: self.class_1,
+            class_3: self.class_3,
+            status_word: self.status_word(),
+            commands: self.commands,
+            values: self.values,
+            mst_errors: self.supervision.mst_errors(),
+            mdt_errors: self.supervision.mdt_errors(),
+        }
+    }
+
+    /// Ends the change bit of C3D: the master has read S-0-0013.
+    pub fn clear_class_3_change(&mut self) {
+        self.class_3_change = false;
+    }
+
+    /// S-0-0036 and S-0-0047 over the service channel, while they are not cyclic.
+    pub fn set_command(&mut self, command: Command, value: i32) {
+        match command {
+            Command::Velocity => self.commands.velocity = value,
+            Command::Position => self.commands.position = value,
+        }
+    }
+}

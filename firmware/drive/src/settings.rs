@@ -1,0 +1,346 @@
+//! From the parameters of the master to the settings of the hot tasks: every division is made here.
+
+use sercos::Idn;
+use sercos::parameters::Parameters;
+use servo::{
+    Acceleration, AxisParameters, AxisSettings, EncoderSettings, Gain, LoopClockSettings, Modulo, Position,
+    PositionScale, SettingsError, Velocity, VelocityScale,
+};
+
+use crate::hardware::LOOP_PERIOD_MICROSECONDS;
+
+/// A parameter that the drive cannot work with; S-0-0128 lists it in S-0-0022.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
+pub struct InvalidSetting {
+    /// The parameter.
+    pub idn: Idn,
+    /// What is wrong with it, where the motion side says more than "not supported".
+    pub reason: Option<SettingsError>,
+}
+
+/// What a mode of operation does with the command values (sercos2.md 6.2).
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
+pub enum OperationMode {
+    /// 2: velocity commands S-0-0036.
+    Velocity,
+    /// 3: position commands S-0-0047 with following distance.
+    PositionWithLag,
+    /// 11: position commands S-0-0047 with velocity feed-forward.
+    PositionWithoutLag,
+}
+
+impl OperationMode {
+    /// The value of S-0-0032 to S-0-0035 and of S-0-0292.
+    pub const SUPPORTED: [u16; 3] = [2, 3, 11];
+
+    /// The mode of an operation-mode parameter, `None` for 0 (none) and for everything this drive does not have.
+    #[must_use]
+    pub const fn from_parameter(value: u16) -> Option<Self> {
+        match value {
+            2 => Some(Self::Velocity),
+            3 => Some(Self::PositionWithLag),
+            11 => Some(Self::PositionWithoutLag),
+            _ => None,
+        }
+    }
+}
+
+/// Which signs are turned round (S-0-0043, S-0-0055).
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
+pub struct Polarity {
+    /// Bit 0: the command value.
+    pub command: bool,
+    /// Bit 2: the feedback value.
+    pub feedback: bool,
+}
+
+impl Polarity {
+    const fn from_parameter(value: u16) -> Self {
+        Self { command: value & 1 != 0, feedback: value & 4 != 0 }
+    }
+}
+
+/// Everything the hot tasks need of the parameters, scaled.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
+pub struct MotionSettings {
+    /// Loops without feed-forward: velocity mode and position mode with lag.
+    pub with_lag: AxisSettings,
+    /// Loops with feed-forward S-0-0296.
+    pub without_lag: AxisSettings,
+    /// Modes of control word bits 11, 9, 8 = 000 to 011 (S-0-0032 to S-0-0035).
+    pub modes: [Option<OperationMode>; 4],
+    /// Position data.
+    pub position: PositionScale,
+    /// Velocity data.
+    pub velocity: VelocityScale,
+    /// From a fraction of the peak current (2^-15) to S-0-0084 in 0.1 % of S-0-0111.
+    pub torque: Gain,
+    /// S-0-0055.
+    pub position_polarity: Polarity,
+    /// S-0-0043.
+    pub velocity_polarity: Polarity,
+    /// The encoder.
+    pub encoder: EncoderSettings,
+    /// The loop timer's clock on the ring's clock.
+    pub clock: LoopClockSettings,
+    /// Loop ticks in a communication cycle (S-0-0002).
+    pub ticks_per_cycle: u16,
+    /// Communication cycles in a control unit cycle (S-0-0001): the command value changes once in so many.
+    pub cycles_per_command: u16,
+    /// S-0-0057.
+    pub position_window: Position,
+    /// S-0-0157.
+    pub velocity_window: Velocity,
+    /// S-0-0091 with S-0-0113.
+    pub velocity_limit: Velocity,
+    /// S-0-0159; zero: not monitored.
+    pub monitoring_window: Position,
+    /// S-0-0097 and S-0-0098: which bits of C2D and C3D set their change bit.
+    pub change_masks: [u16; 2],
+    /// P-0-0019.
+    pub application_word: u16,
+}
+
+impl MotionSettings {
+    /// Scales the parameters. Divides: for the service channel, never for a loop.
+    ///
+    /// # Errors
+    /// The first parameter that the drive cannot work with.
+    pub fn new(parameters: &Parameters, loop_timer_counts: u16) -> Result<Self, InvalidSetting> {
+        let position = position_scale(parameters)?;
+        let velocity = velocity_scale(parameters)?;
+        let modulo = modulo(parameters, position_increments(parameters))?;
+        let ticks_per_cycle = ticks(parameters, 2);
+        let control_unit_cycle = if parameters.is_written(Idn::standard(1)) { 1 } else { 2 };
+        let ticks_per_command = ticks(parameters, control_unit_cycle);
+        let cycles_per_command =
+            ticks_per_command.checked_div(ticks_per_cycle).filter(|&cycles| cycles > 0).ok_or(unsupported(1))?;
+        // The ring gives one t3 event a communication cycle, whatever the control unit's own cycle is.
+        let clock = LoopClockSettings::new(loop_timer_counts, ticks_per_cycle, three_quarters(loop_timer_counts))
+            .map_err(invalid(2))?;
+        let monitoring_window = position.to_position(signed(parameters, 159));
+        let velocity_limit = velocity
+            .to_velocity(signed(parameters, 91))
+            .min(Velocity::from_ten_thousandths_rpm(signed(parameters, 113)));
+        let peak_current = parameters.get(Idn::standard(110));
+        let axis = AxisParameters {
+            ticks_per_cycle: ticks_per_command,
+            modulo,
+            position_gain: parameters.get_word(Idn::standard(104)),
+            feed_forward: 0,
+            velocity_gain: parameters.get(Idn::standard(100)),
+            integral_time: parameters.get_word(Idn::standard(101)),
+            velocity_filter: VELOCITY_FILTER_MICROSECONDS,
+            peak_current,
+            current_limit: current_limit(parameters),
+            velocity_limit,
+            deceleration: Acceleration::from_milliradians_per_second_squared(parameters.get(Idn::standard(138))),
+            standstill_window: velocity.to_velocity(signed(parameters, 124)),
+            monitoring_window,
+        };
+        let feed_forward = parameters.get_word(Idn::standard(296)).saturating_mul(10).min(10_000);
+        let torque_ratio = u128::from(peak_current).saturating_mul(1_000);
+        let stall_current = u128::from(parameters.get(Idn::standard(111)));
+        Ok(Self {
+            with_lag: AxisSettings::new(&axis).map_err(invalid(100))?,
+            without_lag: AxisSettings::new(&AxisParameters { feed_forward, ..axis }).map_err(invalid(296))?,
+            modes: modes(parameters)?,
+            position,
+            velocity,
+            torque: Gain::from_ratio(torque_ratio, stall_current.saturating_mul(1 << 15))
+                .ok_or(InvalidSetting { idn: Idn::standard(111), reason: None })?,
+            position_polarity: Polarity::from_parameter(parameters.get_word(Idn::standard(55))),
+            velocity_polarity: Polarity::from_parameter(parameters.get_word(Idn::standard(43))),
+            encoder: EncoderSettings::new(parameters.get(Idn::standard(116)).saturating_mul(INCREMENTS_PER_LINE))
+                .map_err(invalid(116))?,
+            clock,
+            ticks_per_cycle,
+            cycles_per_command,
+            position_window: position.to_position(signed(parameters, 57)),
+            velocity_window: velocity.to_velocity(signed(parameters, 157)),
+            velocity_limit,
+            monitoring_window,
+            change_masks: [parameters.get_word(Idn::standard(97)), parameters.get_word(Idn::standard(98))],
+            application_word: parameters.get_word(Idn::product(19)),
+        })
+    }
+}
+
+/// An encoder line gives four edges.
+const INCREMENTS_PER_LINE: u32 = 4;
+
+/// Time constant of the velocity feedback of the loop: four ticks, well above the velocity loop's bandwidth.
+const VELOCITY_FILTER_MICROSECONDS: u16 = 500;
+
+/// Preferred rotary position scaling: 0.0001 degree (sercos2.md 6.5).
+const PREFERRED_INCREMENTS: u32 = 3_600_000;
+
+/// Bits of a scaling type that this drive does not have must be zero: linear scaling, the load side, inches.
+const POSITION_TYPE_BITS: u16 = 0b1000_1111;
+const VELOCITY_TYPE_BITS: u16 = 0b0010_1111;
+const ROTARY: u16 = 2;
+const BY_PARAMETER: u16 = 1 << 3;
+const PER_SECOND: u16 = 1 << 5;
+const MODULO: u16 = 1 << 7;
+
+fn invalid(number: u16) -> impl Fn(SettingsError) -> InvalidSetting {
+    move |reason| InvalidSetting { idn: Idn::standard(number), reason: Some(reason) }
+}
+
+fn unsupported(number: u16) -> InvalidSetting {
+    InvalidSetting { idn: Idn::standard(number), reason: None }
+}
+
+/// A 32-bit parameter as the signed number that scalings work with; unsigned ones saturate.
+fn signed(parameters: &Parameters, number: u16) -> i32 {
+    i32::try_from(parameters.get_signed(Idn::standard(number))).unwrap_or(i32::MAX)
+}
+
+fn ticks(parameters: &Parameters, number: u16) -> u16 {
+    parameters.get_word(Idn::standard(number)) / LOOP_PERIOD_MICROSECONDS
+}
+
+/// Where t3 falls between two ticks: the first tick with a new command comes a quarter of a period after it.
+const fn three_quarters(counts: u16) -> u16 {
+    counts.saturating_sub(counts / 4)
+}
+
+fn position_increments(parameters: &Parameters) -> u32 {
+    if parameters.get_word(Idn::standard(76)) & BY_PARAMETER == 0 {
+        PREFERRED_INCREMENTS
+    } else {
+        parameters.get(Idn::standard(79))
+    }
+}
+
+fn position_scale(parameters: &Parameters) -> Result<PositionScale, InvalidSetting> {
+    let kind = parameters.get_word(Idn::standard(76));
+    if kind & !POSITION_TYPE_BITS != 0 || kind & 7 != ROTARY {
+        return Err(unsupported(76));
+    }
+    PositionScale::new(u64::from(position_increments(parameters)), 1).map_err(invalid(79))
+}
+
+fn modulo(parameters: &Parameters, increments: u32) -> Result<Option<Modulo>, InvalidSetting> {
+    if parameters.get_word(Idn::standard(76)) & MODULO == 0 {
+        return Ok(None);
+    }
+    let value = u64::from(parameters.get(Idn::standard(103)));
+    Modulo::from_ratio(value, u64::from(increments)).map(Some).map_err(invalid(103))
+}
+
+fn velocity_scale(parameters: &Parameters) -> Result<VelocityScale, InvalidSetting> {
+    let kind = parameters.get_word(Idn::standard(44));
+    if kind & !VELOCITY_TYPE_BITS != 0 || kind & 7 != ROTARY {
+        return Err(unsupported(44));
+    }
+    let seconds = if kind & PER_SECOND == 0 { 1 } else { 60 };
+    let (factor, exponent) = match (kind & BY_PARAMETER == 0, kind & PER_SECOND == 0) {
+        (true, true) => (1, -4),
+        (true, false) => (1, -6),
+        (false, _) => (parameters.get(Idn::standard(45)), parameters.get_signed(Idn::standard(46))),
+    };
+    let power = |exponent: i64| u32::try_from(exponent).ok().and_then(|exponent| 10_u64.checked_pow(exponent));
+    let numerator = power(exponent.max(0))
+        .and_then(|power| power.checked_mul(u64::from(factor)))
+        .and_then(|value| value.checked_mul(seconds))
+        .and_then(|value| u32::try_from(value).ok())
+        .ok_or(unsupported(46))?;
+    let denominator = power(exponent.min(0).saturating_neg()).ok_or(unsupported(46))?;
+    VelocityScale::new(numerator, denominator).map_err(invalid(45))
+}
+
+/// The smallest of S-0-0092 (0.1 % of S-0-0111), the motor's and the amplifier's peak current, in mA.
+fn current_limit(parameters: &Parameters) -> u32 {
+    let stall = u64::from(parameters.get(Idn::standard(111)));
+    let bipolar = stall.saturating_mul(u64::from(parameters.get_word(Idn::standard(92)))) / 1_000;
+    let peak = parameters.get(Idn::standard(109)).min(parameters.get(Idn::standard(110)));
+    u32::try_from(bipolar).unwrap_or(u32::MAX).min(peak)
+}
+
+fn modes(parameters: &Parameters) -> Result<[Option<OperationMode>; 4], InvalidSetting> {
+    let mut modes = [None; 4];
+    for (slot, number) in modes.iter_mut().zip(32..) {
+        let value = parameters.get_word(Idn::standard(number));
+        *slot = OperationMode::from_parameter(value);
+        if slot.is_none() && (value != 0 || number == 32) {
+            return Err(unsupported(number));
+        }
+    }
+    Ok(modes)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const TIMER: u16 = 10_500;
+
+    fn with(changes: &[(u16, u32)]) -> Parameters {
+        let mut parameters = Parameters::new();
+        for &(number, value) in changes {
+            parameters.set(Idn::standard(number), value).unwrap();
+        }
+        parameters
+    }
+
+    #[test]
+    fn the_defaults_of_the_table_make_a_drive() {
+        let settings = MotionSettings::new(&Parameters::new(), TIMER).unwrap();
+        assert_eq!(settings.ticks_per_cycle, 16);
+        assert_eq!(settings.modes, [Some(OperationMode::Velocity), None, None, None]);
+        // Preferred scaling: 3 600 000 increments and 10 000 increments per rpm.
+        assert_eq!(settings.position.to_position(3_600_000), Position::REVOLUTION);
+        assert_eq!(settings.velocity.to_velocity(10_000), Velocity::from_ten_thousandths_rpm(10_000));
+    }
+
+    #[test]
+    fn what_the_drive_does_not_have_is_named() {
+        for (changes, culprit) in [
+            (&[(76, 1)][..], 76),
+            (&[(76, 0x42)], 76),
+            (&[(44, 1)], 44),
+            (&[(32, 0)], 32),
+            (&[(33, 7)], 33),
+            (&[(76, 0x82), (103, 0)], 103),
+            (&[(44, 0x0A), (46, 32)], 46),
+            (&[(76, 0x0A), (79, 1)], 79),
+        ] {
+            let result = MotionSettings::new(&with(changes), TIMER);
+            assert_eq!(result.map_err(|error| error.idn).err(), Some(Idn::standard(culprit)), "{changes:?}");
+        }
+    }
+
+    #[test]
+    fn parameter_scaling_per_second_is_sixty_times_that_per_minute() {
+        // 1 * 10^-6 revolutions per second.
+        let settings = MotionSettings::new(&with(&[(44, 0x2A), (45, 1), (46, -6_i32 as u32)]), TIMER).unwrap();
+        let preferred = MotionSettings::new(&with(&[(44, 0x22)]), TIMER).unwrap();
+        assert_eq!(settings.velocity, preferred.velocity);
+        assert_eq!(
+            settings.velocity.to_velocity(1_000_000),
+            Velocity::from_ten_thousandths_rpm(600_000),
+            "one revolution per second is 60 rpm"
+        );
+    }
+
+    #[test]
+    fn the_current_limit_is_the_smallest_of_three() {
+        // 200 % of 5 A, motor 20 A, amplifier 20 A.
+        assert_eq!(current_limit(&Parameters::new()), 10_000);
+        assert_eq!(current_limit(&with(&[(92, 5_000)])), 20_000);
+        assert_eq!(current_limit(&with(&[(109, 3_000)])), 3_000);
+    }
+
+    #[test]
+    fn torque_feedback_is_in_tenths_of_a_per_cent_of_the_stall_current() {
+        // Full peak current 20 A is 400.0 % of 5 A.
+        let settings = MotionSettings::new(&Parameters::new(), TIMER).unwrap();
+        assert_eq!(settings.torque.apply(1 << 15), 4_000);
+        assert_eq!(settings.torque.apply(-(1 << 14)), -2_000);
+    }
+}
