@@ -281,3 +281,109 @@ const fn is_ascending(rows: &[DataBlock]) -> bool {
 }
 
 const _: () = assert!(is_ascending(ROWS), "the rows of the dictionary are not in ascending order of their IDN");
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::attribute::{Format, Length};
+    use crate::data_block::Location;
+
+    #[test]
+    fn every_row_is_consistent() {
+        for block in DICTIONARY {
+            let idn = block.idn;
+            let attribute = block.attribute;
+            assert_eq!(find(idn).map(|found| found.idn), Some(idn));
+            assert_eq!(attribute.conversion_factor(), 1, "{idn}");
+            assert!(!block.name.is_empty() && block.name.is_ascii() && block.name.len() <= 60, "{idn}: {}", block.name);
+            assert!(block.unit.is_ascii(), "{idn}");
+            assert!(block.documentation.ends_with('.'), "{idn}: {}", block.documentation);
+            assert_eq!(attribute.command(), block.location == Location::Command, "{idn}");
+            match block.location {
+                Location::Command => assert_eq!(attribute.length(), Length::Two, "{idn}"),
+                Location::Dictionary(_) => {
+                    assert_eq!((attribute.format(), attribute.is_read_only()), (Format::Idn, true), "{idn}")
+                }
+                _ => {}
+            }
+            // What the service channel can handle.
+            match attribute.length() {
+                Length::Two | Length::Four => {}
+                Length::ListOfBytes => assert_eq!(attribute.format(), Format::Text, "{idn}"),
+                Length::ListOfTwo => assert_ne!(attribute.format(), Format::Text, "{idn}"),
+                length => panic!("{idn}: {length:?}"),
+            }
+            for limit in [block.minimum, block.maximum].into_iter().flatten() {
+                let raw = match attribute.length() {
+                    Length::Two => limit as u32 & 0xFFFF,
+                    _ => limit as u32,
+                };
+                assert_eq!(attribute.value_of(raw), limit, "{idn}: a limit does not fit the format");
+                assert!(block.fixed_bytes().is_some(), "{idn}: a list has no limits");
+            }
+            if block.location == Location::Parameter && block.fixed_bytes().is_some() {
+                assert!(block.minimum.is_none_or(|minimum| block.default >= minimum), "{idn}");
+                assert!(block.maximum.is_none_or(|maximum| block.default <= maximum), "{idn}");
+            }
+            assert!(
+                block.cyclic == Cyclic::Never || block.fixed_bytes().is_some(),
+                "{idn}: only fixed lengths are cyclic"
+            );
+            assert!(!block.stored || (block.location == Location::Parameter && !attribute.is_read_only()), "{idn}");
+            assert!(block.needed_for == NeededFor::Neither || block.location == Location::Parameter, "{idn}");
+        }
+    }
+
+    #[test]
+    fn the_attributes_that_masters_know_by_heart_are_those_of_a_real_drive() {
+        for (number, attribute) in [
+            (1, 0x6011_0001u32),
+            (3, 0x7011_0001),
+            (11, 0x7001_0001),
+            (15, 0x6001_0001),
+            (16, 0x6055_0001),
+            (17, 0x7055_0001),
+            (30, 0x7044_0001),
+            (32, 0x4001_0001),
+            (46, 0x4021_0001),
+            (47, 0x0422_0001),
+            (51, 0x7422_0001),
+            (79, 0x4012_0001),
+            (84, 0x7121_0001),
+            (96, 0x7031_0001),
+            (97, 0x0001_0001),
+            (99, 0x0009_0001),
+            (103, 0x4422_0001),
+            (110, 0x7312_0001),
+            (113, 0x4412_0001),
+            (127, 0x6009_0001),
+            (128, 0x5009_0001),
+            (141, 0x0044_0001),
+            (188, 0x7055_0001),
+            (292, 0x7035_0001),
+            (390, 0x7031_0001),
+        ] {
+            let block = find(Idn::standard(number)).unwrap();
+            assert_eq!(block.attribute.raw_value(), attribute, "{}", block.idn);
+        }
+    }
+
+    #[test]
+    fn the_idn_lists_hold_what_the_reference_asks_for() {
+        let numbers = |selection| -> std::vec::Vec<u16> { select(selection).map(|block| block.idn.0).collect() };
+        assert_eq!(numbers(Selection::NeededForCp3), [1, 2, 6, 7, 8, 9, 10, 15, 16, 24, 89]);
+        assert_eq!(numbers(Selection::Commands), [99, 127, 128]);
+        assert_eq!(numbers(Selection::ConfigurableInMdt), [36, 47]);
+        assert_eq!(numbers(Selection::ConfigurableInAt), [11, 12, 13, 14, 40, 51, 84, 189, 390, 0x8013]);
+        assert!(numbers(Selection::NeededForCp4).contains(&32));
+        assert_eq!(numbers(Selection::All).len(), DICTIONARY.len());
+        assert!(!numbers(Selection::Backup).contains(&2));
+    }
+
+    #[test]
+    fn an_unknown_idn_is_not_found() {
+        assert!(find(Idn::standard(0)).is_none());
+        assert!(find(Idn(0x1002)).is_none(), "parameter set 1 does not exist");
+        assert!(find(Idn::product(4095)).is_none());
+    }
+}

@@ -14,7 +14,7 @@ pub const LIST_ENTRIES: usize = 16;
 pub const TEXT_BYTES: usize = 40;
 
 /// Values, lists and texts, and which of them the master has written since CP2 began.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Parameters {
     cells: [u32; COUNTS.cells],
     lists: [Vec<Idn, LIST_ENTRIES>; COUNTS.lists],
@@ -266,4 +266,66 @@ const fn defaults() -> [u32; COUNTS.cells] {
         row += 1;
     }
     cells
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_defaults_come_from_the_table() {
+        let parameters = Parameters::new();
+        assert_eq!(parameters.get(Idn::standard(2)), 2_000);
+        assert_eq!(parameters.get(Idn::standard(46)), 0xFFFC);
+        assert_eq!(parameters.get_signed(Idn::standard(46)), -4);
+        assert_eq!(parameters.list(Idn::AT_LIST), []);
+        assert_eq!(parameters.text(Idn::standard(141)), "");
+    }
+
+    #[test]
+    fn every_parameter_has_a_place_of_its_own() {
+        let mut parameters = Parameters::new();
+        let blocks = || dictionary::select(Selection::All).filter(|block| block.location == Location::Parameter);
+        let fixed = || blocks().filter(|block| block.fixed_bytes().is_some());
+        for (block, value) in fixed().zip(1..) {
+            let value = block.maximum.map_or(value, |maximum| maximum as u32 - value);
+            parameters.set(block.idn, value).unwrap();
+        }
+        for (block, value) in fixed().zip(1..) {
+            let value = block.maximum.map_or(value, |maximum| maximum as u32 - value);
+            let value = if block.fixed_bytes() == Some(2) { value & 0xFFFF } else { value };
+            assert_eq!(parameters.get(block.idn), value, "{}", block.idn);
+        }
+        parameters.set_list(Idn::AT_LIST, &[Idn::POSITION_FEEDBACK]).unwrap();
+        assert_eq!(parameters.list(Idn::MDT_LIST), []);
+        parameters.set_text(Idn::standard(142), b"folder").unwrap();
+        assert_eq!((parameters.text(Idn::standard(141)), parameters.text(Idn::standard(142))), ("", "folder"));
+    }
+
+    #[test]
+    fn a_value_outside_its_limits_is_refused_and_changes_nothing() {
+        let mut parameters = Parameters::new();
+        let before = parameters.clone();
+        assert_eq!(parameters.set(Idn::standard(2), 499), Err(ServiceError::BelowMinimum));
+        assert_eq!(parameters.set(Idn::standard(2), 65_001), Err(ServiceError::AboveMaximum));
+        assert_eq!(parameters.set(Idn::standard(46), 33), Err(ServiceError::AboveMaximum));
+        assert_eq!(parameters.set(Idn::standard(46), 0xFF00), Err(ServiceError::BelowMinimum));
+        assert_eq!(parameters.set(Idn::standard(11), 0), Err(ServiceError::IdnNotAvailable));
+        assert_eq!(parameters.set_list(Idn::AT_LIST, &[Idn::VELOCITY_COMMAND]), Err(ServiceError::InvalidData));
+        assert_eq!(parameters.set_list(Idn::MDT_LIST, &[Idn::VELOCITY_COMMAND; 17]), Err(ServiceError::InvalidData));
+        assert_eq!(parameters.set_text(Idn::standard(141), &[b'x'; 41]), Err(ServiceError::InvalidData));
+        assert_eq!(parameters.set_text(Idn::standard(141), &[0xFF]), Err(ServiceError::InvalidData));
+        assert_eq!(parameters, before);
+    }
+
+    #[test]
+    fn what_the_master_has_written_is_forgotten_when_cp2_begins() {
+        let mut parameters = Parameters::new();
+        parameters.mark_written(Idn::standard(2));
+        parameters.mark_written(Idn::product(19));
+        assert!(parameters.is_written(Idn::standard(2)) && parameters.is_written(Idn::product(19)));
+        assert!(!parameters.is_written(Idn::standard(1)));
+        parameters.forget_written();
+        assert!(!parameters.is_written(Idn::standard(2)) && !parameters.is_written(Idn::product(19)));
+    }
 }

@@ -228,3 +228,69 @@ pub fn record_of(
     let record = data_field.get(start..start.saturating_add(usize::from(length_bytes))).ok_or(outside)?;
     RecordPacket::new_checked(record)
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+
+    #[test]
+    fn the_recorded_mst_of_each_phase_is_read_and_written() {
+        for (bytes, phase) in [([0xFF, 0], Phase::Cp0), ([0xFF, 3], Phase::Cp3), ([0xFF, 4], Phase::Cp4)] {
+            assert_eq!(Mst::parse(&bytes).unwrap().phase(), Some(phase));
+            assert_eq!(Mst::of(phase).emit(), bytes);
+        }
+        assert_eq!(Mst::parse(&[1, 0]), Err(TelegramError::Address { actual: 1 }));
+        assert_eq!(Mst::parse(&[255]), Err(TelegramError::Length { expected: 2, actual: 1 }));
+        assert_eq!(Mst { data: 5 }.phase(), None);
+    }
+
+    #[test]
+    fn the_recorded_mdt_of_four_drives_gives_drive_3_its_record() {
+        let data_field = [
+            0x07, 0x00, 0x80, 0x00, 0, 0, 0, 0, 0x07, 0x00, 0x80, 0x00, 0, 0, 0, 0, 0x07, 0xE0, 0x80, 0x00, 0x10, 0x27,
+            0, 0, 0x07, 0x00, 0x80, 0x00, 0, 0, 0, 0,
+        ];
+        let record = record_of(&data_field, 17, 8).unwrap();
+        assert!(record.control().follows_commands());
+        assert_eq!(record.info(), 0x0080);
+        assert_eq!(record.data_long(0), Some(10_000));
+        assert_eq!(record.data_word(2), Some(0));
+        assert_eq!(record.data_long(2), None);
+        assert!(record_of(&data_field, 27, 8).is_err());
+        assert!(record_of(&data_field, 0, 8).is_err());
+        assert!(record_of(&data_field, u16::MAX, u16::MAX).is_err());
+    }
+
+    #[test]
+    fn the_recorded_at_is_read() {
+        let bytes = [0x01, 0x58, 0x00, 0x00, 0x00, 0x00, 0xE0, 0xDD, 0x01, 0x00, 0x02, 0x00];
+        let record = RecordPacket::new_checked(bytes).unwrap();
+        assert_eq!(record.status().raw_value(), 0x5801);
+        assert_eq!((record.data_word(0), record.data_long(2), record.data_word(6)), (Some(0), Some(122_336), Some(2)));
+    }
+
+    proptest! {
+        #[test]
+        fn a_record_survives_emit_and_parse(first_word: u16, info: u16, words in prop::collection::vec(any::<u16>(), 0..20)) {
+            let data: std::vec::Vec<u8> = words.iter().flat_map(|word| word.to_le_bytes()).collect();
+            let repr = RecordRepr { first_word, info, data: &data };
+            let mut packet = RecordPacket::new_checked(std::vec![0xAAu8; repr.buffer_length()]).unwrap();
+            repr.emit(&mut packet).unwrap();
+            prop_assert_eq!(RecordRepr::parse(&packet), repr);
+            let mut longer = RecordPacket::new_checked(std::vec![0xAAu8; repr.buffer_length() + 2]).unwrap();
+            prop_assert!(repr.emit(&mut longer).is_err());
+            prop_assert!(longer.bytes.iter().all(|&byte| byte == 0xAA));
+        }
+
+        #[test]
+        fn no_bytes_make_the_views_panic(bytes in prop::collection::vec(any::<u8>(), 0..40), position: u16, length: u16, offset: usize) {
+            let _ = Mst::parse(&bytes);
+            let _ = record_of(&bytes, position, length);
+            if let Ok(record) = RecordPacket::new_checked(&bytes) {
+                let _ = (record.control(), record.status(), record.info(), record.data());
+                let _ = (record.data_word(offset), record.data_long(offset));
+            }
+        }
+    }
+}
