@@ -4,19 +4,23 @@
 //! * [`wire`]: flags, zero insertion, NRZI and the frame check sequence; what a telegram can suffer on its way.
 //! * [`fibre`], [`station`], [`ring`]: delays and faults, what stands between them, and the ring that joins them.
 //! * [`ident`], [`service_client`]: data blocks, and the master's side of a drive's service channel.
+//! * [`slots`], [`master`]: where the telegrams of a cycle stand, and a master that runs the ring up and moves it.
 //! * [`chip`]: the SERCON816 at register and RAM level.
 #![forbid(unsafe_code)]
 
 pub mod chip;
 pub mod fibre;
 pub mod ident;
+pub mod master;
 pub mod ring;
 pub mod service_client;
+pub mod slots;
 pub mod station;
 pub mod time;
 pub mod wire;
 
 pub use fibre::RingConfiguration;
+pub use master::ScriptedMaster;
 pub use ring::Ring;
 pub use station::{Master, Station};
 pub use time::Nanoseconds;
