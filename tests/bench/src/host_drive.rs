@@ -1,0 +1,164 @@
+//! The drive's portable tasks on this computer, started as the microcontroller's interrupt controller would.
+//!
+//! What this file stands for is `firmware/app/src/main.rs` and the board: edges of the interrupt pins, the loop timer,
+//! the order of priorities. Everything else is the product.
+
+use std::cell::RefCell;
+use std::rc::Rc;
+
+use drive::{Communication, Drive, Identity, InterruptLine, Interrupts, Motion, Work};
+use ring::Nanoseconds;
+use ring::chip::{ChipBus, InterruptPin, SharedChip};
+use ring::time::SharedClock;
+use rtic_core::Exclusive;
+
+use crate::measure::Stopwatch;
+use crate::motor_side::{MotorSide, SharedMotorSide};
+use crate::processor::{Processor, ProcessorError};
+
+/// How long the simulated processor takes to get to a task.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Latency {
+    /// From an edge of an interrupt pin to its handler, and from there to the tasks of the same priority.
+    pub interrupt: Nanoseconds,
+    /// From the handler to the tasks of low priority: phase change and service channel, with everything above them done first.
+    pub background: Nanoseconds,
+}
+
+impl Default for Latency {
+    /// What the release ELF was measured to need, rounded up (see the README's table).
+    fn default() -> Self {
+        Self { interrupt: Nanoseconds::from_microseconds(2), background: Nanoseconds::from_microseconds(25) }
+    }
+}
+
+/// A drive that runs on this computer, beside a chip of the ring and a motor.
+pub struct HostDrive {
+    address: u8,
+    chip: SharedChip,
+    motor_side: SharedMotorSide,
+    interrupts: Interrupts<ChipBus>,
+    communication: Communication<ChipBus>,
+    motion: Motion<ChipBus, MotorSide>,
+    latency: Latency,
+    edges: [Option<Nanoseconds>; 2],
+    background: Option<(Nanoseconds, Work)>,
+    service: Rc<RefCell<Stopwatch>>,
+}
+
+impl HostDrive {
+    /// Switches a drive on: chip initialisation and everything that `init` does.
+    ///
+    /// # Errors
+    /// The drive refuses its chip.
+    pub fn start(
+        chip: &SharedChip,
+        clock: &SharedClock,
+        motor_side: &SharedMotorSide,
+        identity: Identity,
+        latency: Latency,
+    ) -> Result<Self, ProcessorError> {
+        let bus = ChipBus::new(chip.clone(), clock.clone());
+        let address = identity.address.get();
+        let refused = |cause: &dyn std::fmt::Debug| ProcessorError { address, cause: format!("{cause:?}") };
+        let Drive { mut interrupts, mut communication, mut motion } =
+            drive::new(bus, MotorSide::new(motor_side.clone()), identity).map_err(|error| refused(&error))?;
+        communication
+            .start(&mut interrupts, &mut motion)
+            .map_err(|error| refused(&error))?;
+        Ok(Self {
+            address,
+            chip: chip.clone(),
+            motor_side: motor_side.clone(),
+            interrupts,
+            communication,
+            motion,
+            latency,
+            edges: [None; 2],
+            background: None,
+            service: Rc::default(),
+        })
+    }
+
+    /// Times from a pending service step to its release.
+    pub fn service_stopwatch(&self) -> Rc<RefCell<Stopwatch>> {
+        self.service.clone()
+    }
+
+    fn take_edges(&mut self) {
+        let edges = self.chip.borrow_mut().pin_edges();
+        for edge in edges {
+            let line = match edge.pin {
+                InterruptPin::Int0 => InterruptLine::Int0,
+                InterruptPin::Int1 => InterruptLine::Int1,
+            };
+            self.motor_side.borrow_mut().latch(line, edge.time);
+            let due = edge.time + self.latency.interrupt;
+            let slot = &mut self.edges[usize::from(line == InterruptLine::Int1)];
+            *slot = Some(slot.map_or(due, |earlier| earlier.min(due)));
+        }
+    }
+
+    fn chip_interrupts(&mut self, now: Nanoseconds) {
+        for (index, line) in [InterruptLine::Int0, InterruptLine::Int1].into_iter().enumerate() {
+            if self.edges[index].is_some_and(|due| due <= now) {
+                self.edges[index] = None;
+                let work = self.interrupts.take(line, &mut self.motion);
+                self.start_tasks(now, work);
+            }
+        }
+    }
+
+    fn start_tasks(&mut self, now: Nanoseconds, mut work: Work) {
+        if work.contains(Work::SERVICE_CHANNEL) {
+            self.service.borrow_mut().start(now);
+        }
+        if work.contains(Work::COMMAND_VALID) {
+            work |= self.motion.command_valid();
+        }
+        if work.contains(Work::CAPTURE_FEEDBACK) {
+            self.motion.capture_feedback();
+        }
+        let low = work & (Work::PHASE_CHANGE | Work::SERVICE_CHANNEL);
+        if !low.is_empty() {
+            let (due, pending) = self.background.unwrap_or((now + self.latency.background, Work::empty()));
+            self.background = Some((due, pending | low));
+        }
+    }
+
+    fn background_tasks(&mut self, now: Nanoseconds) {
+        let Some((_, work)) = self.background.take_if(|(due, _)| *due <= now) else { return };
+        if work.contains(Work::PHASE_CHANGE) {
+            self.communication
+                .phase_change(&mut Exclusive(&mut self.interrupts), &mut Exclusive(&mut self.motion));
+        }
+        if work.contains(Work::SERVICE_CHANNEL) {
+            self.communication.service_channel(&mut Exclusive(&mut self.motion));
+            self.service.borrow_mut().stop(now);
+        }
+    }
+}
+
+impl Processor for HostDrive {
+    fn next_event(&self) -> Option<Nanoseconds> {
+        let background = self.background.map(|(due, _)| due);
+        let tick = self.motor_side.borrow().next_tick();
+        self.edges.into_iter().flatten().chain(background).chain([tick]).min()
+    }
+
+    fn run(&mut self, now: Nanoseconds, _horizon: Nanoseconds) -> Result<(), ProcessorError> {
+        self.take_edges();
+        self.chip_interrupts(now);
+        let due = self.motor_side.borrow_mut().take_tick(now);
+        if due {
+            let mut work = self.interrupts.poll(&mut self.motion);
+            work |= self.motion.control_loop();
+            self.start_tasks(now, work);
+        }
+        self.background_tasks(now);
+        let _ = self.address;
+        // What the tasks wrote may have moved the pins: a flag cleared, or one that came while the handler ran.
+        self.take_edges();
+        Ok(())
+    }
+}

@@ -1,0 +1,28 @@
+//! A processor beside a chip, as the world sees it: the portable tasks on this computer, or the flashed ELF in QEMU.
+
+use ring::Nanoseconds;
+
+/// Something that runs the drive's tasks.
+pub trait Processor {
+    /// The next instant at which this processor does something by itself (a timer tick, a pending task, an access that it
+    /// waits for). `None`: only an interrupt pin can wake it.
+    fn next_event(&self) -> Option<Nanoseconds>;
+
+    /// Lets it do everything that is due at `now`: interrupt edges since the last call, timers, pending tasks.
+    ///
+    /// Nothing reaches its chip before `horizon`, so it may compute ahead up to there, but not beyond.
+    ///
+    /// # Errors
+    /// The processor can not go on; the text says why.
+    fn run(&mut self, now: Nanoseconds, horizon: Nanoseconds) -> Result<(), ProcessorError>;
+}
+
+/// A processor that can not go on.
+#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
+#[error("drive {address}: {cause}")]
+pub struct ProcessorError {
+    /// Address of the drive.
+    pub address: u8,
+    /// What happened and what to do about it.
+    pub cause: String,
+}
