@@ -51,10 +51,18 @@ impl fmt::Display for Phase {
 }
 
 /// Proof that S-0-0127 was passed; made by [`crate::transition::check_cp3`] only.
+///
+/// ```compile_fail,E0423
+/// let forged = sercos::phase::ReadyForCp3(());
+/// ```
 #[derive(Debug, PartialEq, Eq)]
 pub struct ReadyForCp3(());
 
 /// Proof that S-0-0128 was passed; made by [`crate::transition::check_cp4`] only.
+///
+/// ```compile_fail,E0423
+/// let forged = sercos::phase::ReadyForCp4(());
+/// ```
 #[derive(Debug, PartialEq, Eq)]
 pub struct ReadyForCp4(());
 
@@ -369,6 +377,16 @@ mod tests {
         let mut machine = machine_in(Phase::Cp2);
         machine.permit_cp3(ReadyForCp3::new());
         machine.withdraw();
+        assert_eq!(machine.received(3), Err(PhaseError::NotReady { to: Phase::Cp3 }));
+    }
+
+    #[test]
+    fn a_permission_does_not_survive_a_new_run_up() {
+        let mut machine = machine_in(Phase::Cp2);
+        machine.permit_cp3(ReadyForCp3::new());
+        for phase in [0, 1, 2] {
+            machine.received(phase).unwrap();
+        }
         assert_eq!(machine.received(3), Err(PhaseError::NotReady { to: Phase::Cp3 }));
     }
 

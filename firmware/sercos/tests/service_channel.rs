@@ -203,6 +203,21 @@ fn write_protection_follows_the_phase() {
 }
 
 #[test]
+fn a_write_that_began_before_the_phase_switch_is_refused_after_it() {
+    let mut slave = Slave::in_cp2();
+    slave.configure();
+    slave.set(Idn::CP3_TRANSITION_CHECK, &[3]).unwrap();
+    slave.open(Idn::MDT_LIST).unwrap();
+    for word in [2, 2] {
+        slave.step(7, true, false, word).unwrap();
+    }
+    slave.mst(3).unwrap();
+    let before = slave.parameters.clone();
+    assert_eq!(slave.step(7, true, true, 47).unwrap_err().code(), 0x7005);
+    assert_eq!(slave.parameters, before);
+}
+
+#[test]
 fn what_comes_in_the_mdt_cannot_be_written_but_what_goes_out_in_the_at_can() {
     let mut slave = Slave::in_cp4();
     refused(&mut slave, s(36), &[1, 0], 0x700A);
