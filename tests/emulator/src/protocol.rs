@@ -1,0 +1,125 @@
+//! The words that travel between the shim and the host; one definition compiled into both.
+//!
+//! Every message is a sequence of little-endian 32-bit words in a single FIFO write. The shim speaks first; after each of its
+//! messages it waits for commands, of which only [`command::RESUME`] lets the product run on.
+//! A *tick* is one instruction of the product: QEMU's virtual nanosecond under `-icount shift=0`.
+
+/// Version of this protocol; the shim names it in its hello.
+pub const VERSION: u32 = 1;
+
+/// Name of the FIFO that the shim writes, in QEMU's working directory.
+pub const TO_HOST: &str = "to-host";
+/// Name of the FIFO that the shim reads, in QEMU's working directory.
+pub const FROM_HOST: &str = "from-host";
+
+/// First word of a message from the shim.
+pub mod message {
+    /// The product asks for the value at an address and waits.
+    pub const READ: u32 = 1;
+    /// The tick budget is used up, the product was interrupted.
+    pub const TIMER: u32 = 2;
+    /// The buffer of posted entries is full.
+    pub const FULL: u32 = 3;
+    /// Something the shim cannot serve; the payload is a [`super::fault`] record.
+    pub const FAULT: u32 = 4;
+    /// The shim is up; address = protocol version, payload empty.
+    pub const HELLO: u32 = 5;
+    /// The payload answers [`super::command::READ_MEMORY`].
+    pub const MEMORY: u32 = 6;
+}
+
+/// Word positions in the header of a message from the shim.
+pub mod header {
+    /// One of [`super::message`].
+    pub const KIND: usize = 0;
+    /// Ticks since the last resume.
+    pub const TICKS: usize = 1;
+    /// Address that is read.
+    pub const ADDRESS: usize = 2;
+    /// Width in bytes: 1, 2 or 4.
+    pub const WIDTH: usize = 3;
+    /// Program counter of the access; for a timer message of the interrupted instruction.
+    pub const PC: usize = 4;
+    /// The word at the watched address, see [`super::resume::WATCH`].
+    pub const WATCHED: usize = 5;
+    /// Bit 0: the interrupted instruction was a WFI.
+    pub const FLAGS: usize = 6;
+    /// Number of payload words that follow.
+    pub const PAYLOAD: usize = 7;
+    /// Words in a header.
+    pub const WORDS: usize = 8;
+}
+
+/// A posted entry: what the product did since the last message without waiting for the host.
+pub mod post {
+    /// Ticks since the last resume.
+    pub const TICKS: usize = 0;
+    /// Address.
+    pub const ADDRESS: usize = 1;
+    /// Value written, or value that the shim served from the prefetched ones.
+    pub const VALUE: usize = 2;
+    /// Width in bytes, plus [`SERVED`] for a read served by the shim.
+    pub const KIND: usize = 3;
+    /// Program counter.
+    pub const PC: usize = 4;
+    /// Words in an entry.
+    pub const WORDS: usize = 5;
+    /// Flag in the kind word: a read that the shim answered from prefetched values.
+    pub const SERVED: u32 = 0x100;
+    /// Entries that the shim gathers at most.
+    pub const CAPACITY: usize = 40;
+}
+
+/// Payload of a fault message: r0..r12, sp, lr, pc, xpsr, CFSR, HFSR, MMFAR, BFAR, the two half-words at pc.
+pub mod fault {
+    /// Words in the record.
+    pub const WORDS: usize = 22;
+}
+
+/// First word of a command from the host.
+pub mod command {
+    /// Let the product run; a [`super::resume`] record follows.
+    pub const RESUME: u32 = 1;
+    /// Read memory: address, number of words. Answered with a memory message.
+    pub const READ_MEMORY: u32 = 2;
+    /// Write one word: address, value. Not answered.
+    pub const WRITE_MEMORY: u32 = 3;
+}
+
+/// Word positions in a resume command.
+pub mod resume {
+    /// [`super::command::RESUME`].
+    pub const KIND: usize = 0;
+    /// The value read, already aligned to bit 0.
+    pub const VALUE: usize = 1;
+    /// Ticks until the product must be interrupted, 1 to 2^31 - 1.
+    pub const BUDGET: usize = 2;
+    /// Three words of interrupts to pend whether their handler is active or not: an edge.
+    pub const PEND: usize = 3;
+    /// Three words of interrupt lines that are high: pended unless the handler is active now.
+    pub const LEVEL: usize = 6;
+    /// Address of a word that every message carries (the RTT write index), 0 = none.
+    pub const WATCH: usize = 9;
+    /// Ticks that a read in the external bus window costs beside its instruction.
+    pub const READ_WAIT: usize = 10;
+    /// Ticks that a write in the external bus window costs beside its instruction.
+    pub const WRITE_WAIT: usize = 11;
+    /// The product is interrupted so many ticks after the first posted write at the latest.
+    pub const POST_BOUND: usize = 12;
+    /// Number of prefetched values that follow, each address and value.
+    pub const PREFETCHED: usize = 13;
+    /// Words before the prefetched values.
+    pub const WORDS: usize = 14;
+    /// Most prefetched values in a resume.
+    pub const PREFETCH_CAPACITY: usize = 24;
+}
+
+/// Most words in a message either way; a message is one atomic FIFO write (PIPE_BUF is 4096 bytes on Linux).
+pub const MESSAGE_WORDS: usize = 256;
+/// Most words that a memory message carries.
+pub const MEMORY_WORDS: usize = MESSAGE_WORDS - header::WORDS;
+
+/// First byte of the window of the external bus (FSMC bank 1, NE1).
+pub const EXTERNAL_BUS: u32 = 0x6000_0000;
+/// First address behind the window of the external bus.
+pub const EXTERNAL_BUS_END: u32 = 0x7000_0000;
