@@ -31,6 +31,8 @@
 //! (OUTZ = 0); ADMUX = 0, BUSMODE0 = 0 (Intel strobes), BUSWIDTH = 1, BYTEDIR = 0, BHEN = A0 = 0, ALEL = ALEH = 1,
 //! TM0 = TM1 = 1, DMA acknowledges inactive.
 //!
+//! Leads and signals agree with the pin data that ST publishes for the STM32F407Z(E-G)T in LQFP144.
+//!
 //! Kept free for what comes: TIM1 with complementary outputs and break (PA8 to PA10, PB12 to PB15), ADC (PA5 to PA7, PB0, PB1,
 //! PC0 to PC5), NE2 (PG9) for a W5100 on the same bus, USART1 (PB6, PB7), trace output (PB3).
 

@@ -1,4 +1,22 @@
-//! The RTIC application: board start-up and time stamps, until the drive's tasks are bound.
+//! The RTIC application of the servo drive: one interrupt, one call into `drive`.
+//!
+//! | task | vector | priority | when | done within |
+//! |---|---|---|---|---|
+//! | [`app::chip_interrupt_0`] | EXTI3 | 4 | an edge on INT0 of the SERCON816 | 8 us |
+//! | [`app::chip_interrupt_1`] | EXTI2 | 4 | an edge on INT1 of the SERCON816 | 8 us |
+//! | [`app::command_valid`] | CAN1_TX | 4 | started by the two above at t3 | 15 us |
+//! | [`app::capture_feedback`] | CAN1_RX0 | 4 | started by the two above at t4 | 15 us |
+//! | [`app::control_loop`] | TIM6_DAC | 4 | every 125 us | 30 us |
+//! | [`app::phase_change`] | CAN1_RX1 | 2 | the MST shows another phase, or supervision gives the ring up | one communication cycle |
+//! | [`app::service_channel`] | CAN1_SCE | 2 | the service container waits for us | 100 us |
+//! | [`app::idle`] | - | 0 | nothing else to do | - |
+//!
+//! Higher numbers interrupt lower ones. Everything that belongs to the cycle has one priority, so these tasks never interrupt each other and
+//! wait for at most one of the others; at equal priority the lower vector number goes first: the chip's interrupts, then t3, t4, then the
+//! control loop. Priorities 3 and 1 are free: 3 for what must not delay the cycle but may delay the bus, 1 for an operator's port.
+//!
+//! Tasks without an interrupt of their own borrow the vectors of CAN1, which this drive has no use for; they are started by setting the
+//! vector pending. All log lines come from priority 2 and below and mask nothing.
 #![no_std]
 #![no_main]
 
@@ -9,18 +27,28 @@ use panic_probe as _;
 
 defmt::timestamp!("{=u32:us}", board::timestamp::microseconds());
 
-/// What the tasks report to the watchdog.
-static PROGRESS: board::watchdog::Progress = board::watchdog::Progress::new();
-
 #[rtic::app(device = board::pac, peripherals = true)]
 mod app {
-    use board::{Board, interrupt_pins::InterruptPin, loop_timer::LoopTick, watchdog::Watchdog};
-    use sercon816::{Bus, Register};
+    use board::Board;
+    use board::fsmc::SercosBus;
+    use board::interrupt_pins::InterruptPin;
+    use board::loop_timer::LoopTick;
+    use board::pac::Interrupt;
+    use board::watchdog::{Progress, Watchdog};
+    use board::{MotorSide, chip_control, switches};
+    use drive::{Communication, Drive, DriveAddress, Identity, Interrupts, Motion, Work};
 
-    use crate::PROGRESS;
+    /// What the tasks report to the watchdog.
+    static PROGRESS: Progress = Progress::new();
 
     #[shared]
-    struct Shared {}
+    struct Shared {
+        interrupts: Interrupts<SercosBus>,
+        motion: Motion<SercosBus, MotorSide>,
+        /// Its two users have the same priority, so neither can find it in the hands of the other.
+        #[lock_free]
+        communication: Communication<SercosBus>,
+    }
 
     #[local]
     struct Local {
@@ -30,42 +58,163 @@ mod app {
         watchdog: Watchdog,
     }
 
+    /// Sets up board and chip with interrupts disabled; they arrive as soon as this returns.
+    ///
+    /// Takes about 2 ms, nearly all of it the start of the chip. In that time the ring is open at this station.
     #[init]
     fn init(context: init::Context) -> (Shared, Local) {
-        let Board { mut bus, int0, int1, loop_tick, mut watchdog, settings, .. } = Board::new(context.device);
-        defmt::info!(
-            "drive {=u8}, {}, chip version {=?}",
-            settings.address,
-            settings.bit_rate,
-            Register::new(0).map(|version| bus.read_register(version))
-        );
+        let Board { bus, motor_side, int0, int1, loop_tick, mut watchdog, settings, .. } = Board::new(context.device);
+        let Some(identity) = identity(&settings) else {
+            defmt::error!("{=u8} on the address switches is no drive address", settings.address);
+            remain_a_repeater()
+        };
+        let Drive { mut interrupts, mut communication, mut motion } = match drive::new(bus, motor_side, identity) {
+            Ok(drive) => drive,
+            Err(error) => {
+                defmt::error!("default parameters: {}", error);
+                remain_a_repeater()
+            }
+        };
+        if let Err(error) = communication.start(&mut interrupts, &mut motion) {
+            defmt::error!("ring controller: {}", error);
+            remain_a_repeater()
+        }
+        defmt::info!("drive {=u8}, {}", settings.address, settings.bit_rate);
         if !watchdog.start() {
             defmt::warn!("debugger attached, watchdog off");
         }
-        (Shared {}, Local { int0, int1, loop_tick, watchdog })
+        let shared = Shared { interrupts, motion, communication };
+        (shared, Local { int0, int1, loop_tick, watchdog })
     }
 
-    #[idle(local = [watchdog])]
-    fn idle(context: idle::Context) -> ! {
+    /// Feeds the watchdog, logs what became of the drive, and sleeps until the next interrupt.
+    ///
+    /// Holds the cycle's tasks up for the 2 us of a snapshot, once in 8 ms.
+    #[idle(local = [watchdog], shared = [motion])]
+    fn idle(mut context: idle::Context) -> ! {
+        let mut state = None;
+        let mut class_1 = None;
         loop {
-            context.local.watchdog.feed(&PROGRESS);
+            if context.local.watchdog.feed(&PROGRESS) {
+                let now = context.shared.motion.lock(Motion::snapshot);
+                if state.replace(now.state) != Some(now.state) {
+                    defmt::info!("{}", now.state);
+                }
+                if class_1.replace(now.class_1) != Some(now.class_1) {
+                    defmt::info!("class 1 diagnostic {=u16:#06x}", now.class_1.bits());
+                }
+            }
             cortex_m::asm::wfi();
         }
     }
 
-    #[task(binds = TIM6_DAC, priority = 4, local = [loop_tick])]
+    /// Serves INT0: latches t4's position, acknowledges the chip's events, starts the tasks that they belong to.
+    ///
+    /// Contract: 8 us, of which 4 to 10 bus accesses take 2.2 to 5.5; nothing is waited for. Runs once more for the trailing
+    /// edge that the acknowledgement makes, and then finds nothing (two bus accesses).
+    #[task(binds = EXTI3, priority = 4, local = [int0], shared = [interrupts, motion])]
+    fn chip_interrupt_0(context: chip_interrupt_0::Context) {
+        let chip_interrupt_0::SharedResources { interrupts, motion, .. } = context.shared;
+        context.local.int0.acknowledge();
+        let line = context.local.int0.line();
+        start((interrupts, motion).lock(|interrupts, motion| interrupts.take(line, motion)));
+    }
+
+    /// Serves INT1, exactly as [`chip_interrupt_0`] serves INT0: which source drives which line is one of the chip's unknowns.
+    #[task(binds = EXTI2, priority = 4, local = [int1], shared = [interrupts, motion])]
+    fn chip_interrupt_1(context: chip_interrupt_1::Context) {
+        let chip_interrupt_1::SharedResources { interrupts, motion, .. } = context.shared;
+        context.local.int1.acknowledge();
+        let line = context.local.int1.line();
+        start((interrupts, motion).lock(|interrupts, motion| interrupts.take(line, motion)));
+    }
+
+    /// t3: the command values of this cycle come into force; in CP1 and CP2 the AT that was asked for is armed.
+    ///
+    /// Contract: 5 us from the interrupt to the command in force on a measured bus timing; 4 to 12 bus accesses.
+    #[task(binds = CAN1_TX, priority = 4, shared = [motion])]
+    fn command_valid(mut context: command_valid::Context) {
+        PROGRESS.begun(Work::COMMAND_VALID.bits());
+        start(context.shared.motion.lock(Motion::command_valid));
+    }
+
+    /// t4: the position that the hardware latched, and the status word, go into the AT of the next cycle.
+    ///
+    /// Contract: done before t1 of the next cycle; 2 to 18 bus accesses. The sample itself has no jitter, whenever this runs.
+    #[task(binds = CAN1_RX0, priority = 4, shared = [motion])]
+    fn capture_feedback(mut context: capture_feedback::Context) {
+        PROGRESS.begun(Work::CAPTURE_FEEDBACK.bits());
+        context.shared.motion.lock(Motion::capture_feedback);
+    }
+
+    /// Position and velocity loop, current command, and the flywheel that stands in for a missing t3.
+    ///
+    /// Contract: done before the next tick, 125 us later, with t3 and t4 in between. The chip is looked at before the loops
+    /// only while its timers are being learned, in CP0.
+    #[task(binds = TIM6_DAC, priority = 4, local = [loop_tick], shared = [interrupts, motion])]
     fn control_loop(context: control_loop::Context) {
+        let control_loop::SharedResources { interrupts, motion, .. } = context.shared;
         context.local.loop_tick.acknowledge();
         PROGRESS.tick();
+        let work = (interrupts, motion).lock(|interrupts, motion| motion.control_loop() | interrupts.poll(motion));
+        start(work);
     }
 
-    #[task(binds = EXTI3, priority = 4, local = [int0])]
-    fn chip_interrupt_0(context: chip_interrupt_0::Context) {
-        context.local.int0.acknowledge();
+    /// Follows the MST into another phase, or falls back to CP0, and sets the chip up for it.
+    ///
+    /// Contract: done before the second MST of the new phase; the cycle's tasks go on meanwhile and are held up only while settings are
+    /// handed over.
+    #[task(binds = CAN1_RX1, priority = 2, shared = [interrupts, motion, communication])]
+    fn phase_change(mut context: phase_change::Context) {
+        PROGRESS.begun(Work::PHASE_CHANGE.bits());
+        let shared = &mut context.shared;
+        if let Some(report) = shared.communication.phase_change(&mut shared.interrupts, &mut shared.motion) {
+            defmt::info!("{}", report);
+        }
     }
 
-    #[task(binds = EXTI2, priority = 4, local = [int1])]
-    fn chip_interrupt_1(context: chip_interrupt_1::Context) {
-        context.local.int1.acknowledge();
+    /// One step of the service channel: reads or writes an element of a data block, or answers with an error.
+    ///
+    /// Contract: 100 us from the interrupt to the release of the container; the master sees "busy" meanwhile, the cycle is not touched.
+    #[task(binds = CAN1_SCE, priority = 2, shared = [motion, communication])]
+    fn service_channel(mut context: service_channel::Context) {
+        PROGRESS.begun(Work::SERVICE_CHANNEL.bits());
+        let shared = &mut context.shared;
+        shared.communication.service_channel(&mut shared.motion);
+    }
+
+    /// Sets the vectors of the tasks pending.
+    fn start(work: Work) {
+        if work.is_empty() {
+            return;
+        }
+        PROGRESS.started(work.bits());
+        for (task, vector) in [
+            (Work::COMMAND_VALID, Interrupt::CAN1_TX),
+            (Work::CAPTURE_FEEDBACK, Interrupt::CAN1_RX0),
+            (Work::PHASE_CHANGE, Interrupt::CAN1_RX1),
+            (Work::SERVICE_CHANNEL, Interrupt::CAN1_SCE),
+        ] {
+            if work.contains(task) {
+                rtic::pend(vector);
+            }
+        }
+    }
+
+    fn identity(settings: &switches::Settings) -> Option<Identity> {
+        Some(Identity {
+            address: DriveAddress::new(settings.address)?,
+            bit_rate: settings.bit_rate,
+            master_clock: chip_control::MASTER_CLOCK,
+            transceiver: chip_control::TRANSCEIVER,
+        })
+    }
+
+    /// For want of a drive: the amplifier is off and stays off, and the chip repeats what it receives, as after its reset, so
+    /// that the ring goes on without us.
+    fn remain_a_repeater() -> ! {
+        loop {
+            cortex_m::asm::wfi();
+        }
     }
 }
