@@ -122,3 +122,94 @@ impl Encoder {
         Position::from_bits((i64::from(place.revolutions) << 32).wrapping_add(fraction)) + self.offset
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+
+    fn encoder(increments: u32, count: u32) -> Encoder {
+        Encoder::new(EncoderSettings::new(increments).unwrap(), count)
+    }
+
+    /// The position of so many increments, rounded down.
+    fn exact(increments: i128, resolution: u32) -> i128 {
+        (increments << 32).div_euclid(i128::from(resolution))
+    }
+
+    #[test]
+    fn no_increments_are_refused() {
+        assert_eq!(EncoderSettings::new(0), Err(SettingsError::Zero { parameter: "increments per revolution" }));
+    }
+
+    #[test]
+    fn a_quarter_turn_of_a_power_of_two_is_exact() {
+        let mut encoder = encoder(1 << 20, u32::MAX);
+        assert_eq!(encoder.update((1 << 18) - 1), Position::from_bits(1 << 30));
+        assert_eq!(encoder.update(u32::MAX - (1 << 18)), Position::from_bits(-(1 << 30)));
+    }
+
+    #[test]
+    fn thirty_days_at_full_speed_do_not_drift() {
+        // 10 000 rpm, 2^20 increments: the counter wraps every 24.6 s. Steps of 0.1 s would be 17 million increments;
+        // they vary, so that every place of the revolution is met.
+        for resolution in [10_000, 1 << 20, 999_983] {
+            let mut encoder = encoder(resolution, 0x1234_5678);
+            let mut total = 0_i128;
+            let mut count = 0x1234_5678_u32;
+            let mut step = 17_000_000_i32;
+            for _ in 0..30 * 86_400 {
+                step = 17_000_000 + (step.wrapping_mul(1_103_515_245) >> 12).rem_euclid(1_000_003);
+                // ten tenths of a second at once: still below 2^31
+                let moved = step * 10;
+                count = count.wrapping_add(moved as u32);
+                total += i128::from(moved);
+                let error = exact(total, resolution) - i128::from(encoder.update(count).to_bits());
+                // the position itself wraps at 2^31 revolutions: 64 bits
+                assert!(
+                    (0..=2).contains(&i128::from(error as i64)),
+                    "{error} after {total} increments of {resolution}"
+                );
+            }
+        }
+    }
+
+    #[test]
+    fn homing_shifts_the_zero() {
+        let mut encoder = encoder(4_000, 17);
+        encoder.update(1_017);
+        encoder.set_position(Position::from_bits(-5));
+        assert_eq!(encoder.position(), Position::from_bits(-5));
+        assert_eq!(encoder.update(2_017), Position::from_bits((1 << 30) - 5));
+    }
+
+    #[test]
+    fn a_latched_count_before_and_after_the_tick_gives_its_own_position() {
+        let mut encoder = encoder(4_096, 0);
+        encoder.update(10_000);
+        let before = encoder;
+        assert_eq!(encoder.position_of(9_999).to_bits(), 9_999 << 20);
+        assert_eq!(encoder.position_of(10_300).to_bits(), 10_300 << 20);
+        assert_eq!(encoder, before, "a look does not move it");
+    }
+
+    proptest! {
+        #[test]
+        fn any_resolution_and_any_way_give_the_exact_ratio(
+            resolution in prop_oneof![1_u32..20, Just(1_u32 << 20), Just(u32::MAX), any::<u32>().prop_filter("not zero", |&r| r > 0)],
+            start in any::<u32>(),
+            moves in proptest::collection::vec(any::<i32>(), 1..50),
+        ) {
+            let mut encoder = encoder(resolution, start);
+            let mut count = start;
+            let mut total = 0_i128;
+            for moved in moves {
+                count = count.wrapping_add(moved as u32);
+                total += i128::from(moved);
+                let position = encoder.update(count).to_bits();
+                let error = (exact(total, resolution) as i64).wrapping_sub(position);
+                prop_assert!((0..=2).contains(&error), "{} below", error);
+            }
+        }
+    }
+}

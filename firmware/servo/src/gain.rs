@@ -65,3 +65,40 @@ impl Gain {
         value.wrapping_mul(i64::from(self.mantissa)).wrapping_add(self.half).wrapping_shr(self.shift)
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+
+    #[test]
+    fn simple_factors_are_exact() {
+        assert_eq!(Gain::from_ratio(1, 1).unwrap().apply(-123_456_789_012), -123_456_789_012);
+        assert_eq!(Gain::from_ratio(3, 2).unwrap().apply(7), 11, "10.5 rounds up");
+        assert_eq!(Gain::from_ratio(3, 2).unwrap().apply(-7), -10, "-10.5 rounds up");
+        assert_eq!(Gain::from_ratio(0, 5).unwrap(), Gain::ZERO);
+        assert_eq!(Gain::ONE.apply(5), 5);
+        assert_eq!(Gain::ZERO.apply(i64::MAX), 0);
+    }
+
+    #[test]
+    fn factors_out_of_range_are_refused() {
+        assert_eq!(Gain::from_ratio(1, 0), None);
+        assert_eq!(Gain::from_ratio(1 << 24, 1), None);
+        assert_eq!(Gain::from_ratio(1, (1 << 126) + 1), None);
+        assert!(Gain::from_ratio((1 << 24) - 1, 1).is_some());
+    }
+
+    proptest! {
+        #[test]
+        fn the_product_is_within_a_relative_error_of_a_ten_millionth(
+            numerator in 1_u64..1 << 50, denominator in 1_u64..1 << 50, value in -(1_i64 << 38)..=1_i64 << 38,
+        ) {
+            prop_assume!(numerator / denominator < (1 << 24) - 1);
+            let product = Gain::from_ratio(numerator.into(), denominator.into()).unwrap().apply(value);
+            let exact = i128::from(value) * i128::from(numerator);
+            let error = (i128::from(product) * i128::from(denominator) - exact).abs();
+            prop_assert!(error <= exact.abs() / 10_000_000 + i128::from(denominator));
+        }
+    }
+}

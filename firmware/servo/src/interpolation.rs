@@ -253,3 +253,161 @@ impl VelocityInterpolator {
         Velocity::saturating_from_bits(i64::from(self.target.to_bits()).wrapping_sub(self.remaining >> 12))
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+
+    fn settings(ticks: u16) -> InterpolatorSettings {
+        InterpolatorSettings::new(ticks, None).unwrap()
+    }
+
+    fn standing() -> Interpolator {
+        Interpolator::new(Position::ZERO, ModuloCounter::default())
+    }
+
+    #[test]
+    fn cycles_out_of_range_are_refused() {
+        for ticks in [0, 3, 521] {
+            assert_eq!(InterpolatorSettings::new(ticks, None), Err(SettingsError::TicksPerCycle { actual: ticks }));
+        }
+        assert_eq!(settings(520).ticks_per_cycle(), 520);
+    }
+
+    #[test]
+    fn a_command_is_reached_on_a_straight_line() {
+        let settings = settings(4);
+        let mut interpolator = standing();
+        interpolator.command(&settings, Position::from_bits(1_000));
+        let positions: [i64; 4] = core::array::from_fn(|_| interpolator.tick(&settings).0.position.to_bits());
+        assert_eq!(positions, [250, 500, 750, 1_000]);
+        assert_eq!(interpolator.velocity(), Velocity::from_bits(250 << 4));
+        let (setpoint, source) = interpolator.tick(&settings);
+        assert_eq!((setpoint.position.to_bits(), source), (1_250, CommandSource::Extrapolated));
+    }
+
+    #[test]
+    fn a_late_command_bends_the_line_and_the_position_does_not_jump() {
+        let settings = settings(10);
+        let mut interpolator = standing();
+        for (cycle, ticks) in [(1, 10), (2, 11), (3, 9), (4, 10), (5, 9), (6, 11)] {
+            interpolator.command(&settings, Position::from_bits(cycle * 10_000));
+            for _ in 0..ticks {
+                let before = interpolator.position();
+                let step = (interpolator.tick(&settings).0.position - before).to_bits();
+                assert!((890..=1_210).contains(&step), "step of {step}");
+            }
+        }
+    }
+
+    #[test]
+    fn after_two_missing_cycles_it_stands() {
+        let settings = settings(4);
+        let mut interpolator = standing();
+        interpolator.command(&settings, Position::from_bits(400));
+        let run: [(i64, CommandSource); 14] = core::array::from_fn(|_| {
+            let (setpoint, source) = interpolator.tick(&settings);
+            (setpoint.position.to_bits(), source)
+        });
+        assert_eq!(run[11], (1_200, CommandSource::Extrapolated));
+        assert_eq!(run[13], (1_200, CommandSource::Held));
+        assert_eq!(interpolator.velocity(), Velocity::ZERO);
+    }
+
+    #[test]
+    fn a_start_in_full_run_goes_on_with_its_velocity_until_the_first_command() {
+        let settings = settings(8);
+        let mut interpolator = standing();
+        let start = Position::from_bits(5_000);
+        interpolator.start(&settings, start, Velocity::from_bits(-160), ModuloCounter::default());
+        assert_eq!(interpolator.position(), start);
+        assert_eq!(interpolator.tick(&settings).0.position.to_bits(), 4_990);
+        interpolator.command(&settings, Position::from_bits(4_910));
+        for _ in 0..8 {
+            interpolator.tick(&settings);
+        }
+        assert_eq!(interpolator.position().to_bits(), 4_910);
+    }
+
+    #[test]
+    fn the_slowest_movement_loses_nothing() {
+        // One position step in 100 cycles of 520 ticks.
+        let settings = settings(520);
+        let mut interpolator = standing();
+        for cycle in 1..=1_000_i64 {
+            interpolator.command(&settings, Position::from_bits(cycle / 100));
+            for _ in 0..520 {
+                interpolator.tick(&settings);
+            }
+            assert_eq!(interpolator.position().to_bits(), cycle / 100);
+        }
+    }
+
+    #[test]
+    fn velocity_commands_are_reached_in_a_line_and_held() {
+        let settings = settings(4);
+        let mut interpolator = VelocityInterpolator::new(Velocity::from_bits(100));
+        interpolator.command(&settings, Velocity::from_bits(-300));
+        let run: [i32; 6] = core::array::from_fn(|_| interpolator.tick().to_bits());
+        assert_eq!(run, [0, -100, -200, -300, -300, -300]);
+        interpolator.command(&settings, Velocity::MAX);
+        for _ in 0..4 {
+            interpolator.tick();
+        }
+        assert_eq!(interpolator.velocity(), Velocity::MAX);
+    }
+
+    proptest! {
+        #[test]
+        fn every_command_is_reached_exactly_at_the_end_of_its_cycle_without_passing_it(
+            ticks in 4_u16..=520, steps in proptest::collection::vec(-(1_i64 << 36)..1 << 36, 1..40),
+        ) {
+            let settings = settings(ticks);
+            let mut interpolator = standing();
+            let mut target = 0;
+            for step in steps {
+                target += step;
+                interpolator.command(&settings, Position::from_bits(target));
+                let mut last = interpolator.position().to_bits();
+                for tick in 1..=ticks {
+                    let (setpoint, source) = interpolator.tick(&settings);
+                    prop_assert_eq!(source, CommandSource::Interpolated);
+                    let position = setpoint.position.to_bits();
+                    // Within one position step of the line.
+                    let line = i128::from(target - step) + (i128::from(step) * i128::from(tick)).div_euclid(i128::from(ticks));
+                    prop_assert!((i128::from(position) - line).abs() <= 1, "{} beside the line", i128::from(position) - line);
+                    prop_assert!((position - last).abs() <= (step.abs() / i64::from(ticks)) + 2);
+                    last = position;
+                }
+                prop_assert_eq!(last, target);
+            }
+        }
+
+        #[test]
+        fn modulo_commands_go_the_shortest_way(
+            ticks in 4_u16..=100, numerator in 1_u64..50, denominator in 1_u64..50,
+            shares in proptest::collection::vec(-0.49_f64..0.49, 1..60),
+        ) {
+            let Ok(modulo) = Modulo::from_ratio(numerator, denominator) else { return Ok(()) };
+            let settings = InterpolatorSettings::new(ticks, Some(modulo)).unwrap();
+            let mut interpolator = standing();
+            let whole = modulo.value().to_bits();
+            let mut unbounded = 0_i64;
+            for share in shares {
+                unbounded += (share * whole as f64) as i64;
+                let command = ModuloCounter::containing(&modulo, Position::from_bits(unbounded)).wrap(&modulo, Position::from_bits(unbounded));
+                interpolator.command(&settings, command);
+                for _ in 0..ticks {
+                    interpolator.tick(&settings);
+                }
+                prop_assert_eq!(interpolator.position().to_bits(), unbounded);
+            }
+        }
+
+        #[test]
+        fn the_fraction_of_a_product_is_exact(value in any::<i64>(), fraction in 0_u32..1 << 30) {
+            prop_assert_eq!(i128::from(times_fraction(value, fraction)), (i128::from(value) * i128::from(fraction)) >> 32);
+        }
+    }
+}

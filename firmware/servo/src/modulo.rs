@@ -103,3 +103,54 @@ impl ModuloCounter {
         self.begin = self.begin.wrapping_sub(modulo.whole).wrapping_sub(i64::from(borrow));
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+
+    #[test]
+    fn impossible_values_are_refused() {
+        assert_eq!(Modulo::from_ratio(1, 0), Err(SettingsError::Zero { parameter: "modulo denominator" }));
+        assert_eq!(Modulo::from_ratio(1, 17), Err(SettingsError::ModuloOutOfRange));
+        assert_eq!(Modulo::from_ratio((1 << 30) + 1, 1), Err(SettingsError::ModuloOutOfRange));
+        assert_eq!(Modulo::from_ratio(1, 16).unwrap().value(), Position::from_bits(1 << 28));
+    }
+
+    #[test]
+    fn a_third_of_a_revolution_does_not_drift_in_three_million_ranges() {
+        for direction in [1, -1] {
+            let modulo = Modulo::from_ratio(1, 3).unwrap();
+            let mut counter = ModuloCounter::default();
+            for revolution in 1..=1_000_000_i64 {
+                for third in 1..=6 {
+                    let position = (revolution - 1) * direction * (1 << 32) + direction * third * ((1 << 32) / 6);
+                    counter.wrap(&modulo, Position::from_bits(position));
+                }
+            }
+            let wrapped = counter.wrap(&modulo, Position::from_bits(1_000_000 * direction * (1 << 32) + 10));
+            assert!((9..=11).contains(&wrapped.to_bits()), "{wrapped:?}");
+        }
+    }
+
+    proptest! {
+        #[test]
+        fn following_in_steps_agrees_with_dividing(
+            numerator in 1_u64..1_000, denominator in 1_u64..1_000, start in -(1_i64 << 40)..1 << 40,
+            steps in proptest::collection::vec(-0.99_f64..0.99, 1..200),
+        ) {
+            let Ok(modulo) = Modulo::from_ratio(numerator, denominator) else { return Ok(()) };
+            let mut position = start;
+            let mut counter = ModuloCounter::containing(&modulo, Position::from_bits(position));
+            for step in steps {
+                position += (step * modulo.value().to_bits() as f64) as i64;
+                let wrapped = counter.wrap(&modulo, Position::from_bits(position));
+                prop_assert!(wrapped >= Position::ZERO && wrapped <= modulo.value());
+                let direct = ModuloCounter::containing(&modulo, Position::from_bits(position));
+                // At the very border, the cut to whole steps may see either range.
+                let at_border = wrapped.to_bits() <= 1 || (modulo.value() - wrapped).to_bits() <= 1;
+                prop_assert!(counter == direct || at_border);
+            }
+        }
+    }
+}

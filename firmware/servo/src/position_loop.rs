@@ -123,3 +123,68 @@ impl PositionLoop {
 
 /// Lags and command steps beyond 64 revolutions count as 64.
 const LAG_LIMIT: i64 = 1 << 38;
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const LIMIT: Velocity = Velocity::MAX;
+
+    fn at(position: i64, velocity: i32) -> Setpoint {
+        Setpoint { position: Position::from_bits(position), velocity: Velocity::from_bits(velocity) }
+    }
+
+    #[test]
+    fn kv_of_one_turns_a_revolution_into_a_thousand_revolutions_a_minute() {
+        let settings = PositionLoopSettings::new(100, 0, Position::ZERO).unwrap();
+        let mut position_loop = PositionLoop::new(&settings, at(0, 0));
+        let output = position_loop.tick(&settings, LIMIT, at(1 << 32, 0), Position::ZERO);
+        assert!((9_999_999..=10_000_001).contains(&output.velocity.to_ten_thousandths_rpm()), "{output:?}");
+        assert_eq!(output.following_error, Position::REVOLUTION);
+    }
+
+    #[test]
+    fn the_velocity_limit_holds_and_far_errors_keep_their_sign() {
+        let settings = PositionLoopSettings::new(65_535, 10_000, Position::ZERO).unwrap();
+        let mut position_loop = PositionLoop::new(&settings, at(0, 0));
+        let limit = Velocity::from_bits(1_000);
+        for (setpoint, expected) in [(at(1 << 62, 0), 1_000), (at(-(1 << 62), 500), -1_000), (at(0, 2_000), 1_000)] {
+            assert_eq!(position_loop.tick(&settings, limit, setpoint, Position::ZERO).velocity.to_bits(), expected);
+        }
+    }
+
+    #[test]
+    fn the_deviation_is_counted_from_the_expected_lag() {
+        // Kv 62.5 1/s without feed-forward at 10 rev/s: 0.16 revolutions of lag, window 0.01.
+        let settings = PositionLoopSettings::new(375, 0, Position::from_bits((1 << 32) / 100)).unwrap();
+        let velocity = (10_i64 << 36) / 8_000;
+        let lag = settings.lag(Velocity::from_bits(velocity as i32)).to_bits();
+        assert!((lag - ((1 << 32) * 16 / 100)).abs() < 1 << 12);
+        let mut position_loop = PositionLoop::new(&settings, at(0, velocity as i32));
+        for tick in 1..1_000 {
+            let command = tick * velocity / 16;
+            let output =
+                position_loop.tick(&settings, LIMIT, at(command, velocity as i32), Position::from_bits(command - lag));
+            assert!(!output.excessive_deviation, "tick {tick}");
+        }
+        let command = 1_000 * velocity / 16;
+        let stuck = Position::from_bits(command - lag - (1 << 32) / 99);
+        assert!(position_loop.tick(&settings, LIMIT, at(command, velocity as i32), stuck).excessive_deviation);
+    }
+
+    #[test]
+    fn impossible_gains_are_refused() {
+        assert_eq!(
+            PositionLoopSettings::new(0, 0, Position::ZERO),
+            Err(SettingsError::Zero { parameter: "position loop Kv-factor S-0-0104" })
+        );
+        assert_eq!(
+            PositionLoopSettings::new(1, 10_001, Position::ZERO),
+            Err(SettingsError::FeedForward { actual: 10_001 })
+        );
+        assert!(
+            PositionLoopSettings::new(1, 0, Position::ZERO).is_ok()
+                && PositionLoopSettings::new(u16::MAX, 0, Position::ZERO).is_ok()
+        );
+    }
+}

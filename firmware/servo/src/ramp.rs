@@ -54,3 +54,30 @@ impl Ramp {
         self.position = self.position + difference;
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_ramp_takes_v_over_a_and_covers_half_of_v_squared_over_a() {
+        // 2^-8 revolutions per tick, 2^-20 per tick squared: 4096 ticks, 8 revolutions less half the first step.
+        for sign in [1, -1] {
+            let start = Setpoint { position: Position::from_bits(77), velocity: Velocity::from_bits(sign << 28) };
+            let mut ramp = Ramp::new(start);
+            let ticks = (1..10_000).find(|_| ramp.tick(Acceleration::from_bits(1 << 28)).velocity == Velocity::ZERO);
+            assert_eq!(ticks, Some(4_096));
+            assert!(ramp.is_finished());
+            let way = ramp.setpoint().position.to_bits() - 77;
+            assert_eq!(way, i64::from(sign) * ((8 << 32) - (1 << 23)));
+            assert_eq!(ramp.tick(Acceleration::from_bits(1 << 28)).position.to_bits(), way + 77, "and stands there");
+        }
+    }
+
+    #[test]
+    fn an_unlimited_deceleration_stands_at_once() {
+        let mut ramp = Ramp::new(Setpoint { position: Position::ZERO, velocity: -Velocity::MAX });
+        assert_eq!(ramp.tick(Acceleration::from_bits(u64::MAX)).velocity, Velocity::ZERO);
+        assert_eq!(ramp.setpoint().position, Position::ZERO);
+    }
+}

@@ -105,3 +105,68 @@ impl VelocityScale {
 }
 
 const LOW_WORD: u64 = 0xFFFF_FFFF;
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+
+    #[test]
+    fn the_preferred_rotary_scalings_give_degrees_and_rpm() {
+        let scale = PositionScale::new(3_600_000, 1).unwrap();
+        assert_eq!(scale.to_position(900_000), Position::from_bits(1 << 30));
+        assert_eq!(scale.from_position(Position::from_bits(-(1 << 30))), -900_000);
+        let scale = VelocityScale::new(1, 10_000).unwrap();
+        let exact = Velocity::from_ten_thousandths_rpm(6_000_000).to_bits();
+        assert!(scale.to_velocity(6_000_000).to_bits().abs_diff(exact) <= 4, "24 bits of the factor");
+        assert_eq!(scale.from_velocity(Velocity::from_ten_thousandths_rpm(-6_000_000)), -6_000_000);
+        assert_eq!(scale.to_velocity(i32::MAX), Velocity::MAX);
+    }
+
+    #[test]
+    fn impossible_scalings_are_refused() {
+        assert_eq!(PositionScale::new(0, 1), Err(SettingsError::Zero { parameter: "position scale" }));
+        assert_eq!(PositionScale::new(1, 0), Err(SettingsError::Zero { parameter: "position scale" }));
+        assert_eq!(PositionScale::new(1, 1), Err(SettingsError::PositionScaleOutOfRange));
+        assert_eq!(PositionScale::new(1 << 32, 1), Err(SettingsError::PositionScaleOutOfRange));
+        assert!(PositionScale::new(2, 1).is_ok() && PositionScale::new(1 << 31, 1).is_ok());
+        assert_eq!(VelocityScale::new(0, 1), Err(SettingsError::Zero { parameter: "velocity scale" }));
+        assert_eq!(VelocityScale::new(1_000, 1), Err(SettingsError::VelocityScaleOutOfRange));
+        assert_eq!(VelocityScale::new(1, 1 << 60), Err(SettingsError::VelocityScaleOutOfRange));
+    }
+
+    proptest! {
+        #[test]
+        fn positions_are_within_a_step_of_the_exact_ratio(
+            numerator in 1_u64..1 << 40, denominator in 1_u64..1 << 30, value in any::<i32>(),
+        ) {
+            let Ok(scale) = PositionScale::new(numerator, denominator) else { return Ok(()) };
+            let exact = (i128::from(value) << 32) * i128::from(denominator);
+            let position = i128::from(scale.to_position(value).to_bits());
+            prop_assert!((position * i128::from(numerator) - exact).abs() <= i128::from(numerator));
+        }
+
+        #[test]
+        fn position_data_read_back(numerator in 2_u64..1 << 31, value in any::<i32>()) {
+            let scale = PositionScale::new(numerator, 1).unwrap();
+            prop_assert_eq!(scale.from_position(scale.to_position(value)), value);
+        }
+
+        #[test]
+        fn data_of_positions_far_away_wrap_like_the_increments_they_count(
+            numerator in 2_u64..1 << 31, revolutions in any::<i32>(), angle in any::<u32>(),
+        ) {
+            let scale = PositionScale::new(numerator, 1).unwrap();
+            let bits = (i128::from(revolutions) << 32) + i128::from(angle);
+            let exact = (bits * i128::from(numerator) + (1 << 31)) >> 32;
+            prop_assert_eq!(scale.from_position(Position::from_bits(bits as i64)), exact as i32);
+        }
+
+        #[test]
+        fn velocity_data_read_back(value in -149_000_000_i32..149_000_000) {
+            let scale = VelocityScale::new(1, 10_000).unwrap();
+            let back = scale.from_velocity(scale.to_velocity(value));
+            prop_assert!(back.abs_diff(value) <= 1 + value.unsigned_abs() / 8_000_000);
+        }
+    }
+}

@@ -227,3 +227,64 @@ pub(crate) fn divide_rounding(numerator: i128, divisor: i128) -> i64 {
     // Clamped to the range of i64.
     quotient.clamp(i128::from(i64::MIN), i128::from(i64::MAX)) as i64
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+
+    #[test]
+    fn speeds_are_those_of_the_table() {
+        // 10 000 rpm = 1/48 revolution per tick
+        assert_eq!(
+            Velocity::from_ten_thousandths_rpm(100_000_000).to_bits(),
+            ((1_i64 << 36) as f64 / 48.0).round() as i32
+        );
+        assert_eq!(Velocity::MAX.to_ten_thousandths_rpm(), 150_000_000);
+        assert_eq!(Velocity::from_ten_thousandths_rpm(i32::MAX), Velocity::MAX);
+        assert_eq!(Velocity::from_ten_thousandths_rpm(i32::MIN), -Velocity::MAX);
+    }
+
+    #[test]
+    fn an_acceleration_is_that_of_its_radians() {
+        // 2000 pi rad/s² = 1000 rev/s² = 1000 * 2^48 / 8000^2
+        let thousand = Acceleration::from_milliradians_per_second_squared(6_283_185).to_bits();
+        assert!(thousand.abs_diff(1_000 * (1_u64 << 48) / 64_000_000) < 300, "{thousand}");
+    }
+
+    #[test]
+    fn a_following_error_stays_right_where_positions_wrap() {
+        let command = Position::from_bits(i64::MIN + 5);
+        let measured = Position::from_bits(i64::MAX - 5);
+        assert_eq!((command - measured).to_bits(), 11);
+        assert_eq!(Position::from_bits(i64::MIN).abs().to_bits(), i64::MAX);
+    }
+
+    #[test]
+    fn revolutions_are_exact() {
+        let position = Position::from_revolutions(I32F32::from_num(-2.75));
+        assert_eq!(position.to_bits(), -(11 << 30));
+        assert_eq!(position.to_revolutions(), I32F32::from_num(-2.75));
+        assert_eq!(Position::REVOLUTION.to_revolutions(), 1);
+    }
+
+    #[test]
+    fn velocities_saturate() {
+        assert_eq!(Velocity::MAX + Velocity::MAX, Velocity::MAX);
+        assert_eq!(Velocity::from_bits(7).limit(Velocity::from_bits(-5)), Velocity::from_bits(5));
+        assert_eq!(Velocity::from_bits(-7).limit(Velocity::from_bits(5)), Velocity::from_bits(-5));
+    }
+
+    proptest! {
+        #[test]
+        fn a_velocity_in_ten_thousandths_of_rpm_reads_back(value in -149_999_000..149_999_000) {
+            prop_assert_eq!(Velocity::from_ten_thousandths_rpm(value).to_ten_thousandths_rpm(), value);
+        }
+
+        #[test]
+        fn rounding_is_to_nearest(numerator in -(1_i64 << 50)..1 << 50, divisor in 1_i64..1 << 30) {
+            let quotient = i128::from(divide_rounding(numerator.into(), divisor.into()));
+            prop_assert!((quotient * i128::from(divisor) - i128::from(numerator)).abs() * 2 <= i128::from(divisor));
+        }
+    }
+}

@@ -118,3 +118,83 @@ impl VelocityLoop {
         VelocityLoopOutput { current: CurrentFraction::from_bits(bits), limited: total != current }
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+
+    /// 1 A s/rad, 10 ms, 10 A.
+    fn settings(integral_time: u16) -> VelocityLoopSettings {
+        VelocityLoopSettings::new(1_000, integral_time, 10_000, 10_000).unwrap()
+    }
+
+    /// 1 rad/s in steps.
+    const RADIAN_PER_SECOND: i32 = 1_367_130;
+
+    #[test]
+    fn a_radian_per_second_gives_the_current_of_the_gain() {
+        let mut velocity_loop = VelocityLoop::new();
+        let output = velocity_loop.tick(&settings(0), Velocity::from_bits(RADIAN_PER_SECOND), Velocity::ZERO);
+        assert_eq!(output.current, CurrentFraction::from_num(0.1));
+        assert!(!output.limited);
+    }
+
+    #[test]
+    fn the_integral_part_equals_the_proportional_part_after_its_action_time() {
+        let mut velocity_loop = VelocityLoop::new();
+        let settings = settings(100);
+        let mut current = CurrentFraction::ZERO;
+        for _ in 0..80 {
+            current = velocity_loop.tick(&settings, Velocity::from_bits(RADIAN_PER_SECOND), Velocity::ZERO).current;
+        }
+        assert!((current.to_num::<f64>() - 0.2).abs() < 0.000_1, "{current}");
+    }
+
+    #[test]
+    fn the_integral_part_leaves_saturation_at_once_when_the_error_turns() {
+        let settings = settings(100);
+        let mut velocity_loop = VelocityLoop::new();
+        for _ in 0..8_000 {
+            assert!(velocity_loop.tick(&settings, Velocity::from_bits(20 * RADIAN_PER_SECOND), Velocity::ZERO).limited);
+        }
+        let back = velocity_loop.tick(&settings, Velocity::ZERO, Velocity::ZERO);
+        assert!(back.current < CurrentFraction::from_num(0.05), "nothing was wound up: {}", back.current);
+    }
+
+    #[test]
+    fn a_preset_current_flows_at_zero_error_and_a_reset_clears_it() {
+        let mut velocity_loop = VelocityLoop::new();
+        velocity_loop.preset(CurrentFraction::from_num(-0.25));
+        let output = velocity_loop.tick(&settings(100), Velocity::ZERO, Velocity::ZERO);
+        assert_eq!(output.current, CurrentFraction::from_num(-0.25));
+        velocity_loop.reset();
+        assert_eq!(velocity_loop.tick(&settings(100), Velocity::ZERO, Velocity::ZERO).current, 0);
+    }
+
+    #[test]
+    fn impossible_settings_are_refused() {
+        assert_eq!(
+            VelocityLoopSettings::new(1, 1, 0, 0),
+            Err(SettingsError::Zero { parameter: "amplifier peak current S-0-0110" })
+        );
+        assert_eq!(VelocityLoopSettings::new(312_900, 1, 1, 1), Err(SettingsError::VelocityGain { actual: 312_900 }));
+        assert!(VelocityLoopSettings::new(312_900, 1, 10_000, 10_000).is_ok(), "the highest gain of S-0-0100 at 10 A");
+    }
+
+    proptest! {
+        #[test]
+        fn the_current_never_passes_its_limit(
+            limit in 0_u32..20_000, gain in 0_u32..300_000, time in any::<u16>(),
+            errors in proptest::collection::vec((any::<i32>(), any::<i32>()), 1..200),
+        ) {
+            let Ok(settings) = VelocityLoopSettings::new(gain, time, 10_000, limit) else { return Ok(()) };
+            let bound = f64::from(limit.min(10_000)) / 10_000.0 + 0.000_04;
+            let mut velocity_loop = VelocityLoop::new();
+            for (command, measured) in errors {
+                let output = velocity_loop.tick(&settings, Velocity::from_bits(command), Velocity::from_bits(measured));
+                prop_assert!(output.current.to_num::<f64>().abs() <= bound);
+            }
+        }
+    }
+}
