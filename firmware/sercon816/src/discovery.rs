@@ -147,7 +147,6 @@ pub struct Discovery {
     /// What recurred with each candidate so far.
     recurring: [Option<u8>; CANDIDATES.len()],
     histories: [History; 8],
-    previous_events: u8,
     stage_since_us: u32,
     period_us: u32,
     interrupts_arrive: bool,
@@ -171,7 +170,6 @@ impl Discovery {
             candidate: 0,
             recurring: [None; CANDIDATES.len()],
             histories: [History { count: 0, last_us: 0, interval_us: 0 }; 8],
-            previous_events: 0,
             stage_since_us: 0,
             period_us: 0,
             interrupts_arrive: false,
@@ -196,9 +194,6 @@ impl Discovery {
     /// One tick. Once the result has been given, only the sense of the enable bits is still watched.
     pub fn tick(&mut self, seen: Observation) -> Orders {
         let mut orders = Orders { enable: self.doubt_enable(&seen), ..Orders::default() };
-        // A flag that persists counts once.
-        let fresh = seen.events & !self.previous_events;
-        self.previous_events = seen.events;
         if self.stage == Stage::Done {
             return orders;
         }
@@ -209,7 +204,7 @@ impl Discovery {
         }
         let mut period = None;
         for (bit, history) in self.histories.iter_mut().enumerate() {
-            if fresh.checked_shr(bit as u32).unwrap_or(0) & 1 == 1 {
+            if seen.events.checked_shr(bit as u32).unwrap_or(0) & 1 == 1 {
                 period = period.max(history.note(seen.time_us));
             }
         }

@@ -136,6 +136,19 @@ mod tests {
     }
 
     #[test]
+    fn flags_that_come_meanwhile_are_added_to_those_already_taken() {
+        for (register, bits) in [(5, 0x0800), (4, 0x0001)] {
+            let bus = TestBus::new();
+            bus.set_register(5, 0x0001);
+            bus.set_register(4, 0x0002);
+            bus.0.borrow_mut().late = Some((register, bits));
+            let events = Interrupts::new(bus.clone()).take();
+            assert!(events.service_channel && events.errors.fibre_break());
+            assert_eq!((events.capture_feedback, events.errors.distorted()), (register == 5, register == 4));
+        }
+    }
+
+    #[test]
     fn other_service_containers_are_acknowledged_and_ignored() {
         let bus = TestBus::new();
         bus.set_register(5, 0x00FE);

@@ -655,6 +655,7 @@ mod tests {
         let (bus, mut slave) = initialised();
         slave.enter(2, Some(&TIMERS)).unwrap();
         slave.configure_cyclic(&RECORDED).unwrap();
+        bus.set_ram(0x010, 0x4802);
         bus.take_accesses();
         slave.enter(3, Some(&TIMERS)).unwrap();
         assert!(bus.take_accesses() <= 20);

@@ -20,6 +20,8 @@ pub(crate) struct Memory {
     pub(crate) accesses: usize,
     /// Flags that are set again whenever they are cleared: register word, bits.
     pub(crate) persistent: (usize, u16),
+    /// Flags that come while the others are being acknowledged, once: register word, bits.
+    pub(crate) late: Option<(usize, u16)>,
     /// A RAM word that does not hold what is written.
     pub(crate) broken_word: Option<u16>,
 }
@@ -40,6 +42,7 @@ impl TestBus {
             writes: Vec::new(),
             accesses: 0,
             persistent: (0, 0),
+            late: None,
             broken_word: None,
         })))
     }
@@ -86,6 +89,9 @@ impl Bus for TestBus {
             0x01 if value & 2 != 0 => memory.registers[word] = 0x0009,
             0x04 | 0x05 => {
                 memory.registers[word] &= !value;
+                if let Some((late, bits)) = memory.late.take() {
+                    memory.registers[late] |= bits;
+                }
                 let (persistent, bits) = memory.persistent;
                 if persistent == word {
                     memory.registers[word] |= bits;

@@ -24,13 +24,16 @@ struct Chip {
     zero_fires_at_mst: bool,
     /// Without a ring the timers run in cycles of 65 ms.
     runs_alone: bool,
+    /// Timer registers take effect at the next MST only.
+    latches_timers: bool,
     rings: Vec<Ring>,
     timers: [u16; 4],
+    timers_in_force: [u16; 4],
 }
 
 impl Chip {
     /// Events in `from..to`.
-    fn events(&self, from: u32, to: u32) -> u8 {
+    fn events(&mut self, from: u32, to: u32) -> u8 {
         let alone = [Ring { from_us: 0, until_us: u32::MAX, cycle_us: 65_000 }];
         let ring = self.rings.iter().find(|ring| (ring.from_us..ring.until_us).contains(&from));
         let (ring, msts) = match ring {
@@ -38,15 +41,20 @@ impl Chip {
             None if self.runs_alone => (&alone[0], false),
             None => return 0,
         };
+        let happens = |offset: u32| {
+            offset < ring.cycle_us
+                && (from..to).any(|time| time >= ring.from_us && (time - ring.from_us) % ring.cycle_us == offset)
+        };
+        if !self.latches_timers || happens(0) {
+            self.timers_in_force = self.timers;
+        }
         let mut events = 0;
         let mut at = |offset: u32, bit: Option<u8>| {
-            let happens = offset < ring.cycle_us
-                && (from..to).any(|time| time >= ring.from_us && (time - ring.from_us) % ring.cycle_us == offset);
-            if let (true, Some(bit)) = (happens, bit) {
+            if let (true, Some(bit)) = (happens(offset), bit) {
                 events |= 1_u8 << bit;
             }
         };
-        for (bit, time) in self.timer_bits.into_iter().zip(self.timers) {
+        for (bit, time) in self.timer_bits.into_iter().zip(self.timers_in_force) {
             if time != 0 || self.zero_fires_at_mst {
                 at(u32::from(time), bit);
             }
@@ -107,15 +115,17 @@ fn forever(from_us: u32, cycle_us: u32) -> Vec<Ring> {
 /// Any assignment of the bits; registers start as garbage.
 fn any_chip(rings: Vec<Ring>) -> impl Strategy<Value = Chip> {
     let bits = subsequence((0..8_u8).collect::<Vec<_>>(), 6).prop_shuffle();
-    (bits, any::<bool>(), any::<bool>(), 10_u32..600, any::<bool>(), any::<bool>(), any::<[u16; 4]>()).prop_map(
-        move |(bits, mst, con_clk, con_clk_time, zero_fires_at_mst, runs_alone, timers)| Chip {
+    (bits, any::<bool>(), any::<bool>(), 10_u32..600, any::<[bool; 3]>(), any::<[u16; 4]>()).prop_map(
+        move |(bits, mst, con_clk, con_clk_time, [zero_fires_at_mst, runs_alone, latches_timers], timers)| Chip {
             timer_bits: [Some(bits[0]), Some(bits[1]), Some(bits[2]), Some(bits[3])],
             mst_bit: mst.then_some(bits[4]),
             con_clk: con_clk.then_some((bits[5], con_clk_time)),
             zero_fires_at_mst,
             runs_alone,
+            latches_timers,
             rings: rings.clone(),
             timers,
+            timers_in_force: timers,
         },
     )
 }
@@ -127,8 +137,10 @@ fn suggested(rings: Vec<Ring>) -> Chip {
         con_clk: None,
         zero_fires_at_mst: false,
         runs_alone: false,
+        latches_timers: false,
         rings,
         timers: [0xFFFF; 4],
+        timers_in_force: [0xFFFF; 4],
     }
 }
 
@@ -151,6 +163,18 @@ fn registers_without_a_timer_are_passed_over() {
             chip.timer_bits[dead] = None;
             let (map, _) = chip.discover(125, 3_000_000).unwrap();
             chip.assert_right(&map);
+        }
+    }
+}
+
+#[test]
+fn a_chip_that_ran_alone_does_not_delay_discovery_when_a_ring_starts() {
+    for cycle_us in [2000, 10_000] {
+        for start in [150_000, 200_000, 333_000, 500_000] {
+            let mut chip = Chip { runs_alone: true, ..suggested(forever(start, cycle_us)) };
+            let (map, found) = chip.discover(125, 3_000_000).unwrap();
+            chip.assert_right(&map);
+            assert!(found <= start + 12 * cycle_us, "{} us", found - start);
         }
     }
 }

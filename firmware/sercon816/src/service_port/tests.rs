@@ -23,17 +23,20 @@ struct Silicon {
     hides_end_of_buffer: bool,
     /// The pointers read the word transferred last, not the next one.
     points_at_last_transfer: bool,
+    /// Only the very last position counts as the end of the buffer, not one behind it.
+    compares_for_equality: bool,
 }
 
 impl Silicon {
     fn all() -> impl Iterator<Item = Self> {
         // A chip that hides both signs of a late end of buffer cannot be told from one that has not reached it.
-        (0..32).filter(|bits| bits & 0x18 != 0x18).map(|bits| Self {
+        (0..64).filter(|bits| bits & 0x18 != 0x18).map(|bits| Self {
             acknowledges_at_once: bits & 1 != 0,
             buffers_swapped: bits & 2 != 0,
             reports_end_late: bits & 4 != 0,
             hides_end_of_buffer: bits & 8 != 0,
             points_at_last_transfer: bits & 16 != 0,
+            compares_for_equality: bits & 32 != 0,
         })
     }
 }
@@ -91,7 +94,8 @@ impl Container {
         let (write, end, element) = (control & 2 != 0, control & 4 != 0, (control >> 3) & 7);
         let same = element != 0 && element == (word >> 4) & 7 && write == (word & 0x80 != 0);
         let (present, last) = self.position(!write);
-        let at_end = if self.silicon.reports_end_late { present > last } else { present >= last };
+        let end_position = last + u16::from(self.silicon.reports_end_late);
+        let at_end = if self.silicon.compares_for_equality { present == end_position } else { present >= end_position };
         let transferred = if write || same { self.transfer(!write, info) } else { false };
         if same && !at_end && !end {
             self.ram[BASE] = word ^ 1;
