@@ -203,7 +203,7 @@ dictionary! {
     S 98 "Mask class 3 diagnostic" [""] BITS/0 written ALWAYS () = 0xFFFF => Parameter, stored;
     /// Clears errors whose cause is gone.
     S 99 "Reset class 1 diagnostic" [""] COMMAND/0 written ALWAYS () = 0 => Command;
-    /// Current for one unit of velocity difference.
+    /// Current for one unit of velocity difference at the motor; one increment is 1 mA s/rad.
     S 100 "Velocity loop proportional gain" ["As/rad"] U16/3 written ALWAYS (0 to 65_535) = 100 => Parameter, stored;
     /// Time in which the integral part reaches the proportional part; 0 switches the integral part off.
     S 101 "Velocity loop integral action time" ["ms"] U16/1 written ALWAYS (0 to 65_535) = 100 => Parameter, stored;
@@ -243,7 +243,7 @@ dictionary! {
     S 143 "System interface version" [""] TEXT/0 written NEVER () = 0 => Live;
     /// Velocity difference below which C3D bit 0 (n_feedback = n_command) is set.
     S 157 "Velocity window" ["rpm"] I32/4 written ALWAYS (1 to 2_147_483_647) = 100_000 => Parameter, stored;
-    /// Following distance above which the drive shuts down with C1D bit 11.
+    /// Following distance above which the drive shuts down with C1D bit 11; 0: not monitored.
     S 159 "Monitoring window" ["deg"] I32/4 written ALWAYS (0 to 2_147_483_647) = 300_000 => Parameter, stored;
     /// Bytes of configurable data that the AT can hold.
     S 185 "Length of the configurable data record in the AT" [""] U16/0 written NEVER () = 32 => Parameter;
@@ -259,8 +259,8 @@ dictionary! {
     S 192 "IDN list of backup operation data" [""] IDNS/0 written NEVER () = 0 => Dictionary(Selection::Backup);
     /// Operation modes that S-0-0032 to S-0-0035 may name.
     S 292 "List of supported operation modes" [""] HEXES/0 written NEVER () = 0 => Live;
-    /// Part of the commanded velocity that goes past the position loop in modes without lag.
-    S 296 "Velocity feed-forward gain" ["%"] U16/1 written ALWAYS (0 to 2_000) = 1_000 => Parameter, stored;
+    /// Part of the commanded velocity that goes past the position loop in modes without lag; 100 % leaves no lag.
+    S 296 "Velocity feed-forward gain" ["%"] U16/1 written ALWAYS (0 to 1_000) = 1_000 => Parameter, stored;
     /// State or error of the drive as a number; belongs to S-0-0095.
     S 390 "Diagnostic number" [""] HEX/0 written NEVER () = 0 => Live, in_at;
     /// A word of the control's own choice that comes back in the AT.

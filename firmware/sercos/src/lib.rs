@@ -10,7 +10,7 @@
 //! | [`telegram`], [`word`], [`telegram_type`], [`duration`] | what is on the fibre, and how long it takes |
 //! | [`dictionary`], [`data_block`], [`attribute`], [`parameters`] | every IDN, in one table, and the values in RAM |
 //! | [`service`], [`command`] | the service channel and its procedure commands |
-//! | [`diagnostic`] | class 1, 2 and 3 diagnostics, diagnostic numbers and texts |
+//! | [`diagnostic`] | the bits of class 1, 2 and 3 diagnostics |
 //!
 //! Words, numbers and bit positions are those of the reference document of the project ("sercos2.md" with a section number).
 #![no_std]
