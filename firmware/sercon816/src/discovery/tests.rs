@@ -180,6 +180,22 @@ fn a_chip_that_ran_alone_does_not_delay_discovery_when_a_ring_starts() {
 }
 
 #[test]
+fn a_timer_that_still_follows_its_old_time_in_the_first_cycle_is_waited_for() {
+    let mut chip = Chip {
+        timer_bits: [Some(0), Some(1), Some(3), Some(4)],
+        mst_bit: None,
+        con_clk: Some((6, 166)),
+        latches_timers: true,
+        timers: [0, 0, 950, 0],
+        timers_in_force: [0, 0, 950, 0],
+        ..suggested(forever(10_489, 1000))
+    };
+    let (map, found) = chip.discover(123, 1_000_000).unwrap();
+    chip.assert_right(&map);
+    assert!(found <= 10_489 + 10 * 1000, "{found} us");
+}
+
+#[test]
 fn enable_bits_are_doubted_only_without_interrupts_and_both_senses_are_tried() {
     let mut discovery = Discovery::new();
     let mut orders = Vec::new();
