@@ -7,7 +7,7 @@
 //! A trim is a whole number of timer counts per period; the fraction is carried from period to period. One count too much in each of
 //! the 520 periods of a 65 ms cycle would be 6 us; carried, it stays below one count.
 
-use crate::SettingsError;
+use crate::{SettingsError, units::limited};
 
 /// The loop timer and the cycle, scaled.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -76,8 +76,7 @@ impl LoopClockSettings {
 
     #[inline]
     fn limited(&self, rate: i64) -> i64 {
-        let limit = self.largest_trim << FINE_BITS;
-        rate.clamp(limit.wrapping_neg(), limit)
+        limited(rate, self.largest_trim << FINE_BITS)
     }
 }
 
@@ -183,8 +182,8 @@ impl LoopClock {
             self.drift_rate
         };
         self.residue = self.residue.wrapping_add(rate);
-        let limit = self.settings.largest_trim;
-        let trim = (self.residue.wrapping_add(1 << (FINE_BITS - 1)) >> FINE_BITS).clamp(limit.wrapping_neg(), limit);
+        let rounded = self.residue.wrapping_add(1 << (FINE_BITS - 1)) >> FINE_BITS;
+        let trim = limited(rounded, self.settings.largest_trim);
         self.residue = self.residue.wrapping_sub(trim << FINE_BITS);
         // Within 1 % of at most 32 767 counts.
         self.next = trim as i16;
@@ -264,10 +263,8 @@ impl LoopClock {
             self.events = self.events.saturating_add(1);
         }
         self.phase = predicted.wrapping_add(deviation.wrapping_mul(i64::from(of_phase)) >> 16);
-        self.drift = self
-            .drift
-            .wrapping_add(deviation.wrapping_mul(i64::from(of_drift)) >> 16)
-            .clamp(settings.largest_drift.wrapping_neg(), settings.largest_drift);
+        let drift = self.drift.wrapping_add(deviation.wrapping_mul(i64::from(of_drift)) >> 16);
+        self.drift = limited(drift, settings.largest_drift);
     }
 
     #[inline]

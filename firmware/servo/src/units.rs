@@ -155,7 +155,7 @@ impl Velocity {
     #[must_use]
     pub fn limit(self, limit: Self) -> Self {
         let limit = limit.abs().0;
-        Self(self.0.clamp(limit.wrapping_neg(), limit))
+        Self(self.0.min(limit).max(limit.wrapping_neg()))
     }
 }
 
@@ -217,6 +217,12 @@ impl Acceleration {
 /// 2 pi in 10^-15.
 pub(crate) const TWO_PI_TIMES_TEN_TO_15: i128 = 6_283_185_307_179_586;
 pub(crate) const TEN_TO_15: i128 = 1_000_000_000_000_000;
+
+/// `value` limited to `-limit ..= limit`. Unlike `clamp` it has no panic for a negative limit.
+#[inline]
+pub(crate) fn limited(value: i64, limit: i64) -> i64 {
+    value.min(limit).max(limit.wrapping_neg())
+}
 
 /// Quotient to the nearest integer, halves away from zero, limited to the range of `i64`; 0 for a divisor of 0.
 pub(crate) fn divide_rounding(numerator: i128, divisor: i128) -> i64 {

@@ -4,7 +4,7 @@
 //! integrated, one that leads back is. Back-calculation would also empty the integrator when a single noisy difference of the
 //! encoder touches the limit; conditional integration does not, and has no time constant of its own to set.
 
-use crate::units::{TEN_TO_15, TWO_PI_TIMES_TEN_TO_15};
+use crate::units::{TEN_TO_15, TWO_PI_TIMES_TEN_TO_15, limited};
 use crate::{CurrentFraction, Gain, LOOP_TICKS_PER_SECOND, SettingsError, Velocity};
 
 /// Gains and limit of the velocity loop, scaled.
@@ -109,10 +109,10 @@ impl VelocityLoop {
         let pushes_further = (wanted > limit && step > 0) || (wanted < limit.wrapping_neg() && step < 0);
         if !pushes_further {
             let fine_limit = limit << 8;
-            self.integral = self.integral.saturating_add(step).clamp(fine_limit.wrapping_neg(), fine_limit);
+            self.integral = limited(self.integral.saturating_add(step), fine_limit);
         }
         let total = proportional.saturating_add(self.integral >> 8);
-        let current = total.clamp(limit.wrapping_neg(), limit);
+        let current = limited(total, limit);
         // Within +-(2^31 - 2^16) and rounded to 2^-15: fits 16 bits.
         let bits = (current.wrapping_add(1 << 15) >> 16) as i16;
         VelocityLoopOutput { current: CurrentFraction::from_bits(bits), limited: total != current }
