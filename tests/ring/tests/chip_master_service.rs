@@ -248,6 +248,30 @@ fn the_msts_come_every_tscyc_with_the_phase_of_0ah_until_the_cycle_is_stopped() 
 }
 
 #[test]
+fn before_the_start_command_each_edge_of_cyc_clk_makes_one_mst() {
+    let mut station = Station::new();
+    station.rig.set_register(0x03, 0);
+    station.rig.set_register(0x14, 5);
+    for edge in [10_000_000, 13_000_000] {
+        station.rig.sent.clear();
+        station.rig.run_to(edge);
+        station.rig.chip.on_cycle_clock(station.rig.now);
+        station.rig.run_to(edge + 2_900_000);
+        assert_eq!(station.rig.sent, [(edge + 5_000, vec![0xFF, 2])], "and no header is processed");
+    }
+    station.rig.set_register(0x14, 0);
+    station.rig.set_register(0x03, 0x0100);
+    // What the host writes for its cycles does not stop a chip that runs by itself.
+    station.rig.set_register(0x03, 0x0423);
+    station.rig.sent.clear();
+    let start = station.rig.now.0;
+    station.rig.chip.on_cycle_clock(station.rig.now);
+    station.rig.run_to(start + 5_000_000);
+    let starts: Vec<u64> = station.rig.sent.iter().map(|(time, _)| time - start).collect();
+    assert_eq!(starts, [0, 624_500, 2_000_000, 2_624_500, 4_000_000, 4_624_500]);
+}
+
+#[test]
 fn a_chip_with_its_repeater_on_sends_no_mst() {
     let mut rig = Rig::slave(Alternatives::default());
     rig.run_to(10_000_000);

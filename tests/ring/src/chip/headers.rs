@@ -121,7 +121,7 @@ impl Chip {
     pub(super) fn start_walk(&mut self, now: Nanoseconds) {
         self.walk.stop();
         self.walk.steps = 0;
-        if self.registers.processing_enabled(&self.alternatives) {
+        if self.free_running || self.registers.processing_enabled(&self.alternatives) {
             let block = self.registers.block(&self.alternatives);
             self.enter_header(now, self.ram.first_header(block));
         }

@@ -58,7 +58,8 @@ struct Sending {
 /// One SERCON816.
 ///
 /// It is a master when its repeater is off (01H bit 3): then 03H bit 8 starts the cycle, an MST every TSCYC, until 03H is
-/// written as 0000H, the repeater is switched on, or the chip is reset. Otherwise it is a slave, whose timers stand still
+/// written as 0000H, the repeater is switched on, or the chip is reset. Before that, each [`Chip::on_cycle_clock`] starts
+/// one cycle. Otherwise it is a slave, whose timers stand still
 /// until the first MST. A slave takes an MST outside its window as long as the phase in 0AH is below 3, or two MSTs have
 /// been missed; else it ignores it, and misses it.
 pub struct Chip {
@@ -83,6 +84,8 @@ pub struct Chip {
 
     sending: Option<Sending>,
     next_mst: Option<Nanoseconds>,
+    /// 03H bit 8 has started a master's cycle: each MST is followed by the next.
+    free_running: bool,
     /// End of the last MST that this master sent, and whether it has come back.
     own_mst: Option<(Nanoseconds, bool)>,
 }
@@ -117,6 +120,7 @@ impl Chip {
             master_services: Default::default(),
             sending: None,
             next_mst: None,
+            free_running: false,
             own_mst: None,
         };
         chip.update_outputs(Nanoseconds::ZERO);
@@ -255,6 +259,17 @@ impl Chip {
         self.update_outputs(now);
     }
 
+    /// An edge at the pin CYC_CLK: starts one cycle of a master that does not run by itself. A slave takes no notice.
+    ///
+    /// sercon816.md 3.4: a cycle can be started by software or by this signal; a driver whose host clocks the cycles
+    /// expects MSTs before it writes 03H.
+    pub fn on_cycle_clock(&mut self, now: Nanoseconds) {
+        self.now = self.now.max(now);
+        if !self.registers.repeater_on() && !self.free_running {
+            self.schedule_mst(now);
+        }
+    }
+
     /// Electrical levels of the interrupt outputs.
     pub fn interrupt_pins(&self) -> InterruptPins {
         self.outputs.levels(&self.alternatives)
@@ -290,6 +305,7 @@ impl Chip {
         self.master_services = Default::default();
         self.sending = None;
         self.next_mst = None;
+        self.free_running = false;
         self.own_mst = None;
     }
 
@@ -409,24 +425,28 @@ impl Chip {
     fn command_cycle(&mut self, now: Nanoseconds) {
         if self.registers.repeater_on() || self.registers.command() == 0 {
             self.next_mst = None;
-        } else if self.registers.start_commanded() && self.next_mst.is_none() {
-            let delay = timing::ticks(self.straps, self.registers.clock_divider(), self.registers.cycle_start_delay());
-            self.own_mst = None;
-            self.next_mst = Some(now + delay);
+            self.free_running = false;
+        } else if self.registers.start_commanded() && !self.free_running {
+            self.free_running = true;
+            self.schedule_mst(now);
         }
+    }
+
+    /// TCYCSTART from now, unless an MST is already to come.
+    fn schedule_mst(&mut self, now: Nanoseconds) {
+        let divider = self.registers.clock_divider();
+        let delay = timing::ticks(self.straps, divider, self.registers.cycle_start_delay());
+        self.next_mst.get_or_insert(now + delay);
     }
 
     /// A master's MST, when it is due.
     fn send_mst(&mut self, now: Nanoseconds) -> Option<Transmission> {
         let due = self.next_mst.filter(|&due| due <= now)?;
-        let Some(cycle) = self.cycle_time() else {
-            self.next_mst = None;
-            return None;
-        };
+        self.next_mst = self.cycle_time().filter(|_| self.free_running).map(|cycle| due + cycle);
+        self.free_running = self.next_mst.is_some();
         if self.own_mst.is_some_and(|(_, came_back)| !came_back) {
             self.count_missed_mst();
         }
-        self.next_mst = Some(due + cycle);
         self.walk.stop();
         Some(Transmission { bytes: vec![BROADCAST, self.registers.phase()] })
     }

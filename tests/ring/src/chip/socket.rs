@@ -20,7 +20,8 @@ use std::path::Path;
 
 use thiserror::Error;
 
-use crate::time::Nanoseconds;
+use super::SharedChip;
+use crate::time::{Nanoseconds, SharedClock};
 
 /// Last control register.
 const LAST_REGISTER: u16 = 0x2A;
@@ -28,6 +29,8 @@ const LAST_REGISTER: u16 = 0x2A;
 const LAST_RAM_WORD: u16 = 0x7FF;
 /// The longest run that one command may ask for: more than a day of 65 ms cycles would only be a typing error.
 const MOST_CYCLES: u32 = 1_000_000;
+/// What passes for a cycle while the chip has none.
+const CYCLE_WITHOUT_TSCYC: Nanoseconds = Nanoseconds::from_millis(1);
 /// A longer line is no command; its rest is read and dropped.
 const LONGEST_LINE: u64 = 256;
 
@@ -45,6 +48,53 @@ pub trait ChipServer {
     fn run_cycles(&mut self, cycles: u32);
     /// Simulated time.
     fn time(&self) -> Nanoseconds;
+}
+
+/// A chip whose world is moved on by a function that lets everything happen up to a given time and sets the clock to it.
+pub struct ServedChip<A> {
+    chip: SharedChip,
+    clock: SharedClock,
+    advance: A,
+}
+
+impl<A: FnMut(Nanoseconds)> ServedChip<A> {
+    /// Serves `chip`; `advance` must leave `clock` at the time that it is given.
+    pub fn new(chip: SharedChip, clock: SharedClock, advance: A) -> Self {
+        Self { chip, clock, advance }
+    }
+}
+
+impl<A: FnMut(Nanoseconds)> ChipServer for ServedChip<A> {
+    fn read_register(&mut self, word: u16) -> u16 {
+        self.chip.borrow_mut().read_register(self.clock.get(), word)
+    }
+
+    fn write_register(&mut self, word: u16, value: u16) {
+        self.chip.borrow_mut().write_register(self.clock.get(), word, value);
+    }
+
+    fn read_ram(&mut self, word: u16) -> u16 {
+        self.chip.borrow_mut().read_ram(self.clock.get(), word)
+    }
+
+    fn write_ram(&mut self, word: u16, value: u16) {
+        self.chip.borrow_mut().write_ram(self.clock.get(), word, value);
+    }
+
+    /// Each cycle begins with an edge at CYC_CLK, so that a master that has not written 03H sends its MSTs as well: drivers
+    /// look for a closed ring before they do.
+    fn run_cycles(&mut self, cycles: u32) {
+        for _ in 0..cycles {
+            let now = self.clock.get();
+            self.chip.borrow_mut().on_cycle_clock(now);
+            let cycle = self.chip.borrow().cycle_time().unwrap_or(CYCLE_WITHOUT_TSCYC);
+            (self.advance)(now + cycle);
+        }
+    }
+
+    fn time(&self) -> Nanoseconds {
+        self.clock.get()
+    }
 }
 
 /// Why a line is no command.
