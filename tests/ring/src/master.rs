@@ -164,7 +164,12 @@ impl ScriptedMaster {
 
     /// Whether the script has been run to its end, or has failed.
     pub fn is_done(&self) -> bool {
-        matches!(self.work, Work::Finished | Work::Failed)
+        let sent = self.report.phases.last().map(|record| record.phase);
+        match self.work {
+            Work::Failed => true,
+            Work::Finished => sent == Some(4),
+            _ => false,
+        }
     }
 
     /// Phase of the last MST.
