@@ -394,6 +394,8 @@ mod tests {
     fn a_permission_given_in_the_wrong_phase_is_void() {
         let mut machine = machine_in(Phase::Cp1);
         machine.permit_cp3(ReadyForCp3::new());
+        machine.permit_cp4(ReadyForCp4::new());
+        assert!(!machine.is_permitted());
         machine.received(2).unwrap();
         assert!(machine.received(3).is_err());
     }

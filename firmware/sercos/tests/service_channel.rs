@@ -4,7 +4,7 @@ mod support;
 
 use sercos::command::CommandState;
 use sercos::data_block::{Location, Selection};
-use sercos::service::{Element, ServiceError};
+use sercos::service::{Element, Reply, ServiceError, Step};
 use sercos::{Idn, dictionary};
 use support::{Boundary, Slave};
 
@@ -185,6 +185,10 @@ fn wrong_values_are_refused_and_change_nothing() {
     refused(slave, Idn::RESET_CLASS_1_DIAGNOSTIC, &[2], 0x7008);
     slave.drive.refusal = Some(ServiceError::ProtectedBySettings);
     refused(slave, s(32), &[3], 0x700C);
+    refused(slave, s(47), &[3, 0], 0x700C);
+    assert!(!slave.drive.values.contains_key(&s(47)));
+    // The limits come first: they can be told without asking the drive.
+    refused(slave, s(2), &[499], 0x7006);
 }
 
 #[test]
@@ -309,4 +313,43 @@ fn a_checked_parameter_that_is_rewritten_voids_the_check() {
     assert!(slave.drive.machine.is_permitted(), "not a checked parameter");
     slave.set(s(6), &[93]).unwrap();
     assert!(!slave.drive.machine.is_permitted());
+}
+
+/// One step without the controller's hint that a transfer is new.
+fn bare(slave: &mut Slave, element: u8, write: bool, end: bool, info: u16) -> Reply {
+    let step = Step { element, write, end, info, new_transfer: false, at_boundary: false };
+    slave.server.step(step, &mut slave.parameters, &mut slave.drive)
+}
+
+#[test]
+fn a_transfer_after_end_is_new_without_the_controllers_hint() {
+    let mut slave = Slave::in_cp2();
+    slave.open(s(2)).unwrap();
+    for value in [1000, 3000] {
+        assert_eq!(bare(&mut slave, 7, true, true, value), Reply::Accept { info: 0 });
+        assert_eq!(slave.parameters.get(s(2)), u32::from(value));
+    }
+    for _ in 0..2 {
+        assert_eq!(bare(&mut slave, 7, false, true, 0), Reply::Send(heapless::Vec::from_slice(&[3000]).unwrap()));
+    }
+}
+
+#[test]
+fn words_for_one_idn_never_reach_another() {
+    let mut slave = Slave::in_cp2();
+    slave.open(s(79)).unwrap();
+    assert_eq!(bare(&mut slave, 7, true, false, 0x1111), Reply::Accept { info: 0 });
+    assert_eq!(bare(&mut slave, 1, true, true, 103), Reply::Accept { info: 0 });
+    assert_eq!(bare(&mut slave, 7, true, true, 0x0022), Reply::Error(ServiceError::TooShort(Element::Data)));
+    assert_eq!(slave.parameters.get(s(103)), 3_600_000);
+}
+
+#[test]
+fn a_check_that_was_not_cancelled_does_not_hold_the_change_bit_in_the_next_phase() {
+    let mut slave = Slave::in_cp2();
+    slave.configure();
+    slave.set(Idn::CP3_TRANSITION_CHECK, &[3]).unwrap();
+    assert!(slave.server.command_change());
+    slave.mst(3).unwrap();
+    assert!(!slave.server.command_change());
 }
