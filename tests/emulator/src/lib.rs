@@ -1,5 +1,42 @@
 //! The flashed ELF, unchanged, in QEMU: trap link and STM32F407 peripheral models.
+//!
+//! * [`Guest`]: the running product, advanced from event to event like every other participant of a simulation.
+//! * [`Environment`]: the world at its pins and on its external bus, which the caller implements.
+//! * [`audit`]: does the binary set its clocks, pins, bus and interrupts up as the board needs?
+//! * [`Measurements`]: instructions, exchanges and latencies, seen from outside.
+//!
+//! How it works: QEMU's machine `netduinoplus2` has the core, the NVIC and the memories of the part but hardly a peripheral. A shim beside
+//! the product takes the reset and closes the peripheral space by the MPU; each access traps into it, is decoded ([`thumb`]) and
+//! travels over a FIFO ([`protocol`]) to the models here. Under `-icount shift=0` the guest is deterministic: an instruction is a tick,
+//! simulated time is ticks times [`CYCLES_PER_INSTRUCTION_TENTHS`] / 10 core cycles, plus the wait states of the external bus. The core clock
+//! itself is worked out from the RCC registers that the product wrote.
+//!
+//! What it is not: cycle accurate. Interrupt entry and exit, flash wait states and bus contention are in the average only.
+//! The private peripheral bus is QEMU's own, so SysTick and DWT do not follow simulated time (QEMU 7.2 has no DWT cycle counter).
 #![forbid(unsafe_code)]
 
+mod audit;
+mod clock;
+mod environment;
+mod error;
+mod guest;
+mod log;
+mod measure;
+mod peripherals;
+mod prefetch;
 pub mod protocol;
+mod qemu;
 pub mod thumb;
+#[cfg(test)]
+mod thumb_tests;
+pub mod wiring;
+
+pub use audit::{Finding, audit};
+pub use clock::CYCLES_PER_INSTRUCTION_TENTHS;
+pub use environment::Environment;
+pub use error::EmulatorError;
+pub use guest::{Guest, GuestConfiguration};
+pub use log::LogLine;
+pub use measure::{Latency, Measurements, Probe, Trigger};
+pub use peripherals::clocks::{CRYSTAL_HZ, ClockTree};
+pub use peripherals::gpio::PinMode;

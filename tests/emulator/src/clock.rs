@@ -1,0 +1,104 @@
+//! From ticks of the guest (instructions) to simulated time and back.
+
+use ring::Nanoseconds;
+
+/// Average cycles of the Cortex-M4 for one instruction, in tenths.
+///
+/// 1.5 is on the safe side for compiled integer code that runs from flash behind the ST accelerator (cache hits nearly always, loads two cycles
+/// unless pipelined, taken branches two to four). Bus wait states of the external bus come on top, access by access.
+pub const CYCLES_PER_INSTRUCTION_TENTHS: u64 = 15;
+
+const FEMTOSECONDS: u128 = 1_000_000;
+
+/// Simulated time of the guest at a known tick, kept in femtoseconds so that no rounding adds up.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct TickClock {
+    femtoseconds: u128,
+    ticks: u32,
+    femtoseconds_per_tick: u128,
+}
+
+impl TickClock {
+    /// Starts at zero with a core clock of `hertz`.
+    pub(crate) fn new(hertz: u64) -> Self {
+        let mut clock = Self { femtoseconds: 0, ticks: 0, femtoseconds_per_tick: 0 };
+        clock.set_frequency(hertz);
+        clock
+    }
+
+    /// The core clock from now on.
+    pub(crate) fn set_frequency(&mut self, hertz: u64) {
+        let femtohertz = u128::from(hertz) * 10;
+        self.femtoseconds_per_tick =
+            (1_000_000_000_000_000 * u128::from(CYCLES_PER_INSTRUCTION_TENTHS) + femtohertz / 2) / femtohertz;
+    }
+
+    /// Simulated time of a tick not before the last one passed, without moving on.
+    pub(crate) fn time_of(&self, ticks: u32) -> Nanoseconds {
+        let since = u128::from(ticks.saturating_sub(self.ticks));
+        let time = self.femtoseconds + since * self.femtoseconds_per_tick;
+        Nanoseconds((time / FEMTOSECONDS) as u64)
+    }
+
+    /// Moves on to a tick.
+    pub(crate) fn pass(&mut self, ticks: u32) {
+        let since = u128::from(ticks.saturating_sub(self.ticks));
+        self.femtoseconds += since * self.femtoseconds_per_tick;
+        self.ticks = self.ticks.max(ticks);
+    }
+
+    /// Moves on to at least `time`.
+    pub(crate) fn pull_up(&mut self, time: Nanoseconds) {
+        self.femtoseconds = self.femtoseconds.max(u128::from(time.0) * FEMTOSECONDS);
+    }
+
+    /// The guest resumes here and counts its ticks from zero.
+    pub(crate) fn resume(&mut self) {
+        self.ticks = 0;
+    }
+
+    /// Ticks until `time`, rounded down, at least one.
+    pub(crate) fn ticks_until(&self, time: Nanoseconds) -> u32 {
+        let until = (u128::from(time.0) * FEMTOSECONDS).saturating_sub(self.femtoseconds);
+        (until / self.femtoseconds_per_tick).clamp(1, i32::MAX as u128) as u32
+    }
+
+    /// Ticks that so many cycles of the core clock take.
+    pub(crate) fn ticks_of_cycles(cycles: u32) -> u32 {
+        ((u64::from(cycles) * 10 + CYCLES_PER_INSTRUCTION_TENTHS / 2) / CYCLES_PER_INSTRUCTION_TENTHS) as u32
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_second_of_instructions_at_168_mhz_is_a_second() {
+        let mut clock = TickClock::new(168_000_000);
+        for _ in 0..112_000 {
+            clock.pass(1_000);
+            clock.resume();
+        }
+        let error = clock.time_of(0).0.abs_diff(1_000_000_000);
+        assert!(error < 100, "off by {error} ns in a second");
+    }
+
+    #[test]
+    fn budget_never_reaches_past_the_horizon() {
+        let mut clock = TickClock::new(168_000_000);
+        for horizon in [10, 17, 1_000, 125_000, 999_999_999] {
+            let ticks = clock.ticks_until(Nanoseconds(horizon));
+            assert!(clock.time_of(ticks).0 <= horizon.max(8));
+            assert!(clock.time_of(ticks + 2).0 > horizon);
+        }
+        clock.pass(100);
+        assert_eq!(clock.ticks_until(Nanoseconds(0)), 1);
+    }
+
+    #[test]
+    fn waits_are_whole_ticks() {
+        assert_eq!(TickClock::ticks_of_cycles(92), 61);
+        assert_eq!(TickClock::ticks_of_cycles(0), 0);
+    }
+}

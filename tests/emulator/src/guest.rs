@@ -1,0 +1,458 @@
+//! The product in QEMU, seen as one more participant of the simulation: it has a next event and is run from event to event.
+
+use std::collections::VecDeque;
+use std::path::PathBuf;
+
+use object::{Object, ObjectSection};
+use ring::Nanoseconds;
+
+use crate::clock::TickClock;
+use crate::log::{Log, LogLine};
+use crate::measure::{Measurements, Probe, Trigger};
+use crate::peripherals::{Access, Peripherals};
+use crate::prefetch::{Place, Prefetch};
+use crate::protocol::{MEMORY_WORDS, VERSION, command, fault, header, message, post, resume};
+use crate::qemu::Qemu;
+use crate::{EmulatorError, Environment};
+
+/// What to run.
+#[derive(Clone, Debug)]
+pub struct GuestConfiguration {
+    /// The release ELF of the product.
+    pub product: PathBuf,
+    /// The ELF of the shim.
+    pub shim: PathBuf,
+    /// The emulator; a name is looked up in the search path.
+    pub qemu: String,
+    /// How long a write may wait for the next exchange before the product is interrupted to deliver it.
+    pub post_bound: Nanoseconds,
+}
+
+impl GuestConfiguration {
+    /// The usual one.
+    #[must_use]
+    pub fn new(product: impl Into<PathBuf>, shim: impl Into<PathBuf>) -> Self {
+        Self {
+            product: product.into(),
+            shim: shim.into(),
+            qemu: "qemu-system-arm".into(),
+            post_bound: Nanoseconds::from_microseconds(5),
+        }
+    }
+}
+
+/// A write, or a read that the shim answered, not yet carried out on the models.
+#[derive(Clone, Copy, Debug)]
+struct Posted {
+    ticks: u32,
+    address: u32,
+    value: u32,
+    kind: u32,
+    pc: u32,
+}
+
+/// What the shim waits for.
+#[derive(Clone, Copy, Debug)]
+struct Question {
+    kind: u32,
+    ticks: u32,
+    address: u32,
+    width: u32,
+    pc: u32,
+    watched: u32,
+    idle: bool,
+}
+
+/// A running product.
+///
+/// The world advances to [`Guest::next_event`] and calls [`Guest::run`], again and again; the guest never gets ahead of the world.
+#[derive(Debug)]
+pub struct Guest {
+    qemu: Qemu,
+    words: Vec<u32>,
+    clock: TickClock,
+    wake: Nanoseconds,
+    posted: VecDeque<Posted>,
+    question: Question,
+    peripherals: Peripherals,
+    prefetch: Prefetch,
+    post_bound: Nanoseconds,
+    log: Log,
+    lines: Vec<LogLine>,
+    measurements: Measurements,
+    /// Ticks of the last event of the current segment, for the instruction count.
+    counted: u32,
+    switches_set: bool,
+}
+
+/// A timer message this close to the wake-up that was asked for stands for exactly that time.
+const WAKE_TOLERANCE: Nanoseconds = Nanoseconds(100);
+
+impl Guest {
+    /// Starts QEMU and waits until the shim is up. The product has not executed an instruction yet.
+    ///
+    /// # Errors
+    /// QEMU is missing, an ELF is not what it should be, or the shim does not come up.
+    pub fn start(configuration: &GuestConfiguration) -> Result<Self, EmulatorError> {
+        let product = read_elf(&configuration.product)?;
+        check_product(configuration, &product)?;
+        let vectors = shim_vectors(configuration)?;
+        let log = Log::new(&configuration.product, &product)?;
+        let qemu = Qemu::start(&configuration.qemu, &configuration.product, &configuration.shim, vectors)?;
+        let peripherals = Peripherals::new();
+        let mut guest = Self {
+            qemu,
+            words: Vec::new(),
+            clock: TickClock::new(peripherals.clock_tree().core),
+            wake: Nanoseconds::ZERO,
+            posted: VecDeque::new(),
+            question: Question { kind: 0, ticks: 0, address: 0, width: 4, pc: 0, watched: 0, idle: false },
+            peripherals,
+            prefetch: Prefetch::default(),
+            post_bound: configuration.post_bound,
+            log,
+            lines: Vec::new(),
+            measurements: Measurements::default(),
+            counted: 0,
+            switches_set: false,
+        };
+        guest.receive()?;
+        let hello = guest.question;
+        if hello.kind != message::HELLO || hello.address != VERSION {
+            return Err(EmulatorError::Shim(format!(
+                "speaks protocol {}, expected {VERSION}: build shim and emulator from the same sources",
+                hello.address
+            )));
+        }
+        if !hello.idle {
+            return Err(EmulatorError::Shim(
+                "QEMU's TIM5 does not interrupt when expected; the rig is made for QEMU 7.2".into(),
+            ));
+        }
+        guest.question.idle = false;
+        Ok(guest)
+    }
+
+    /// The time of the guest's oldest unanswered access, question or wake-up.
+    #[must_use]
+    pub fn next_event(&self) -> Option<Nanoseconds> {
+        Some(match self.posted.front() {
+            Some(first) => self.clock.time_of(first.ticks),
+            None => self.question_time(),
+        })
+    }
+
+    /// Does what is due at `now` and, if that answers the guest's question, lets the guest run until it asks again: at `horizon` at the latest.
+    ///
+    /// The world must have been advanced to `now`, and `horizon` must not be later than the next instant at which anything in the world
+    /// may change that the guest can see, above all the interrupt pins. The pins are sampled at `now`; to be called at each of their edges.
+    ///
+    /// # Errors
+    /// Whatever the product does that the real part would not survive, and the end of QEMU.
+    pub fn run<E: Environment + ?Sized>(
+        &mut self,
+        environment: &mut E,
+        now: Nanoseconds,
+        horizon: Nanoseconds,
+    ) -> Result<(), EmulatorError> {
+        if !self.switches_set {
+            self.switches_set = true;
+            self.peripherals.set_switches(environment);
+        }
+        self.sample(environment, now)?;
+        while let Some(first) = self.posted.front().copied() {
+            let time = self.clock.time_of(first.ticks);
+            if time > now {
+                return Ok(());
+            }
+            self.posted.pop_front();
+            self.clock.pass(first.ticks);
+            self.carry_out(environment, first, time)?;
+        }
+        let time = self.question_time();
+        if time > now {
+            return Ok(());
+        }
+        self.clock.pass(self.question.ticks);
+        self.clock.pull_up(time);
+        let value = self.answer(environment, time)?;
+        self.fetch_log(time)?;
+        self.resume(environment, value, time, horizon)?;
+        self.receive()
+    }
+
+    /// Counters and latencies so far.
+    #[must_use]
+    pub fn measurements(&self) -> &Measurements {
+        &self.measurements
+    }
+
+    /// Measures one more latency from now on; the result is in [`Measurements::probes`].
+    pub fn add_probe(&mut self, probe: Probe) {
+        self.measurements.probes.push(probe);
+    }
+
+    /// Log lines since last asked.
+    pub fn take_log(&mut self) -> Vec<LogLine> {
+        std::mem::take(&mut self.lines)
+    }
+
+    /// Reads words of the guest's memory or of its private peripheral bus (NVIC, SCB), while it waits for an answer.
+    ///
+    /// # Errors
+    /// The end of QEMU.
+    pub fn read_memory(&mut self, address: u32, words: usize) -> Result<Vec<u32>, EmulatorError> {
+        let mut memory = Vec::with_capacity(words);
+        while memory.len() < words {
+            let count = (words - memory.len()).min(MEMORY_WORDS);
+            let from = address + memory.len() as u32 * 4;
+            self.qemu.send(&[command::READ_MEMORY, from, count as u32])?;
+            self.qemu.receive(&mut self.words)?;
+            if self.words.first() != Some(&message::MEMORY) || self.words.len() != header::WORDS + count {
+                return Err(EmulatorError::Shim("wrong answer to a memory read".into()));
+            }
+            memory.extend_from_slice(&self.words[header::WORDS..]);
+        }
+        Ok(memory)
+    }
+
+    pub(crate) fn peripherals(&self) -> &Peripherals {
+        &self.peripherals
+    }
+
+    fn question_time(&self) -> Nanoseconds {
+        let time = self.clock.time_of(self.question.ticks);
+        let near = time + WAKE_TOLERANCE >= self.wake && time <= self.wake + WAKE_TOLERANCE;
+        if self.question.kind == message::TIMER && near { self.wake.max(self.clock.time_of(0)) } else { time }
+    }
+
+    fn sample<E: Environment + ?Sized>(&mut self, environment: &mut E, now: Nanoseconds) -> Result<(), EmulatorError> {
+        self.peripherals.advance(now)?;
+        let [int0, int1] = self.peripherals.sample(environment, now);
+        if int0.is_some() {
+            self.happened(Trigger::Int0Edge, now);
+        }
+        if int1.is_some() {
+            self.happened(Trigger::Int1Edge, now);
+        }
+        Ok(())
+    }
+
+    fn happened(&mut self, trigger: Trigger, time: Nanoseconds) {
+        for probe in &mut self.measurements.probes {
+            probe.happened(trigger, time);
+        }
+    }
+
+    fn count_instructions(&mut self, ticks: u32) {
+        self.measurements.instructions += u64::from(ticks.saturating_sub(self.counted));
+        self.counted = self.counted.max(ticks);
+    }
+
+    fn carry_out<E: Environment + ?Sized>(
+        &mut self,
+        environment: &mut E,
+        posted: Posted,
+        time: Nanoseconds,
+    ) -> Result<(), EmulatorError> {
+        self.count_instructions(posted.ticks);
+        self.peripherals.advance(time)?;
+        let access = Access { now: time, address: posted.address, width: posted.kind & 0xFF, pc: posted.pc };
+        if posted.kind & post::SERVED != 0 {
+            self.measurements.prefetched_reads += 1;
+            self.prefetch.pass(Place::Read { pc: posted.pc, address: posted.address });
+            self.happened(Trigger::Read(posted.address), time);
+            return Ok(());
+        }
+        self.measurements.writes += 1;
+        self.peripherals.write(environment, access, posted.value)?;
+        self.clock.set_frequency(self.peripherals.clock_tree().core);
+        self.happened(Trigger::Write(posted.address), time);
+        self.sample(environment, time)
+    }
+
+    fn answer<E: Environment + ?Sized>(
+        &mut self,
+        environment: &mut E,
+        time: Nanoseconds,
+    ) -> Result<u32, EmulatorError> {
+        let question = self.question;
+        self.measurements.exchanges += 1;
+        if question.kind == message::TIMER && question.idle {
+            self.measurements.idle_wakes += 1;
+        } else {
+            self.count_instructions(question.ticks);
+            self.measurements.busy_wakes += u64::from(question.kind == message::TIMER);
+        }
+        if question.kind != message::READ {
+            return Ok(0);
+        }
+        self.measurements.reads += 1;
+        let access = Access { now: time, address: question.address, width: question.width, pc: question.pc };
+        self.prefetch.pass(Place::Read { pc: question.pc, address: question.address });
+        let value = self.peripherals.read(environment, access)?;
+        self.happened(Trigger::Read(question.address), time);
+        self.sample(environment, time)?;
+        Ok(value)
+    }
+
+    fn resume<E: Environment + ?Sized>(
+        &mut self,
+        environment: &mut E,
+        value: u32,
+        time: Nanoseconds,
+        horizon: Nanoseconds,
+    ) -> Result<(), EmulatorError> {
+        let (edges, levels) = self.peripherals.take_interrupts();
+        for vector in (0..96_u8).filter(|vector| edges & 1 << vector != 0) {
+            self.happened(Trigger::Interrupt(vector), time);
+            self.prefetch.pass(Place::Interrupt(vector));
+        }
+        self.wake = self.peripherals.next_event().map_or(horizon, |event| event.min(horizon));
+        let chain =
+            self.prefetch.chain(resume::PREFETCH_CAPACITY, |address| self.peripherals.peek(environment, address));
+        let (read_cycles, write_cycles) = self.peripherals.fsmc.cycles();
+        let frequency = self.peripherals.clock_tree().core;
+        let bound = TickClock::new(frequency).ticks_until(self.post_bound);
+        // A read on the external bus waits before the product goes on.
+        let budget = self.clock.ticks_until(self.wake);
+        let mut words = [0; resume::WORDS + 2 * resume::PREFETCH_CAPACITY];
+        words[resume::KIND] = command::RESUME;
+        words[resume::VALUE] = value;
+        words[resume::BUDGET] = budget;
+        for word in 0..3 {
+            words[resume::PEND + word] = (edges >> (32 * word)) as u32;
+            words[resume::LEVEL + word] = (levels >> (32 * word)) as u32;
+        }
+        words[resume::WATCH] = self.log.watch();
+        words[resume::READ_WAIT] = TickClock::ticks_of_cycles(read_cycles);
+        words[resume::WRITE_WAIT] = TickClock::ticks_of_cycles(write_cycles);
+        words[resume::POST_BOUND] = bound;
+        words[resume::PREFETCHED] = chain.len() as u32;
+        for (slot, (address, value)) in words[resume::WORDS..].chunks_exact_mut(2).zip(&chain) {
+            slot.copy_from_slice(&[*address, u32::from(*value)]);
+        }
+        self.clock.resume();
+        self.counted = 0;
+        self.qemu.send(&words[..resume::WORDS + 2 * chain.len()])
+    }
+
+    fn receive(&mut self) -> Result<(), EmulatorError> {
+        self.qemu.receive(&mut self.words)?;
+        let words = &self.words;
+        if words.len() < header::WORDS || words.len() != header::WORDS + words[header::PAYLOAD] as usize {
+            return Err(EmulatorError::Shim(format!("message of {} words", words.len())));
+        }
+        self.question = Question {
+            kind: words[header::KIND],
+            ticks: words[header::TICKS],
+            address: words[header::ADDRESS],
+            width: words[header::WIDTH],
+            pc: words[header::PC],
+            watched: words[header::WATCHED],
+            idle: words[header::FLAGS] & 1 != 0,
+        };
+        let payload = &words[header::WORDS..];
+        if self.question.kind == message::FAULT {
+            let time = self.clock.time_of(self.question.ticks);
+            let report = fault_report(payload);
+            return Err(EmulatorError::Fault { time, report });
+        }
+        self.posted.extend(payload.chunks_exact(post::WORDS).map(|entry| Posted {
+            ticks: entry[post::TICKS],
+            address: entry[post::ADDRESS],
+            value: entry[post::VALUE],
+            kind: entry[post::KIND],
+            pc: entry[post::PC],
+        }));
+        Ok(())
+    }
+
+    fn fetch_log(&mut self, time: Nanoseconds) -> Result<(), EmulatorError> {
+        let write = self.question.watched;
+        let Some(block) = self.log.wants(write) else {
+            return Ok(());
+        };
+        let descriptor = self.read_memory(block, 2)?;
+        let (buffer, size) = (descriptor[0], descriptor[1]);
+        if write >= size {
+            // The control block is not initialised yet.
+            return Ok(());
+        }
+        let start = self.log.read_index() as usize;
+        let words = self.read_memory(buffer & !3, (size as usize).div_ceil(4) + 1)?;
+        let skew = (buffer & 3) as usize;
+        let bytes: Vec<u8> = words.iter().flat_map(|word| word.to_le_bytes()).collect();
+        let ring = &bytes[skew..skew + size as usize];
+        let end = write as usize;
+        let fresh = if start <= end { ring[start..end].to_vec() } else { [&ring[start..], &ring[..end]].concat() };
+        if let Some((address, index)) = self.log.fetched(write, &fresh) {
+            self.qemu.send(&[command::WRITE_MEMORY, address, index])?;
+            // The shim does not answer a write; a read keeps two commands from being taken as one message.
+            self.read_memory(address, 1)?;
+        }
+        self.measurements.log_exchanges += 3;
+        let lines = self.log.lines(time);
+        self.lines.extend(lines);
+        Ok(())
+    }
+}
+
+fn read_elf(path: &std::path::Path) -> Result<Vec<u8>, EmulatorError> {
+    std::fs::read(path).map_err(|error| EmulatorError::Elf { path: path.to_owned(), what: error.to_string() })
+}
+
+/// The product's vector table must be where the shim looks for it, and TIM5's vector is the shim's.
+fn check_product(configuration: &GuestConfiguration, elf: &[u8]) -> Result<(), EmulatorError> {
+    const PRODUCT_VECTORS: u64 = 0x0800_0000;
+    let broken = |what: &str| EmulatorError::Elf { path: configuration.product.clone(), what: what.into() };
+    let file = object::File::parse(elf).map_err(|error| broken(&error.to_string()))?;
+    let table = file
+        .section_by_name(".vector_table")
+        .ok_or_else(|| broken("no section .vector_table: not a firmware of cortex-m-rt"))?;
+    if table.address() != PRODUCT_VECTORS {
+        return Err(broken("the vector table is not at 0x0800_0000"));
+    }
+    let data = table.data().map_err(|error| broken(&error.to_string()))?;
+    let vector = |number: usize| {
+        let start = (16 + number) * 4;
+        data.get(start..start + 4)
+    };
+    // Two of the interrupts that no drive uses share the default handler with TIM5.
+    const TIM5: usize = 50;
+    const HASH_RNG: usize = 80;
+    if vector(TIM5) != vector(HASH_RNG) {
+        return Err(broken("the product uses the interrupt of TIM5, which the shim needs for itself"));
+    }
+    Ok(())
+}
+
+fn shim_vectors(configuration: &GuestConfiguration) -> Result<u32, EmulatorError> {
+    let elf = read_elf(&configuration.shim)?;
+    let broken = |what: String| EmulatorError::Elf { path: configuration.shim.clone(), what };
+    let file = object::File::parse(&*elf).map_err(|error| broken(error.to_string()))?;
+    file.section_by_name(".vectors")
+        .map(|section| section.address() as u32)
+        .ok_or_else(|| broken("no section .vectors: not the shim".into()))
+}
+
+fn fault_report(record: &[u32]) -> String {
+    if record.len() < fault::WORDS {
+        return "(record incomplete)".into();
+    }
+    let registers: Vec<String> =
+        record[..13].iter().enumerate().map(|(number, value)| format!("r{number} {value:08x}")).collect();
+    let (first, second) = (record[21] & 0xFFFF, record[21] >> 16);
+    format!(
+        "pc {:08x} (code {first:04x} {second:04x}), lr {:08x}, sp {:08x}, xpsr {:08x}, CFSR {:08x}, HFSR {:08x}, MMFAR {:08x}, BFAR {:08x}, {}",
+        record[15],
+        record[14],
+        record[13],
+        record[16],
+        record[17],
+        record[18],
+        record[19],
+        record[20],
+        registers.join(" ")
+    )
+}

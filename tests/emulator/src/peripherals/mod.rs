@@ -1,0 +1,501 @@
+//! The STM32F407 around the core, as far as the product uses it: one model a peripheral, and the wiring between them.
+
+pub(crate) mod clocks;
+pub(crate) mod gpio;
+pub(crate) mod interrupts;
+pub(crate) mod others;
+pub(crate) mod timer;
+
+use ring::Nanoseconds;
+
+use crate::protocol::{EXTERNAL_BUS, EXTERNAL_BUS_END};
+use crate::wiring;
+use crate::{EmulatorError, Environment};
+use clocks::{ClockTree, Flash, Power, Rcc};
+use gpio::{PinMode, Port};
+use interrupts::{Exti, Syscfg};
+use others::{Dac, Fsmc, Watchdog};
+use timer::Timer;
+
+const TIM2: u32 = 0x4000_0000;
+const TIM5: u32 = 0x4000_0C00;
+const TIM6: u32 = 0x4000_1000;
+const IWDG: u32 = 0x4000_3000;
+const PWR: u32 = 0x4000_7000;
+const DAC: u32 = 0x4000_7400;
+const SYSCFG: u32 = 0x4001_3800;
+const EXTI: u32 = 0x4001_3C00;
+const GPIO: u32 = 0x4002_0000;
+const GPIO_END: u32 = 0x4002_2400;
+const RCC: u32 = 0x4002_3800;
+const FLASH: u32 = 0x4002_3C00;
+const FSMC: u32 = 0xA000_0000;
+const BIT_BAND: u32 = 0x4200_0000;
+const BIT_BAND_END: u32 = 0x4400_0000;
+const PERIPHERALS: u32 = 0x4000_0000;
+
+/// Address lines A0 to A11 of a 16-bit bank: 8 KiB.
+const EXTERNAL_BYTES: u32 = 0x2000;
+
+/// An access of the product, for error messages.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Access {
+    pub(crate) now: Nanoseconds,
+    pub(crate) address: u32,
+    pub(crate) width: u32,
+    pub(crate) pc: u32,
+}
+
+impl Access {
+    fn misuse(self, what: impl Into<String>) -> EmulatorError {
+        EmulatorError::Misuse { time: self.now, what: what.into(), address: self.address, pc: self.pc }
+    }
+
+    fn unknown(self, direction: &'static str) -> EmulatorError {
+        EmulatorError::UnknownRegister {
+            time: self.now,
+            direction,
+            address: self.address,
+            width: self.width,
+            pc: self.pc,
+        }
+    }
+
+    fn at(self, address: u32, width: u32) -> Self {
+        Self { address, width, ..self }
+    }
+}
+
+/// All peripherals and what they have told the world so far.
+#[derive(Debug)]
+pub(crate) struct Peripherals {
+    pub(crate) rcc: Rcc,
+    power: Power,
+    pub(crate) flash: Flash,
+    pub(crate) ports: Vec<Port>,
+    pub(crate) syscfg: Syscfg,
+    pub(crate) exti: Exti,
+    pub(crate) fsmc: Fsmc,
+    pub(crate) tim2: Timer,
+    pub(crate) tim5: Timer,
+    pub(crate) tim6: Timer,
+    dac: Dac,
+    pub(crate) watchdog: Watchdog,
+    interrupt_levels: Option<(bool, bool)>,
+    lines: u128,
+    edges: u128,
+    amplifier_on: bool,
+    current: Option<u16>,
+    reset_held: bool,
+    straps: (bool, bool),
+}
+
+impl Peripherals {
+    pub(crate) fn new() -> Self {
+        Self {
+            rcc: Rcc::new(),
+            power: Power::new(),
+            flash: Flash::default(),
+            ports: (0..9).map(Port::new).collect(),
+            syscfg: Syscfg::default(),
+            exti: Exti::default(),
+            fsmc: Fsmc::new(),
+            tim2: Timer::new(32, false),
+            tim5: Timer::new(32, false),
+            tim6: Timer::new(16, true),
+            dac: Dac::default(),
+            watchdog: Watchdog::new(),
+            interrupt_levels: None,
+            lines: 0,
+            edges: 0,
+            amplifier_on: false,
+            current: None,
+            reset_held: false,
+            straps: (false, false),
+        }
+    }
+
+    pub(crate) fn clock_tree(&self) -> ClockTree {
+        self.rcc.tree()
+    }
+
+    /// The next instant at which a peripheral does something by itself.
+    pub(crate) fn next_event(&self) -> Option<Nanoseconds> {
+        [self.tim2.next_event(), self.tim5.next_event(), self.tim6.next_event(), self.watchdog.expires()]
+            .into_iter()
+            .flatten()
+            .min()
+    }
+
+    /// Does what is due until `now`.
+    pub(crate) fn advance(&mut self, now: Nanoseconds) -> Result<(), EmulatorError> {
+        if let Some(time) = self.watchdog.expires().filter(|expires| *expires <= now) {
+            return Err(EmulatorError::Watchdog { time });
+        }
+        self.tim2.advance(now);
+        self.tim5.advance(now);
+        self.tim6.advance(now);
+        self.update_lines();
+        Ok(())
+    }
+
+    /// Takes the levels of the input pins over; returns the edges of (INT0, INT1).
+    pub(crate) fn sample<E: Environment + ?Sized>(
+        &mut self,
+        environment: &mut E,
+        now: Nanoseconds,
+    ) -> [Option<bool>; 2] {
+        let (power, fault) = environment.amplifier_inputs();
+        self.drive(wiring::MAIN_POWER, power);
+        self.drive(wiring::AMPLIFIER_READY, !fault);
+        let (int0, int1) = environment.interrupt_pins();
+        let before = self.interrupt_levels.replace((int0, int1));
+        self.drive(wiring::INT0, int0);
+        self.drive(wiring::INT1, int1);
+        let Some(before) = before else {
+            return [None; 2];
+        };
+        let edges = [(before.0 != int0).then_some(int0), (before.1 != int1).then_some(int1)];
+        for (edge, pin, channel) in [(edges[0], wiring::INT0, 4), (edges[1], wiring::INT1, 3)] {
+            let Some(rises) = edge else { continue };
+            let (port, number) = pin;
+            if self.syscfg.port(number) == port {
+                self.exti.edge(number, rises);
+            }
+            if self.ports[port].mode(number) == PinMode::Alternate(1) {
+                let encoder = self.encoder(environment, now);
+                self.tim2.capture_edge(channel, rises, now, encoder);
+            }
+        }
+        self.update_lines();
+        edges
+    }
+
+    /// Sets the switches, which do not move while the drive runs.
+    pub(crate) fn set_switches<E: Environment + ?Sized>(&mut self, environment: &E) {
+        let contacts = wiring::ADDRESS_SWITCHES.iter().enumerate();
+        for (bit, pin) in contacts {
+            if environment.address_switches() & 1 << bit != 0 {
+                self.drive(*pin, false);
+            }
+        }
+        for (bit, pin) in wiring::BIT_RATE_SWITCHES.iter().enumerate() {
+            if environment.bit_rate_switches() & 1 << bit != 0 {
+                self.drive(*pin, false);
+            }
+        }
+    }
+
+    /// Edges of interrupt lines since last asked, and the lines that are high now.
+    pub(crate) fn take_interrupts(&mut self) -> (u128, u128) {
+        self.update_lines();
+        (std::mem::take(&mut self.edges), self.lines)
+    }
+
+    /// What a read would answer, where that is sure not to change before the next event and has no side effect.
+    pub(crate) fn peek<E: Environment + ?Sized>(&self, environment: &E, address: u32) -> Option<u16> {
+        let offset = address.checked_sub(EXTERNAL_BUS)?;
+        if offset >= EXTERNAL_BYTES || offset % 2 != 0 || self.fsmc.obstacle().is_some() {
+            return None;
+        }
+        environment.external_peek(offset)
+    }
+
+    pub(crate) fn read<E: Environment + ?Sized>(
+        &mut self,
+        environment: &mut E,
+        access: Access,
+    ) -> Result<u32, EmulatorError> {
+        let Access { address, width, .. } = access;
+        if (EXTERNAL_BUS..EXTERNAL_BUS_END).contains(&address) {
+            return self.read_external(environment, access);
+        }
+        if (BIT_BAND..BIT_BAND_END).contains(&address) {
+            let (word, bit) = bit_band(address);
+            let value = self.read_word(environment, access.at(word, 4))?;
+            return Ok(value >> bit & 1);
+        }
+        if address % width != 0 {
+            return Err(access.misuse("unaligned access to a peripheral"));
+        }
+        let value = self.read_word(environment, access.at(address & !3, width))?;
+        let shifted = value >> (8 * (address & 3));
+        Ok(shifted & (u32::MAX >> (32 - 8 * width)))
+    }
+
+    pub(crate) fn write<E: Environment + ?Sized>(
+        &mut self,
+        environment: &mut E,
+        access: Access,
+        value: u32,
+    ) -> Result<(), EmulatorError> {
+        let Access { address, width, .. } = access;
+        if (EXTERNAL_BUS..EXTERNAL_BUS_END).contains(&address) {
+            return self.write_external(environment, access, value);
+        }
+        if (BIT_BAND..BIT_BAND_END).contains(&address) {
+            let (word, bit) = bit_band(address);
+            let access = access.at(word, 4);
+            let old = self.read_word(environment, access)?;
+            let new = old & !(1 << bit) | (value & 1) << bit;
+            return self.write_word(environment, access, new);
+        }
+        if address % width != 0 {
+            return Err(access.misuse("unaligned access to a peripheral"));
+        }
+        let word = address & !3;
+        let merged = if width == 4 {
+            value
+        } else {
+            let shift = 8 * (address & 3);
+            let mask = (u32::MAX >> (32 - 8 * width)) << shift;
+            let old = self.kept_by_narrow_write(environment, access.at(word, width))?;
+            old & !mask | value << shift & mask
+        };
+        self.write_word(environment, access.at(word, width), merged)
+    }
+
+    /// The bits beside a narrow write: what is there, ones where writing 0 clears, zeros where writing 1 acts.
+    fn kept_by_narrow_write<E: Environment + ?Sized>(
+        &mut self,
+        environment: &mut E,
+        access: Access,
+    ) -> Result<u32, EmulatorError> {
+        const TIMER_STATUS: u32 = 0x10;
+        match access.address {
+            address if [TIM2, TIM5, TIM6].contains(&(address & !0x3FF)) => match address & 0x3FF {
+                TIMER_STATUS => Ok(u32::MAX),
+                0x34..=0x40 => Ok(0),
+                _ => self.read_word(environment, access),
+            },
+            GPIO..GPIO_END => match access.address & 0x3FF {
+                0x18 => Ok(0),
+                _ => self.read_word(environment, access),
+            },
+            address if [DAC, IWDG].contains(&(address & !0x3FF)) => self.read_word(environment, access),
+            _ => Err(access.misuse("byte or half-word write to a register that needs words")),
+        }
+    }
+
+    fn read_word<E: Environment + ?Sized>(
+        &mut self,
+        environment: &mut E,
+        access: Access,
+    ) -> Result<u32, EmulatorError> {
+        let Access { now, address, .. } = access;
+        self.check_clock(access)?;
+        let offset = address & 0x3FF;
+        let value = match address & !0x3FF {
+            TIM2 => {
+                let encoder = self.encoder(environment, now);
+                self.tim2.read(offset, now, encoder)
+            }
+            TIM5 => self.tim5.read(offset, now, 0),
+            TIM6 => self.tim6.read(offset, now, 0),
+            IWDG => self.watchdog.read(offset, now),
+            PWR => self.power.read(offset),
+            DAC => self.dac.read(offset),
+            SYSCFG => self.syscfg.read(offset),
+            EXTI => self.exti.read(offset),
+            RCC => self.rcc.read(offset, now),
+            FLASH => self.flash.read(offset),
+            FSMC => self.fsmc.read(offset),
+            page @ GPIO..GPIO_END => self.ports[port_of(page)].read(offset),
+            _ => None,
+        };
+        self.update_lines();
+        value.ok_or_else(|| access.unknown("read"))
+    }
+
+    fn write_word<E: Environment + ?Sized>(
+        &mut self,
+        environment: &mut E,
+        access: Access,
+        value: u32,
+    ) -> Result<(), EmulatorError> {
+        let Access { now, address, .. } = access;
+        self.check_clock(access)?;
+        let offset = address & 0x3FF;
+        let fine = |done: Option<()>| done.map(Ok);
+        let done = match address & !0x3FF {
+            TIM2 => {
+                let encoder = self.encoder(environment, now);
+                self.tim2.write(offset, value, now, encoder)
+            }
+            TIM5 => self.tim5.write(offset, value, now, 0),
+            TIM6 => self.tim6.write(offset, value, now, 0),
+            IWDG => fine(self.watchdog.write(offset, value, now)),
+            PWR => fine(self.power.write(offset, value)),
+            DAC => self.dac.write(offset, value),
+            SYSCFG => fine(self.syscfg.write(offset, value)),
+            EXTI => fine(self.exti.write(offset, value)),
+            RCC => self.rcc.write(offset, value, now, self.flash.latency()),
+            FLASH => fine(self.flash.write(offset, value)),
+            FSMC => fine(self.fsmc.write(offset, value)),
+            page @ GPIO..GPIO_END => fine(self.ports[port_of(page)].write(offset, value)),
+            _ => None,
+        };
+        done.ok_or_else(|| access.unknown("write"))?.map_err(|what| access.misuse(what))?;
+        if address & !0x3FF == RCC {
+            let tree = self.rcc.tree();
+            for timer in [&mut self.tim2, &mut self.tim5, &mut self.tim6] {
+                timer.set_clock(tree.apb1_timers, now);
+            }
+        }
+        self.tell(environment, now);
+        self.update_lines();
+        Ok(())
+    }
+
+    fn read_external<E: Environment + ?Sized>(
+        &mut self,
+        environment: &mut E,
+        access: Access,
+    ) -> Result<u32, EmulatorError> {
+        let offset = self.check_external(access)?;
+        let mut value = 0;
+        for half in 0..access.width / 2 {
+            let word = environment.external_read(access.now, offset + 2 * half);
+            value |= u32::from(word) << (16 * half);
+        }
+        Ok(value)
+    }
+
+    fn write_external<E: Environment + ?Sized>(
+        &mut self,
+        environment: &mut E,
+        access: Access,
+        value: u32,
+    ) -> Result<(), EmulatorError> {
+        let offset = self.check_external(access)?;
+        if !self.fsmc.is_writable() {
+            return Err(access.misuse("write to a bank with writing disabled (FSMC_BCR1.WREN)"));
+        }
+        for half in 0..access.width / 2 {
+            let word = (value >> (16 * half)) as u16;
+            environment.external_write(access.now, offset + 2 * half, word);
+        }
+        Ok(())
+    }
+
+    fn check_external(&self, access: Access) -> Result<u32, EmulatorError> {
+        if !self.rcc.is_enabled(0x38, 0) {
+            return Err(access.misuse("external bus used without the clock of the FSMC"));
+        }
+        if let Some(obstacle) = self.fsmc.obstacle() {
+            return Err(access.misuse(obstacle));
+        }
+        if access.width == 1 || access.address % access.width != 0 {
+            return Err(access.misuse("the external bus has no byte lanes"));
+        }
+        let offset = access.address - EXTERNAL_BUS;
+        if offset + access.width > EXTERNAL_BYTES {
+            return Err(access.misuse("beyond the twelve address lines of the external bus"));
+        }
+        Ok(offset)
+    }
+
+    /// A peripheral without its clock ignores writes and reads as 0: never what was meant.
+    fn check_clock(&self, access: Access) -> Result<(), EmulatorError> {
+        const AHB1: u32 = 0x30;
+        const AHB3: u32 = 0x38;
+        const APB1: u32 = 0x40;
+        const APB2: u32 = 0x44;
+        let (register, bit) = match access.address & !0x3FF {
+            TIM2 => (APB1, 0),
+            TIM5 => (APB1, 3),
+            TIM6 => (APB1, 4),
+            PWR => (APB1, 28),
+            DAC => (APB1, 29),
+            SYSCFG => (APB2, 14),
+            FSMC => (AHB3, 0),
+            page @ GPIO..GPIO_END => (AHB1, port_of(page) as u32),
+            _ => return Ok(()),
+        };
+        if self.rcc.is_enabled(register, bit) {
+            Ok(())
+        } else {
+            Err(access.misuse(format!(
+                "peripheral used while bit {bit} of its clock enable register (RCC + {register:#x}) is 0"
+            )))
+        }
+    }
+
+    /// Tells the world about outputs that changed.
+    fn tell<E: Environment + ?Sized>(&mut self, environment: &mut E, now: Nanoseconds) {
+        let on = self.drives_high(wiring::AMPLIFIER_ENABLE);
+        if std::mem::replace(&mut self.amplifier_on, on) != on {
+            environment.set_amplifier(now, on);
+        }
+        let held = self.is_output(wiring::CHIP_RESET) && !self.drives_high(wiring::CHIP_RESET);
+        if std::mem::replace(&mut self.reset_held, held) != held {
+            environment.set_chip_reset(now, held);
+        }
+        let straps = (self.drives_high(wiring::SBAUD), self.drives_high(wiring::SBAUD16));
+        if std::mem::replace(&mut self.straps, straps) != straps {
+            environment.set_bit_rate_straps(now, straps.0, straps.1);
+        }
+        let (port, number) = wiring::CURRENT;
+        let connected = self.ports[port].mode(number) == PinMode::Analogue;
+        let current = self.dac.output().filter(|_| connected);
+        if self.current != current {
+            self.current = current;
+            if let Some(code) = current {
+                environment.set_current(now, code);
+            }
+        }
+    }
+
+    fn encoder<E: Environment + ?Sized>(&self, environment: &mut E, now: Nanoseconds) -> u32 {
+        let connected = [wiring::ENCODER_A, wiring::ENCODER_B]
+            .iter()
+            .all(|(port, number)| self.ports[*port].mode(*number) == PinMode::Alternate(1));
+        if connected { environment.encoder_count(now) } else { 0 }
+    }
+
+    fn drive(&mut self, (port, number): wiring::Pin, level: bool) {
+        self.ports[port].drive(number, level);
+    }
+
+    fn is_output(&self, (port, number): wiring::Pin) -> bool {
+        self.ports[port].mode(number) == PinMode::Output
+    }
+
+    fn drives_high(&self, pin: wiring::Pin) -> bool {
+        self.is_output(pin) && self.ports[pin.0].output(pin.1)
+    }
+
+    fn update_lines(&mut self) {
+        let mut lines = self.exti.lines();
+        for (timer, vector) in [(&self.tim2, 28), (&self.tim5, 50), (&self.tim6, 54)] {
+            lines |= u128::from(timer.line()) << vector;
+        }
+        self.edges |= lines & !self.lines;
+        self.lines = lines;
+    }
+}
+
+fn port_of(page: u32) -> usize {
+    ((page - GPIO) / 0x400) as usize
+}
+
+/// The word behind a bit-band address, and the bit in it.
+fn bit_band(address: u32) -> (u32, u32) {
+    let offset = address - BIT_BAND;
+    let byte = PERIPHERALS + offset / 32;
+    (byte & !3, (byte & 3) * 8 + offset / 4 % 8)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn bit_band_addresses_name_one_bit() {
+        // RCC_AHB1ENR bit 6, as the hardware abstraction layer computes it.
+        let address = 0x4200_0000 + (0x2_3800 + 0x30) * 32 + 6 * 4;
+        assert_eq!(bit_band(address), (0x4002_3830, 6));
+        let address = 0x4200_0000 + (0x2_3800 + 0x40) * 32 + 29 * 4;
+        assert_eq!(bit_band(address), (0x4002_3840, 29));
+    }
+}

@@ -1,0 +1,127 @@
+//! The flashed ELF boots in QEMU and sets the board up as it must.
+
+use emulator::{EmulatorError, Environment, Guest, GuestConfiguration, audit};
+use ring::Nanoseconds;
+
+/// A world without a ring: a chip that answers with its version and otherwise with memory, a motor that stands still.
+struct Quiet {
+    words: Vec<u16>,
+    amplifier: bool,
+    current: Option<u16>,
+}
+
+const VERSION_REGISTER: usize = 0x1000 / 2;
+
+impl Quiet {
+    fn new() -> Self {
+        let mut words = vec![0; 0x1000];
+        words[VERSION_REGISTER] = 0x0010;
+        Self { words, amplifier: false, current: None }
+    }
+}
+
+impl Environment for Quiet {
+    fn external_read(&mut self, _: Nanoseconds, byte_offset: u32) -> u16 {
+        self.words[byte_offset as usize / 2]
+    }
+
+    fn external_write(&mut self, _: Nanoseconds, byte_offset: u32, value: u16) {
+        // Interrupt flags (04H, 05H) are cleared by writing ones and never set here; the version is read-only.
+        let word = byte_offset as usize / 2;
+        if ![VERSION_REGISTER, VERSION_REGISTER + 4, VERSION_REGISTER + 5].contains(&word) {
+            self.words[word] = value;
+        }
+    }
+
+    fn external_peek(&self, byte_offset: u32) -> Option<u16> {
+        Some(self.words[byte_offset as usize / 2])
+    }
+
+    fn interrupt_pins(&self) -> (bool, bool) {
+        (true, true)
+    }
+
+    fn encoder_count(&mut self, _: Nanoseconds) -> u32 {
+        1234
+    }
+
+    fn set_current(&mut self, _: Nanoseconds, code: u16) {
+        self.current = Some(code);
+    }
+
+    fn set_amplifier(&mut self, _: Nanoseconds, on: bool) {
+        self.amplifier = on;
+    }
+
+    fn amplifier_inputs(&self) -> (bool, bool) {
+        (true, false)
+    }
+
+    fn address_switches(&self) -> u8 {
+        2
+    }
+}
+
+fn configuration() -> GuestConfiguration {
+    let elf = |name: &str| {
+        std::env::var_os(name)
+            .unwrap_or_else(|| panic!("{name} is not set: run `cargo xtask test`, which builds the ELF"))
+    };
+    GuestConfiguration::new(elf("PRODUCT_ELF"), elf("SHIM_ELF"))
+}
+
+fn run(guest: &mut Guest, world: &mut Quiet, until: Nanoseconds) -> Result<(), EmulatorError> {
+    while let Some(now) = guest.next_event().filter(|now| *now < until) {
+        guest.run(world, now, until)?;
+    }
+    Ok(())
+}
+
+#[test]
+#[ignore = "needs QEMU and the ELF: cargo xtask test"]
+fn the_release_elf_sets_the_board_up() {
+    let mut world = Quiet::new();
+    let mut guest = Guest::start(&configuration()).unwrap();
+    let outcome = run(&mut guest, &mut world, Nanoseconds::from_millis(50));
+    for line in guest.take_log() {
+        println!("{} {} {}", line.time, line.level, line.text);
+    }
+    outcome.unwrap();
+    println!("{:?}", guest.measurements());
+    let findings = audit(&mut guest).unwrap();
+    let report: Vec<String> = findings.iter().map(ToString::to_string).collect();
+    assert!(report.is_empty(), "{}", report.join("\n"));
+    assert!(!world.amplifier, "the amplifier must stay off without a master");
+    assert_eq!(world.current, Some(0x800), "zero current");
+}
+
+#[test]
+#[ignore = "needs QEMU and the ELF: cargo xtask test"]
+fn two_runs_are_the_same_to_the_nanosecond() {
+    let trace = || {
+        let mut world = Quiet::new();
+        let mut guest = Guest::start(&configuration()).unwrap();
+        let mut times = Vec::new();
+        while let Some(now) = guest.next_event().filter(|now| *now < Nanoseconds::from_millis(20)) {
+            times.push(now);
+            guest.run(&mut world, now, Nanoseconds::from_millis(20)).unwrap();
+        }
+        (times, guest.measurements().clone())
+    };
+    let (first, second) = (trace(), trace());
+    assert_eq!(first.1, second.1);
+    assert!(first.0 == second.0, "the times of the exchanges differ");
+    assert!(first.0.len() > 100, "only {} exchanges", first.0.len());
+}
+
+#[test]
+fn a_missing_qemu_is_one_clear_line() {
+    let directory = tempfile::tempdir().unwrap();
+    let shim = directory.path().join("shim");
+    let mut configuration = GuestConfiguration::new(shim.clone(), shim);
+    configuration.qemu = "qemu-system-that-is-not-there".into();
+    let error = Guest::start(&configuration).unwrap_err();
+    assert!(matches!(error, EmulatorError::Elf { .. }), "{error}");
+    let text = EmulatorError::QemuMissing.to_string();
+    assert!(text.contains("install") && !text.contains('\n'));
+}
