@@ -101,7 +101,7 @@ impl Board {
             int1,
             loop_tick,
             timestamp,
-            watchdog: watchdog::Watchdog::new(peripherals.IWDG),
+            watchdog: watchdog::Watchdog::new(peripherals.IWDG, &mut rcc),
             settings,
         }
     }

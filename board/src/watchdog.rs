@@ -8,7 +8,7 @@
 
 use core::sync::atomic::{AtomicU8, AtomicU32, Ordering};
 
-use stm32f4xx_hal::pac;
+use stm32f4xx_hal::{pac, rcc::Rcc};
 
 /// Ticks of the LSI oscillator (32 kHz, 17 to 47 kHz over all parts) divided by four: 100 ms, at least 68 and at most 188 ms.
 const RELOAD: u16 = 800 - 1;
@@ -61,13 +61,23 @@ impl Default for Progress {
 #[derive(Debug)]
 pub struct Watchdog {
     watchdog: pac::IWDG,
+    caused_reset: bool,
     running: bool,
     fed_at: u32,
 }
 
 impl Watchdog {
-    pub(crate) fn new(watchdog: pac::IWDG) -> Self {
-        Self { watchdog, running: false, fed_at: 0 }
+    /// Takes the watchdog over, and the record of the last reset with it.
+    pub(crate) fn new(watchdog: pac::IWDG, rcc: &mut Rcc) -> Self {
+        let caused_reset = rcc.csr().read().wdgrstf().is_reset();
+        rcc.csr().modify(|_, w| w.rmvf().clear());
+        Self { watchdog, caused_reset, running: false, fed_at: 0 }
+    }
+
+    /// Whether the last reset was the watchdog's work: something in the drive had hung.
+    #[must_use]
+    pub const fn caused_reset(&self) -> bool {
+        self.caused_reset
     }
 
     /// Starts the watchdog and returns `true`; with a debugger attached leaves it off, as a halted core would be reset.

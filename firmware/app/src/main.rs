@@ -64,6 +64,9 @@ mod app {
     #[init]
     fn init(context: init::Context) -> (Shared, Local) {
         let Board { bus, motor_side, int0, int1, loop_tick, mut watchdog, settings, .. } = Board::new(context.device);
+        if watchdog.caused_reset() {
+            defmt::error!("restarted by the watchdog");
+        }
         let Some(identity) = identity(&settings) else {
             defmt::error!("{=u8} on the address switches is no drive address", settings.address);
             remain_a_repeater()
