@@ -213,8 +213,8 @@ dictionary! {
     S 104 "Position loop Kv-factor" ["1000/min"] U16/2 written ALWAYS (1 to 65_535) = 100 => Parameter, stored;
     /// Largest current of the motor.
     S 109 "Motor peak current" ["A"] U32/3 written IN_CP2_CP3 (1 to 500_000) = 20_000 => Parameter, stored, needed_for_cp4;
-    /// Current at full scale of the amplifier's command input.
-    S 110 "Amplifier peak current" ["A"] U32/3 written NEVER (1 to 500_000) = 20_000 => Parameter;
+    /// Current at full scale of the amplifier's command input; writable, because the amplifier is chosen by the builder.
+    S 110 "Amplifier peak current" ["A"] U32/3 written IN_CP2_CP3 (1 to 500_000) = 20_000 => Parameter, stored, needed_for_cp4;
     /// Current of the motor at its continuous stall torque: 100 % of all torque data.
     S 111 "Motor continuous stall current" ["A"] U32/3 written IN_CP2_CP3 (1 to 500_000) = 5_000 => Parameter, stored, needed_for_cp4;
     /// The drive never commands a higher velocity.

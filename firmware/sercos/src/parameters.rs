@@ -319,6 +319,13 @@ mod tests {
     }
 
     #[test]
+    fn two_byte_parameters_keep_two_bytes() {
+        let mut parameters = Parameters::new();
+        parameters.set(Idn::product(19), 0x1_0005).unwrap();
+        assert_eq!(parameters.get(Idn::product(19)), 5);
+    }
+
+    #[test]
     fn what_the_master_has_written_is_forgotten_when_cp2_begins() {
         let mut parameters = Parameters::new();
         parameters.mark_written(Idn::standard(2));

@@ -417,6 +417,16 @@ mod tests {
     }
 
     #[test]
+    fn errors_add_up_and_the_phase_is_that_of_the_first() {
+        let mut machine = machine_in(Phase::Cp4);
+        machine.fail(PhaseError::MstFailure);
+        machine.received(0).unwrap();
+        machine.received(1).unwrap();
+        assert!(machine.received(3).is_err());
+        assert_eq!(machine.interface_status().raw_value(), 0b100_1100);
+    }
+
+    #[test]
     fn a_drive_that_is_switched_on_in_a_running_ring_waits_without_an_error() {
         let mut machine = PhaseMachine::new();
         assert_eq!(machine.received(4), Ok(PhaseChange::Unchanged));

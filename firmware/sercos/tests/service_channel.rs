@@ -353,3 +353,15 @@ fn a_check_that_was_not_cancelled_does_not_hold_the_change_bit_in_the_next_phase
     slave.mst(3).unwrap();
     assert!(!slave.server.command_change());
 }
+
+#[test]
+fn the_channel_stays_open_from_cp2_to_cp3_and_a_new_run_up_closes_it() {
+    let mut slave = Slave::in_cp2();
+    slave.configure();
+    slave.set(Idn::CP3_TRANSITION_CHECK, &[3]).unwrap();
+    slave.open(s(2)).unwrap();
+    slave.mst(3).unwrap();
+    assert_eq!(slave.read(7, 1), Ok(vec![2000]));
+    slave.mst(0).unwrap();
+    assert_eq!(slave.server.open_idn(), None);
+}
