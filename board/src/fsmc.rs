@@ -1,7 +1,7 @@
 //! The SERCON816 on the external bus: FSMC bank 1, chip select NE1, 16 bit, asynchronous, mode A.
 //!
 //! Select wiring without glue logic (sercon816.md 3.2): MCSN0 = PCSN0 = NE1, MCSN1 = PCS1 = A12. On a 16-bit bank the FSMC puts byte
-//! address bit n + 1 on FSMC_A[n], so the chip's A1..A11 are FSMC_A0..FSMC_A10 and its A12 is FSMC_A11.
+//! address bit n + 1 on its line number n, so the chip's A1..A11 are FSMC_A0..FSMC_A10 and its A12 is FSMC_A11.
 //!
 //! | what | byte address |
 //! |---|---|
