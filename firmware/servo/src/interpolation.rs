@@ -145,10 +145,8 @@ impl Interpolator {
             None => command,
         };
         let distance = (target - here).to_bits().clamp(-DISTANCE_LIMIT, DISTANCE_LIMIT);
-        // What the position carries below its own step belongs to the new line, else slow movements lose it every cycle.
-        let below = self.remaining.wrapping_neg() & ((1 << FINE_BITS) - 1);
         self.target = target;
-        self.remaining = (distance << FINE_BITS).wrapping_sub(below);
+        self.remaining = distance << FINE_BITS;
         self.slope = settings.per_tick(self.remaining);
         self.ticks = 0;
     }
