@@ -6,7 +6,8 @@ use crate::progress::PhaseBars;
 use crate::report::data::{Platform, Progress, ReplayReport};
 use crate::report::text;
 use crate::setup::{self, Installing};
-use anyhow::{Context, Result, bail};
+use anyhow::{Context, Result, anyhow, bail};
+use ring::capture::{CaptureError, Recording};
 use std::path::Path;
 
 /// Plays the recording and prints a line a drive, or JSON.
@@ -26,12 +27,12 @@ pub(crate) fn run(file: &Path, on: Platform, json: bool, installing: Installing)
     conclude(&report?, json)
 }
 
-/// A recording, checked as a whole.
-type Recording = String;
-
 fn read(file: &Path) -> Result<Recording> {
-    std::fs::read_to_string(file)
-        .with_context(|| format!("cannot read the recording {}; give a file as the README describes", file.display()))
+    Recording::open(file).map_err(|error| match error {
+        // It names the file itself.
+        CaptureError::File { .. } => anyhow!("cannot read the recording {error}"),
+        error => anyhow!("{} is no recording, {error}; the README says what one looks like", file.display()),
+    })
 }
 
 fn play(

@@ -110,3 +110,40 @@ fn an_old_qemu_is_refused_with_both_versions() {
     let line = refusal(&xtask_without_tools(folder.path()).arg("demo").output().unwrap());
     assert!(line.contains("QEMU 5.2 is too old, 7.2 or newer is needed"), "{line}");
 }
+
+#[test]
+fn a_malformed_recording_is_refused_with_its_line_before_anything_else_is_done() {
+    let folder = tempfile::tempdir().unwrap();
+    let file = folder.path().join("bad.tsv");
+    let good = "0\tMST\tff 00\t87 f0\t3f81eabd6be03f\n";
+    for (text, cause) in [
+        ("", "no telegram"),
+        ("# only a comment\n", "no telegram"),
+        (&format!("{good}1\tMST\tff 00\n"), "line 2: 3 columns, expected 5"),
+        (&format!("{good}1\tMST\tff 00\t87 f1\t3f81eabd6be03f\n"), "line 2: frame check sequence"),
+        (&format!("# comment\n{good}5\tMST\tff 00\t87 f0\t3f81eabd6be03f\n"), "line 3: cycle 5, expected 1"),
+    ] {
+        std::fs::write(&file, text).unwrap();
+        for on in ["host", "qemu"] {
+            let output =
+                xtask_without_tools(folder.path()).arg("replay").arg(&file).args(["--on", on]).output().unwrap();
+            let line = refusal(&output);
+            assert!(line.contains(cause), "{cause:?} expected in {line}");
+            assert!(line.contains("bad.tsv"), "{line}");
+        }
+    }
+}
+
+#[test]
+fn a_recording_that_is_not_there_is_named() {
+    let line = refusal(&xtask().args(["replay", "nowhere/at-all.tsv"]).output().unwrap());
+    assert!(line.contains("nowhere/at-all.tsv") && line.contains("No such file"), "{line}");
+}
+
+#[test]
+fn a_recording_that_is_not_text_is_refused() {
+    let folder = tempfile::tempdir().unwrap();
+    let file = folder.path().join("picture.tsv");
+    std::fs::write(&file, [0xFF, 0x00, 0x9D]).unwrap();
+    refusal(&xtask().arg("replay").arg(&file).output().unwrap());
+}
