@@ -173,6 +173,16 @@ mod tests {
     }
 
     #[test]
+    fn a_lowered_limit_takes_the_integral_part_along() {
+        let lower = VelocityLoopSettings::new(1_000, 100, 10_000, 2_000).unwrap();
+        let mut velocity_loop = VelocityLoop::new();
+        velocity_loop.preset(CurrentFraction::from_num(0.8));
+        assert_eq!(velocity_loop.tick(&lower, Velocity::ZERO, Velocity::ZERO).current, CurrentFraction::from_num(0.2));
+        let again = velocity_loop.tick(&settings(100), Velocity::ZERO, Velocity::ZERO);
+        assert_eq!(again.current, CurrentFraction::from_num(0.2), "nothing waits above the limit");
+    }
+
+    #[test]
     fn impossible_settings_are_refused() {
         assert_eq!(
             VelocityLoopSettings::new(1, 1, 0, 0),

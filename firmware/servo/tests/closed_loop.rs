@@ -289,7 +289,7 @@ fn mode_switches_at_speed_are_bumpless() {
         let steady = bench.ticks(800);
         let ripple = spread(&steady);
         let mut last = *steady.last().unwrap();
-        for mode in [Mode::Position, Mode::Velocity, Mode::Position, Mode::Halt, Mode::Velocity, Mode::Stopping] {
+        for mode in MODES {
             bench.axis.set_mode(mode);
             let first = bench.tick();
             let bump = (first.current - last.current).to_num::<f64>().abs();
@@ -304,6 +304,32 @@ fn mode_switches_at_speed_are_bumpless() {
             last = *bench.ticks(20).last().unwrap();
         }
     }
+}
+
+const MODES: [Mode; 8] = [
+    Mode::Position,
+    Mode::Velocity,
+    Mode::Position,
+    Mode::Halt,
+    Mode::Position,
+    Mode::Halt,
+    Mode::Velocity,
+    Mode::Stopping,
+];
+
+#[test]
+fn switching_on_again_starts_without_the_current_of_last_time() {
+    let reference = ReferenceAxis::press();
+    let mut bench = Bench::new(&reference, &parameters(&reference));
+    bench.motor.set_load_torque(-60.0, 0);
+    bench.axis.set_mode(Mode::Velocity);
+    let held = bench.ticks(4_000);
+    assert!(held.last().unwrap().current > CurrentFraction::from_num(0.4), "holds 54 to 66 Nm of 120");
+    bench.axis.set_mode(Mode::Off);
+    bench.motor.set_load_torque(0.0, bench.time);
+    bench.ticks(8_000);
+    bench.axis.set_mode(Mode::Velocity);
+    assert!(bench.tick().current.to_num::<f64>().abs() < 0.02);
 }
 
 fn spread(outputs: &[AxisOutput]) -> f64 {
@@ -378,6 +404,8 @@ fn homing_shifts_the_zero_without_a_movement() {
     let after = bench.tick();
     assert!((degrees(after.following_error) - degrees(before.following_error)).abs() < 0.01);
     assert_eq!(after.velocity, Velocity::ZERO);
+    assert!((after.current - before.current).to_num::<f64>().abs() < 0.05, "no movement is seen where there was none");
+    assert!(bench.ticks(100).iter().all(|output| !output.excessive_deviation));
     assert!((degrees(after.position_command) / 360.0 + 3.25).abs() < 0.000_1);
 }
 
