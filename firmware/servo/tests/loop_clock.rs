@@ -185,6 +185,39 @@ fn a_single_wild_t3_is_not_believed_but_a_new_phase_is_taken_over() {
 }
 
 #[test]
+fn the_lock_is_given_up_while_the_phase_is_off_and_comes_back() {
+    let mut simulation = Simulation::new(16, 50.0, 200.0, 0.0);
+    simulation.worst(200);
+    // The master moves t3 by 5 us: believed, and taken out over several events.
+    simulation.last_tick -= 5_000.0;
+    simulation.next_tick -= 5_000.0;
+    let locked: Vec<bool> = (0..100)
+        .map(|_| {
+            simulation.cycle(true);
+            simulation.clock.is_locked()
+        })
+        .collect();
+    assert!(locked[..3].iter().all(|&locked| locked), "three events are no verdict");
+    assert!(locked[..20].iter().any(|&locked| !locked), "the lock is given up");
+    assert!(locked[60..].iter().all(|&locked| locked), "and comes back");
+}
+
+#[test]
+fn after_a_long_gap_the_first_t3_is_believed() {
+    let mut simulation = Simulation::new(16, 100.0, 200.0, 0.0);
+    simulation.worst(200);
+    for _ in 0..50 {
+        simulation.cycle(false);
+    }
+    simulation.last_tick -= 40_000.0;
+    simulation.next_tick -= 40_000.0;
+    // 40 us at 1.25 us a period are 32 periods, two cycles and a half.
+    simulation.worst(5);
+    let worst = simulation.worst(100);
+    assert!((0.05..1.0).contains(&worst), "{worst} us");
+}
+
+#[test]
 fn a_trim_that_takes_effect_at_once_locks_as_well() {
     let mut simulation = Simulation::new(4, 100.0, 500.0, 50_000.0);
     simulation.effect = Effect::ThisPeriod;
