@@ -6,8 +6,9 @@ use crate::bus::Bus;
 use crate::header::{ReceiveHeader, TransmitHeader, TransmitMode};
 use crate::layout::{Block, MAXIMUM_CYCLIC_WORDS, SERVICE_WORDS};
 
-/// Bits 3..0 of the status word: the chip's own service bits.
-const SERVICE_BITS: u16 = 0x000F;
+/// The service bits of the status word, which the chip puts over the RAM's when it sends: AHS, BUSY, ERR, and the command
+/// change bit where [`crate::uncertain::COMMAND_CHANGE_IN_AT`] has it.
+const SERVICE_BITS: u16 = 0x0007 | crate::uncertain::COMMAND_CHANGE_IN_AT;
 
 /// The master's record, for the task of t3; in CP1 and CP2 also the switch of the one AT that answers an MDT.
 #[derive(Debug)]
@@ -83,7 +84,7 @@ impl<B: Bus> FeedbackPort<B> {
         Self { bus }
     }
 
-    /// CP3 and CP4: writes bits 15 to 4 of the status word; bits 3 to 0 are the chip's.
+    /// CP3 and CP4: writes the status word but for the chip's service bits (2 to 0, and 5).
     pub fn set_status(&mut self, status: u16) {
         self.set(&Block::CYCLIC, status);
     }
@@ -160,12 +161,12 @@ mod tests {
     fn the_chips_own_status_bits_are_left_alone() {
         let bus = TestBus::new();
         let mut port = FeedbackPort::new(bus.clone());
-        bus.set_ram(0x035, 0x5805);
-        port.set_status(0x98FA);
-        assert_eq!(bus.ram(0x035), 0x98F5);
-        bus.set_ram(0x015, 0x000F);
+        bus.set_ram(0x035, 0x5825);
+        port.set_status(0x98DA);
+        assert_eq!(bus.ram(0x035), 0x98FD);
+        bus.set_ram(0x015, 0x002F);
         port.set_initial_status(0x4000);
-        assert_eq!(bus.ram(0x015), 0x400F);
+        assert_eq!(bus.ram(0x015), 0x4027);
     }
 
     #[test]

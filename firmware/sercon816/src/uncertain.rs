@@ -117,3 +117,11 @@ pub const LOWEST_TELEGRAM_WINDOW_START: i16 = 0;
 
 /// G30: reset values and RAM contents are never relied upon: everything used is written, and the RAM read back, with these patterns.
 pub const RAM_TEST_PATTERNS: [u16; 2] = [0xA5C3, 0x5A3C];
+
+/// Not among the G-numbers, because sercon816.md 8.1 and sercos2.md 1.7 contradict each other: which bit of the AT's status
+/// word the chip makes of a container's CMD_AT (word 0 bit 3). Bit 5 is where the protocol has it; bit 3 is "drive follows
+/// its commands" there, which real drives with this chip do send, so the chip must leave it to the RAM.
+///
+/// This is the one unknown that the firmware cannot serve both ways: if the chip used bit 3, a master would see the
+/// command change there. Settle it with a bus trace of a procedure command.
+pub const COMMAND_CHANGE_IN_AT: u16 = 1 << 5;

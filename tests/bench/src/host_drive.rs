@@ -3,16 +3,13 @@
 //! What this file stands for is `firmware/app/src/main.rs` and the board: edges of the interrupt pins, the loop timer,
 //! the order of priorities. Everything else is the product.
 
-use std::cell::RefCell;
-use std::rc::Rc;
-
 use drive::{Communication, Drive, Identity, InterruptLine, Interrupts, Motion, Work};
 use ring::Nanoseconds;
 use ring::chip::{ChipBus, InterruptPin, SharedChip};
 use ring::time::SharedClock;
 use rtic_core::Exclusive;
 
-use crate::measure::Stopwatch;
+use crate::executor::SharedMeasurements;
 use crate::motor_side::{MotorSide, SharedMotorSide};
 use crate::processor::{Processor, ProcessorError};
 
@@ -34,7 +31,6 @@ impl Default for Latency {
 
 /// A drive that runs on this computer, beside a chip of the ring and a motor.
 pub struct HostDrive {
-    address: u8,
     chip: SharedChip,
     motor_side: SharedMotorSide,
     interrupts: Interrupts<ChipBus>,
@@ -43,7 +39,7 @@ pub struct HostDrive {
     latency: Latency,
     edges: [Option<Nanoseconds>; 2],
     background: Option<(Nanoseconds, Work)>,
-    service: Rc<RefCell<Stopwatch>>,
+    measurements: SharedMeasurements,
 }
 
 impl HostDrive {
@@ -57,6 +53,7 @@ impl HostDrive {
         motor_side: &SharedMotorSide,
         identity: Identity,
         latency: Latency,
+        measurements: SharedMeasurements,
     ) -> Result<Self, ProcessorError> {
         let bus = ChipBus::new(chip.clone(), clock.clone());
         let address = identity.address.get();
@@ -67,7 +64,6 @@ impl HostDrive {
             .start(&mut interrupts, &mut motion)
             .map_err(|error| refused(&error))?;
         Ok(Self {
-            address,
             chip: chip.clone(),
             motor_side: motor_side.clone(),
             interrupts,
@@ -76,13 +72,8 @@ impl HostDrive {
             latency,
             edges: [None; 2],
             background: None,
-            service: Rc::default(),
+            measurements,
         })
-    }
-
-    /// Times from a pending service step to its release.
-    pub fn service_stopwatch(&self) -> Rc<RefCell<Stopwatch>> {
-        self.service.clone()
     }
 
     fn take_edges(&mut self) {
@@ -111,7 +102,7 @@ impl HostDrive {
 
     fn start_tasks(&mut self, now: Nanoseconds, mut work: Work) {
         if work.contains(Work::SERVICE_CHANNEL) {
-            self.service.borrow_mut().start(now);
+            self.measurements.borrow_mut().service.start(now);
         }
         if work.contains(Work::COMMAND_VALID) {
             work |= self.motion.command_valid();
@@ -134,7 +125,7 @@ impl HostDrive {
         }
         if work.contains(Work::SERVICE_CHANNEL) {
             self.communication.service_channel(&mut Exclusive(&mut self.motion));
-            self.service.borrow_mut().stop(now);
+            self.measurements.borrow_mut().service.stop(now);
         }
     }
 }
@@ -156,7 +147,6 @@ impl Processor for HostDrive {
             self.start_tasks(now, work);
         }
         self.background_tasks(now);
-        let _ = self.address;
         // What the tasks wrote may have moved the pins: a flag cleared, or one that came while the handler ran.
         self.take_edges();
         Ok(())

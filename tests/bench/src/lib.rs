@@ -5,13 +5,22 @@
 //! * [`measure`], [`report`]: what a run tells.
 #![forbid(unsafe_code)]
 
+pub mod demo;
+pub mod executor;
 pub mod host_drive;
 pub mod measure;
 pub mod motor_side;
 pub mod processor;
+pub mod qemu_drive;
+pub mod replay;
 pub mod report;
+pub mod ring_of_drives;
 pub mod world;
 
+pub use demo::{DemoError, demo};
+pub use executor::{Elves, Executor};
 pub use host_drive::{HostDrive, Latency};
 pub use processor::{Processor, ProcessorError};
+pub use replay::{ReplayError, ReplayOptions, replay};
+pub use ring_of_drives::{DriveHandle, DriveSetup, ring_of_drives, ring_of_drives_on};
 pub use world::World;

@@ -5,7 +5,7 @@ use super::Chip;
 use super::alternatives::{Delivery, ErrorBit, OneShot, Rearm, TelegramErrorFlag, TransmitWithoutMst, WindowSign};
 use super::ram::WORDS;
 use super::registers::status_0;
-use super::slave_service::SlaveService;
+use super::slave_service::{OVERLAID, SlaveService};
 use crate::time::Nanoseconds;
 use crate::wire::{LineError, Transmission};
 
@@ -412,7 +412,7 @@ impl Chip {
                     *first = *first & !0x003F | bits;
                     *second = info;
                 } else {
-                    *first = *first & !0x000F | SlaveService::at_bits(&self.ram, base);
+                    *first = *first & !OVERLAID | SlaveService::at_bits(&self.ram, base);
                     *second = self.slave_services[number].at_info();
                 }
             }

@@ -18,8 +18,10 @@ const INT_ERR: u16 = 1 << 12;
 const INT_END_WRBUF: u16 = 1 << 13;
 const INT_END_RDBUF: u16 = 1 << 14;
 
-/// Word 1 and the AT's status word: handshake, busy, error, command change.
-const AT_BITS: u16 = 0x000F;
+/// Word 1 and the AT's status word: handshake, busy, error.
+const AT_BITS: u16 = 0x0007;
+/// The command change bit of the AT's status word (sercos2.md 1.7), bit 3 of word 1.
+const COMMAND_CHANGE: u16 = 1 << 5;
 const HS_AT: u16 = 1 << 0;
 const BUSY_AT: u16 = 1 << 1;
 const ERR_AT: u16 = 1 << 2;
@@ -59,11 +61,13 @@ impl MasterService {
     /// Takes the status and info words of an accepted AT; `true` asks for the interrupt.
     pub(super) fn on_at(&mut self, ram: &mut Ram, base: u16, status: u16, info: u16, timeouts: (u8, u8)) -> bool {
         let mut interrupt = false;
+        let command_change = if status & COMMAND_CHANGE == 0 { 0 } else { CMD_AT };
+        let status = status & AT_BITS | command_change;
         if status & !ram.get(base + 1) & CMD_AT != 0 {
             ram.change(base + 4, 0, INT_CMD);
             interrupt = true;
         }
-        ram.change(base + 1, !NINFO, status & AT_BITS);
+        ram.change(base + 1, !NINFO, status);
         let word = ram.get(base);
         if word & M_BUSY != 0 || !self.sent {
             return interrupt;

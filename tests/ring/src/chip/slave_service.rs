@@ -12,8 +12,12 @@ const HS_AT: u16 = 1 << 0;
 const BUSY_AT: u16 = 1 << 1;
 /// Word 0: error bit of the AT.
 const ERR_AT: u16 = 1 << 2;
-/// Word 0: bits that go into the AT.
-const AT_BITS: u16 = 0x000F;
+/// Word 0: handshake, busy and error bits, in the same place in the AT.
+const AT_BITS: u16 = 0x0007;
+/// Word 0: command change bit, bit 5 of the AT (sercos2.md 1.7; sercon816.md 6.4 numbers the container's bits only).
+const CMD_AT: u16 = 1 << 3;
+/// The bits of an AT's status word that belong to the chip.
+pub(super) const OVERLAID: u16 = 0x0027;
 const INT_ELEM_CHANGE: u16 = 1 << 12;
 const INT_END_WRBUF: u16 = 1 << 13;
 const INT_END_RDBUF: u16 = 1 << 14;
@@ -130,9 +134,10 @@ impl SlaveService {
         }
     }
 
-    /// The service bits (3..0) of the AT's status word.
+    /// The service bits of the AT's status word, within [`OVERLAID`].
     pub(super) fn at_bits(ram: &Ram, base: u16) -> u16 {
-        ram.get(base) & AT_BITS
+        let word = ram.get(base);
+        (word & AT_BITS) | (word & CMD_AT) << 2
     }
 
     /// The service info word of the AT.

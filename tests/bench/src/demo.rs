@@ -1,0 +1,335 @@
+//! The main job: a press ring of three drives, run up by a scripted master, following a line shaft.
+
+use plant::ReferenceAxis;
+use ring::ident::{Idn, Value};
+use ring::master::{
+    Activity, CommandValues, DriveScript, LineShaft, MasterError, MasterReport, MasterScript, Motion, ScriptedMaster,
+    Telegram,
+};
+use ring::wire::BitRate;
+use ring::{Nanoseconds, RingConfiguration};
+
+use crate::executor::Executor;
+use crate::processor::ProcessorError;
+use crate::report::{
+    DemoReport, FollowingError, MissedTelegrams, MotionSegment, PhaseTime, Progress, Sample, ServiceError,
+};
+use crate::ring_of_drives::{DriveHandle, DriveSetup, ring_of_drives_on};
+
+/// Why the demonstration did not come to its end.
+#[derive(Debug, thiserror::Error)]
+pub enum DemoError {
+    /// The master gave up.
+    #[error("the master stopped: {0}")]
+    Master(#[from] MasterError),
+    /// A drive could not go on.
+    #[error(transparent)]
+    Processor(#[from] ProcessorError),
+    /// Neither an end nor an error.
+    #[error("the run did not end within {seconds} s of simulated time; the master is {state}")]
+    NoEnd {
+        /// The limit.
+        seconds: u64,
+        /// What the master was doing.
+        state: String,
+    },
+}
+
+/// Addresses of the ring; the second is the drive under test.
+const RING: [u8; 3] = [1, 2, 3];
+const UNDER_TEST: usize = 1;
+/// The press ring of the newspaper press: 2 Mbit/s, 10 ms in all phases (sercos2.md 7).
+const CYCLE: Nanoseconds = Nanoseconds::from_millis(10);
+/// 600 rpm in 0.0001 degree a second.
+const SHAFT: LineShaft = LineShaft {
+    velocity: 36_000_000,
+    ramp: Nanoseconds::from_millis(1_500),
+    constant: Nanoseconds::from_millis(3_000),
+};
+/// Position increments of a revolution, S-0-0079.
+const INCREMENTS: f64 = 3_600_000.0;
+/// The shaft has swung in to the new acceleration so long after a ramp's end.
+const SETTLING: Nanoseconds = Nanoseconds::from_millis(300);
+/// The observer looks at the motor this often: at every second loop tick.
+const STEP: Nanoseconds = Nanoseconds::from_microseconds(250);
+/// Every so many looks become a point of the plot.
+const PLOTTED: usize = 16;
+/// A command is interpolated from the first loop tick behind t3 on, which takes it one tick forward; the ticks lie a quarter
+/// of a period behind t3. So a setpoint is this much ahead of the straight line from t3 to t3.
+const SETPOINT_LEAD: Nanoseconds = Nanoseconds(93_750);
+const PROGRESS_EVERY: Nanoseconds = Nanoseconds::from_millis(50);
+const LONGEST_RUN_SECONDS: u64 = 60;
+
+/// Runs the demonstration; `executor` says where drive 2 runs.
+///
+/// # Errors
+/// [`DemoError`] when the run does not come to its end.
+pub fn demo(executor: &Executor, progress: &mut dyn FnMut(&Progress)) -> Result<DemoReport, DemoError> {
+    let axis = ReferenceAxis::press();
+    let setups = RING.map(|address| DriveSetup { axis, ..DriveSetup::new(address) });
+    let master = ScriptedMaster::new(script(&axis));
+    let configuration = RingConfiguration::new(RING.len(), BitRate::M2);
+    let (mut world, handles) = ring_of_drives_on(configuration, master, &setups, |address| {
+        if address == RING[UNDER_TEST] { executor.clone() } else { Executor::Host }
+    })?;
+    let mut told = Nanoseconds::ZERO;
+    let mut looks = Vec::new();
+    let mut steps: Vec<(u8, u64)> = Vec::new();
+    while !world.ring().master().is_done() {
+        let now = world.now();
+        let master = world.ring().master();
+        if now.as_seconds() > LONGEST_RUN_SECONDS as f64 {
+            let state = master.state().to_string();
+            return Err(DemoError::NoEnd { seconds: LONGEST_RUN_SECONDS, state });
+        }
+        if steps.last().is_none_or(|(phase, _)| *phase != master.phase()) {
+            steps.push((master.phase(), total_steps(master.report())));
+        }
+        if now >= told {
+            told = now + PROGRESS_EVERY;
+            progress(&progress_of(master, now));
+        }
+        if master.phase() == 4 {
+            looks.push(Look::at(&handles[UNDER_TEST], now));
+        }
+        world.run_until(now + STEP)?;
+    }
+    let master = world.ring().master().report().clone();
+    if let Some(error) = master.error {
+        return Err(error.into());
+    }
+    steps.push((4, total_steps(&master)));
+    Ok(report(executor, &master, &handles, &looks, &steps, world.now()))
+}
+
+fn script(axis: &ReferenceAxis) -> MasterScript {
+    let gains = &axis.gains;
+    let word = |value: u16| Value::Word(value);
+    let drives = RING.map(|address| {
+        let telegram = Telegram::application(
+            &[Idn(51), Idn(40), Idn::FOLLOWING_DISTANCE, Idn(0x8013)],
+            &[Idn::POSITION_COMMAND],
+        );
+        DriveScript::new(address, telegram)
+            .with(Idn::OPERATION_MODE, word(11))
+            .with(Idn(100), word(gains.velocity_gain * 100))
+            .with(Idn(101), word(gains.integral_time))
+            .with(Idn(104), word(gains.position_gain))
+            .with(Idn(109), Value::Long(axis.peak_current))
+            .with(Idn(110), Value::Long(axis.peak_current))
+            .with(Idn(111), Value::Long(axis.standstill_current))
+            .with(Idn(116), Value::Long(axis.motor.increments_per_revolution / 4))
+            .with(Idn(138), Value::Long(gains.acceleration_limit))
+            .with(Idn(0x8013), word(u16::from(address)))
+    });
+    let cycles = SHAFT.duration().0 / CYCLE.0 + SETTLING.0 / CYCLE.0;
+    let motion = Motion::new(cycles, |point| {
+        let turned = SHAFT.position(point.time);
+        CommandValues::at_position(point.start.wrapping_add(turned as i32))
+    });
+    MasterScript {
+        start_up_cycle: CYCLE,
+        cycle: u16::try_from(CYCLE.as_microseconds()).unwrap_or(u16::MAX),
+        motion: Some(motion),
+        ..MasterScript::new(drives.to_vec())
+    }
+}
+
+fn total_steps(report: &MasterReport) -> u64 {
+    report.drives.iter().map(|drive| drive.steps() as u64).sum()
+}
+
+fn progress_of(master: &ScriptedMaster, now: Nanoseconds) -> Progress {
+    let state = master.state();
+    let (done, of) = match state.activity {
+        Activity::ClosingRing { good } => (u64::from(good), 10),
+        Activity::Moving { done, of } => (done, of),
+        _ => (state.cycle, 0),
+    };
+    Progress { phase: state.phase, what: state.activity.to_string(), done, of, time_us: now.as_microseconds() }
+}
+
+/// One look at the motor.
+struct Look {
+    time: Nanoseconds,
+    /// True position of the shaft in degrees.
+    degrees: f64,
+    rpm: f64,
+    current: f64,
+}
+
+impl Look {
+    fn at(handle: &DriveHandle, time: Nanoseconds) -> Self {
+        let mut side = handle.motor_side.borrow_mut();
+        let current = side.current();
+        let motor = side.motor();
+        Self {
+            time,
+            degrees: motor.angle(time.0) * 360.0,
+            rpm: motor.velocity(time.0) * 60.0 / core::f64::consts::TAU,
+            current,
+        }
+    }
+}
+
+/// The commands of the drive under test as a curve: straight lines between the instants at which they are reached.
+struct CommandCurve {
+    /// Instants and degrees, ascending.
+    points: Vec<(Nanoseconds, f64)>,
+}
+
+impl CommandCurve {
+    fn of(master: &MasterReport, t3: Nanoseconds) -> Self {
+        let samples = master.samples.iter().filter(|sample| sample.drive == UNDER_TEST);
+        let points = samples
+            .map(|sample| {
+                let reached = (sample.time + t3 + CYCLE).saturating_sub(SETPOINT_LEAD);
+                (reached, f64::from(sample.position_command) / INCREMENTS * 360.0)
+            })
+            .collect();
+        Self { points }
+    }
+
+    fn at(&self, time: Nanoseconds) -> Option<f64> {
+        let next = self.points.partition_point(|(reached, _)| *reached <= time);
+        let (from, to) = (self.points.get(next.checked_sub(1)?)?, self.points.get(next)?);
+        let part = (time.0 - from.0.0) as f64 / (to.0.0 - from.0.0) as f64;
+        Some(from.1 + (to.1 - from.1) * part)
+    }
+}
+
+fn report(
+    executor: &Executor,
+    master: &MasterReport,
+    handles: &[DriveHandle],
+    looks: &[Look],
+    steps: &[(u8, u64)],
+    end: Nanoseconds,
+) -> DemoReport {
+    let t3 = master.slots.as_ref().map_or(Nanoseconds::ZERO, |slots| Nanoseconds::from_microseconds(u64::from(slots.t3)));
+    let curve = CommandCurve::of(master, t3);
+    let moving = moving_time(master, t3);
+    let segments = segments(moving);
+    let samples: Vec<Sample> = looks
+        .iter()
+        .filter(|look| look.time >= moving && look.time <= moving + SHAFT.duration() + SETTLING)
+        .filter_map(|look| {
+            let command = curve.at(look.time)?;
+            Some(Sample {
+                time_us: look.time.as_microseconds(),
+                command_degrees: command,
+                feedback_degrees: look.degrees,
+                error_degrees: command - look.degrees,
+                velocity_rpm: look.rpm,
+                current_fraction: look.current,
+            })
+        })
+        .collect();
+    let steady = segments.iter().find(|segment| segment.constant_speed);
+    let steady: Vec<f64> = samples
+        .iter()
+        .filter(|sample| {
+            steady.is_some_and(|segment| {
+                sample.time_us >= segment.start_us + SETTLING.as_microseconds() && sample.time_us < segment.end_us
+            })
+        })
+        .map(|sample| sample.error_degrees)
+        .collect();
+    let all: Vec<f64> = samples.iter().map(|sample| sample.error_degrees).collect();
+    let (constant_speed_max_degrees, constant_speed_rms_degrees) = max_and_rms(&steady);
+    let (overall_max_degrees, overall_rms_degrees) = max_and_rms(&all);
+    let under_test = &handles[UNDER_TEST];
+    let measured = under_test.measurements.borrow();
+    let record = &master.drives[UNDER_TEST];
+    DemoReport {
+        platform: executor.platform(),
+        address: RING[UNDER_TEST],
+        ring: RING.to_vec(),
+        megabits_per_second: 2,
+        cycle_us: u32::try_from(CYCLE.as_microseconds()).unwrap_or(u32::MAX),
+        end_us: end.as_microseconds(),
+        phases_reached: vec![master.phases.last().map_or(0, |phase| phase.phase); RING.len()],
+        phases: phase_times(master, steps, end),
+        service_errors: service_errors(master),
+        service_release: measured.service.durations().unwrap_or_default(),
+        missed: MissedTelegrams { at: record.missed_ats, ..under_test.missed_by_chip() },
+        interrupt_to_at: measured.interrupt_to_at.durations().unwrap_or_default(),
+        interrupt_to_command: measured.interrupt_to_command.durations().unwrap_or_default(),
+        following: FollowingError {
+            constant_speed_max_degrees,
+            constant_speed_rms_degrees,
+            overall_max_degrees,
+            overall_rms_degrees,
+        },
+        segments,
+        samples: samples.into_iter().step_by(PLOTTED).collect(),
+        log: measured.log.clone(),
+    }
+}
+
+/// When the first command of the profile becomes valid.
+fn moving_time(master: &MasterReport, t3: Nanoseconds) -> Nanoseconds {
+    let first = master.samples.iter().find(|sample| sample.profile_cycle == Some(0));
+    first.map_or(Nanoseconds::ZERO, |sample| sample.time + t3)
+}
+
+/// The parts of the motion as the drive follows it: one cycle behind the master.
+fn segments(moving: Nanoseconds) -> Vec<MotionSegment> {
+    let begin = moving + CYCLE;
+    let parts = [
+        ("accelerate", SHAFT.ramp, false),
+        ("constant speed", SHAFT.constant, true),
+        ("decelerate", SHAFT.ramp, false),
+        ("stand", SETTLING, false),
+    ];
+    let mut start = begin;
+    parts
+        .into_iter()
+        .map(|(name, duration, constant_speed)| {
+            let segment = MotionSegment {
+                name: name.to_owned(),
+                start_us: start.as_microseconds(),
+                end_us: (start + duration).as_microseconds(),
+                constant_speed,
+            };
+            start += duration;
+            segment
+        })
+        .collect()
+}
+
+fn max_and_rms(errors: &[f64]) -> (f64, f64) {
+    let largest = errors.iter().fold(0.0_f64, |largest, error| largest.max(error.abs()));
+    let squares: f64 = errors.iter().map(|error| error * error).sum();
+    let mean = if errors.is_empty() { 0.0 } else { squares / errors.len() as f64 };
+    (largest, mean.sqrt())
+}
+
+fn phase_times(master: &MasterReport, steps: &[(u8, u64)], end: Nanoseconds) -> Vec<PhaseTime> {
+    let next_of = |index: usize| master.phases.get(index + 1).map_or(end, |next| next.time);
+    let steps_in = |phase: u8| {
+        let place = steps.iter().position(|(of, _)| *of == phase);
+        place.and_then(|place| Some(steps.get(place + 1)?.1 - steps[place].1)).unwrap_or(0)
+    };
+    let times = master.phases.iter().enumerate().map(|(index, phase)| PhaseTime {
+        phase: phase.phase,
+        start_us: phase.time.as_microseconds(),
+        end_us: next_of(index).as_microseconds(),
+        service_steps: steps_in(phase.phase),
+    });
+    times.collect()
+}
+
+fn service_errors(master: &MasterReport) -> Vec<ServiceError> {
+    let services = master.drives.iter().flat_map(|drive| &drive.services);
+    services
+        .flat_map(|service| service.steps.iter().map(move |step| (service, step)))
+        .filter(|(_, step)| step.error)
+        .map(|(service, step)| ServiceError {
+            cycle: 0,
+            idn: service.request.idn().to_string(),
+            element: step.step.element as u8,
+            code: step.reply,
+        })
+        .collect()
+}

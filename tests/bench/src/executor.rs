@@ -1,0 +1,53 @@
+//! Where the drive under test runs.
+
+use std::cell::RefCell;
+use std::path::PathBuf;
+use std::rc::Rc;
+
+use crate::measure::Stopwatch;
+use crate::report::Platform;
+
+/// The two programs that QEMU runs: the product as it is flashed, and the shim beside it.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Elves {
+    /// The release ELF of the product.
+    pub product: PathBuf,
+    /// The trap shim.
+    pub shim: PathBuf,
+}
+
+/// Where the drive under test runs. The drives beside it always run on this computer.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub enum Executor {
+    /// The portable tasks on this computer.
+    Host,
+    /// The flashed ELF in QEMU.
+    Qemu(Elves),
+}
+
+impl Executor {
+    /// For reports.
+    #[must_use]
+    pub const fn platform(&self) -> Platform {
+        match self {
+            Self::Host => Platform::Host,
+            Self::Qemu(_) => Platform::Qemu,
+        }
+    }
+}
+
+/// What is measured on a drive from outside.
+#[derive(Clone, Debug, Default)]
+pub struct Measurements {
+    /// From the chip's interrupt for a service step to the write that releases it.
+    pub service: Stopwatch,
+    /// From the interrupt edge of t4 to the last word of the AT record.
+    pub interrupt_to_at: Stopwatch,
+    /// From the interrupt edge of t3 to the current command of the next loop tick that uses it.
+    pub interrupt_to_command: Stopwatch,
+    /// Decoded log lines.
+    pub log: Vec<String>,
+}
+
+/// Measurements that a processor fills while it runs.
+pub type SharedMeasurements = Rc<RefCell<Measurements>>;

@@ -1,0 +1,153 @@
+//! A ring of host-side drives, each with chip, motor and processor.
+
+use std::cell::RefCell;
+use std::rc::Rc;
+
+use drive::{DriveAddress, Identity};
+use plant::ReferenceAxis;
+use ring::chip::{Alternatives, Chip, SharedChip, Straps};
+use ring::time::SharedClock;
+use ring::wire::BitRate;
+use ring::{Master, Nanoseconds, Ring, RingConfiguration};
+use sercon816::layout::MST_ERRORS;
+use sercon816::{Block, MasterClock, Transceiver};
+
+use crate::host_drive::{HostDrive, Latency};
+use crate::executor::{Executor, SharedMeasurements};
+use crate::motor_side::{MotorSideState, SharedMotorSide};
+use crate::qemu_drive::QemuDrive;
+use crate::processor::{Processor, ProcessorError};
+use crate::report::MissedTelegrams;
+use crate::world::World;
+
+/// One drive of a ring.
+#[derive(Clone, Debug)]
+pub struct DriveSetup {
+    /// Its address, 1 to 254.
+    pub address: u8,
+    /// How its chip behaves where the public record stops.
+    pub alternatives: Alternatives,
+    /// Its motor and load.
+    pub axis: ReferenceAxis,
+    /// How long its processor takes.
+    pub latency: Latency,
+    /// How fast its crystal is, in ppm.
+    pub clock_ppm: i64,
+}
+
+impl DriveSetup {
+    /// A press drive on a chip that behaves as proposed.
+    pub fn new(address: u8) -> Self {
+        Self {
+            address,
+            alternatives: Alternatives::default(),
+            axis: ReferenceAxis::press(),
+            latency: Latency::default(),
+            clock_ppm: 0,
+        }
+    }
+}
+
+/// What an observer keeps of one drive.
+#[derive(Clone)]
+pub struct DriveHandle {
+    /// Its address.
+    pub address: u8,
+    /// Its chip.
+    pub chip: SharedChip,
+    /// Its motor and board.
+    pub motor_side: SharedMotorSide,
+    /// What is measured on it.
+    pub measurements: SharedMeasurements,
+}
+
+impl DriveHandle {
+    /// MSTs and MDTs that its chip has counted as missed or wrong.
+    #[must_use]
+    pub fn missed_by_chip(&self) -> MissedTelegrams {
+        let chip = &mut *self.chip.borrow_mut();
+        let now = Nanoseconds::ZERO;
+        MissedTelegrams {
+            mst: u64::from(chip.read_ram(now, MST_ERRORS.word())),
+            mdt: u64::from(chip.read_ram(now, Block::CYCLIC.mdt_header.offset(ERROR_COUNTER).word())),
+            at: 0,
+        }
+    }
+}
+
+/// Word of a receive header that counts errors (sercon816.md 6.2).
+const ERROR_COUNTER: u16 = 4;
+
+/// Chip and motor of a drive, ready for a processor.
+pub(crate) fn station(setup: &DriveSetup, bit_rate: BitRate, clock: &SharedClock) -> (SharedChip, SharedMotorSide) {
+    let straps = Straps { bit_rate, mclk_megahertz: 32 };
+    let seed = u64::from(setup.address) * 0x9E37_79B9;
+    let chip = Rc::new(RefCell::new(Chip::with_straps(straps, setup.alternatives.clone(), seed)));
+    let motor = MotorSideState::new(clock.clone(), setup.axis.motor(), setup.clock_ppm);
+    (chip, Rc::new(RefCell::new(motor)))
+}
+
+/// The identity that the switches of a drive give.
+pub(crate) fn identity(address: u8, bit_rate: BitRate) -> Result<Identity, ProcessorError> {
+    Ok(Identity {
+        address: DriveAddress::new(address).ok_or_else(|| ProcessorError {
+            address,
+            cause: "an address is 1 to 254".to_owned(),
+        })?,
+        bit_rate: match bit_rate {
+            BitRate::M2 => sercon816::BitRate::Mbit2,
+            BitRate::M4 => sercon816::BitRate::Mbit4,
+            BitRate::M8 => sercon816::BitRate::Mbit8,
+            BitRate::M16 => sercon816::BitRate::Mbit16,
+        },
+        master_clock: MasterClock::Mhz32,
+        transceiver: Transceiver::STANDARD,
+    })
+}
+
+/// A world of host-side drives behind a master.
+///
+/// # Errors
+/// A drive that refuses its chip or its address.
+pub fn ring_of_drives<M: Master>(
+    configuration: RingConfiguration,
+    master: M,
+    setups: &[DriveSetup],
+) -> Result<(World<M>, Vec<DriveHandle>), ProcessorError> {
+    ring_of_drives_on(configuration, master, setups, |_| Executor::Host)
+}
+
+/// A world of drives behind a master; `executor` says where the drive of an address runs.
+///
+/// # Errors
+/// A drive that refuses its chip or its address, or that can not be started.
+pub fn ring_of_drives_on<M: Master>(
+    configuration: RingConfiguration,
+    master: M,
+    setups: &[DriveSetup],
+    executor: impl Fn(u8) -> Executor,
+) -> Result<(World<M>, Vec<DriveHandle>), ProcessorError> {
+    let bit_rate = configuration.bit_rate;
+    let clock = configuration.clock.clone();
+    let mut chips = Vec::new();
+    let mut handles = Vec::new();
+    let mut processors: Vec<Box<dyn Processor>> = Vec::new();
+    for setup in setups {
+        let (chip, motor_side) = station(setup, bit_rate, &clock);
+        let identity = identity(setup.address, bit_rate)?;
+        let measurements = SharedMeasurements::default();
+        let processor: Box<dyn Processor> = match executor(setup.address) {
+            Executor::Host => {
+                Box::new(HostDrive::start(&chip, &clock, &motor_side, identity, setup.latency, measurements.clone())?)
+            }
+            Executor::Qemu(elves) => {
+                Box::new(QemuDrive::start(&elves, &chip, &motor_side, setup.address, bit_rate, measurements.clone())?)
+            }
+        };
+        handles.push(DriveHandle { address: setup.address, chip: chip.clone(), motor_side, measurements });
+        chips.push(chip);
+        processors.push(processor);
+    }
+    let ring = Ring::new(configuration, master, chips);
+    Ok((World::new(ring, processors), handles))
+}
