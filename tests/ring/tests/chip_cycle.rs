@@ -130,3 +130,23 @@ fn without_a_cycle_time_nothing_is_missed() {
     rig.run_to(FIRST_MST + 50 * PERIOD);
     assert_eq!(rig.register(0x04), 0);
 }
+
+#[test]
+fn a_good_mst_ends_the_count_of_misses_in_a_row() {
+    let mut rig = Rig::slave(Alternatives::default());
+    rig.set_register(0x0A, 4);
+    rig.mst(FIRST_MST, 4);
+    rig.mst(FIRST_MST + 2 * PERIOD, 4);
+    rig.mst(FIRST_MST + 3 * PERIOD + 40_000, 0);
+    assert_eq!(rig.register(0x0B), 4, "one miss, one good, one miss: still synchronised");
+}
+
+#[test]
+fn a_timer_of_ffffh_never_fires_even_where_nothing_restarts_the_counter() {
+    let mut rig = Rig::slave(Alternatives::default());
+    rig.set_register(0x0F, 0);
+    rig.set_register(0x1B, 0xFFFE);
+    rig.mst(FIRST_MST, 0);
+    rig.run_to(FIRST_MST + 100_000_000);
+    assert_eq!(rig.register(0x05) & 0x0F00, 1 << 9);
+}

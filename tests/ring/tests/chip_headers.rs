@@ -303,3 +303,45 @@ fn garbage_and_circular_chains_do_not_hang_the_chip() {
     rig.mst(FIRST_MST, 0);
     rig.run_to(FIRST_MST + PERIOD);
 }
+
+#[test]
+fn two_damaged_telegrams_of_one_cycle_count_once() {
+    let mut rig = Rig::slave(Alternatives::default());
+    rig.mst(FIRST_MST, 2);
+    rig.damaged_telegram(FIRST_MST + 510_000, &[1, 0, 0, 0, 0]);
+    rig.damaged_telegram(FIRST_MST + 600_000, &[1, 0, 0, 0, 0]);
+    assert_eq!(rig.ram(MDT_ERRORS), 1);
+}
+
+#[test]
+fn a_transmit_header_behind_a_later_one_is_too_late() {
+    let mut rig = Rig::slave(Alternatives::default());
+    rig.set_ram(AT_HEADER, &[0x5001, 150, 2, 0x40]);
+    rig.set_ram(0x40, &[0x5002, 100, 2, MDT_HEADER, 0x8002, 0, 0]);
+    rig.mst(FIRST_MST, 2);
+    rig.run_to(FIRST_MST + 480_000);
+    assert_eq!(rig.sent.iter().map(|(_, bytes)| bytes[0]).collect::<Vec<_>>(), [1]);
+}
+
+#[test]
+fn a_double_buffered_transmit_header_sends_the_buffer_that_val_names() {
+    for (word, info) in [(0x5201, 0x1111), (0x5601, 0x2222u16)] {
+        let mut rig = Rig::slave(Alternatives::default());
+        rig.set_ram(AT_HEADER, &[word, 150, 1, 0x40, 0x8001, 0x1111, 0x2222]);
+        rig.set_ram(0x40, &[0xC000, 1_900]);
+        rig.mst(FIRST_MST, 2);
+        rig.run_to(FIRST_MST + 400_000);
+        assert_eq!(rig.sent[0].1[1..], info.to_le_bytes());
+    }
+}
+
+#[test]
+fn with_dma_no_data_words_are_written_to_the_ram() {
+    let mut rig = Rig::slave(Alternatives::default());
+    rig.set_ram(MDT_HEADER, &[0x1901]);
+    rig.set_ram(MDT_CONTROL, &[0x5A5A, 0x5A5A]);
+    rig.mst(FIRST_MST, 2);
+    rig.mdt(FIRST_MST, 0x1000, 0xBEEF);
+    assert!(val(&mut rig));
+    assert_eq!((rig.ram(MDT_CONTROL), rig.ram(MDT_CONTROL + 1)), (0x5A5A, 0x5A5A));
+}

@@ -277,3 +277,16 @@ fn a_chip_with_its_repeater_on_sends_no_mst() {
     rig.run_to(10_000_000);
     assert!(rig.sent.is_empty());
 }
+
+#[test]
+fn a_drive_that_becomes_busy_restarts_the_count() {
+    let mut station = Station::new();
+    station.write(1, &[3]);
+    for _ in 0..6 {
+        station.cycle();
+    }
+    assert_eq!(station.word(4), 5);
+    station.at = Some((0b0010, 0));
+    station.cycle();
+    assert_eq!(station.word(4), 0x0101);
+}

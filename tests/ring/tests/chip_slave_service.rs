@@ -336,3 +336,13 @@ fn software_may_keep_busy_for_as_long_as_it_likes() {
     drive.release(7, 0, 0);
     assert_eq!(drive.at(), (0, 5));
 }
+
+#[test]
+fn a_pointer_that_software_leaves_alone_stays_at_the_overhang_word() {
+    let mut drive = Drive::opened(Alternatives::default());
+    for (control, element) in [(0x3A, 7), (0x23, 4), (0x3A, 7), (0x23, 4)] {
+        assert!(drive.step(control, 9).interrupt);
+        drive.release(element, WRITE, 0);
+    }
+    assert_eq!(drive.word(3), RECEIVED << 8 | (RECEIVED + 1));
+}
