@@ -316,11 +316,11 @@ fn two_damaged_telegrams_of_one_cycle_count_once() {
 #[test]
 fn a_transmit_header_behind_a_later_one_is_too_late() {
     let mut rig = Rig::slave(Alternatives::default());
-    rig.set_ram(AT_HEADER, &[0x5001, 150, 2, 0x40]);
+    rig.set_ram(AT_HEADER, &[0x4001, 150, 2, 0x40]);
     rig.set_ram(0x40, &[0x5002, 100, 2, MDT_HEADER, 0x8002, 0, 0]);
     rig.mst(FIRST_MST, 2);
     rig.run_to(FIRST_MST + 480_000);
-    assert_eq!(rig.sent.iter().map(|(_, bytes)| bytes[0]).collect::<Vec<_>>(), [1]);
+    assert!(rig.sent.is_empty());
 }
 
 #[test]
