@@ -127,6 +127,16 @@ impl ScriptedMaster {
         }
     }
 
+    /// Begins again with CP0 and another script, in the rhythm of the MSTs so far; the report begins anew, too.
+    pub fn restart(&mut self, script: MasterScript) {
+        let beat = self.beat.clone();
+        *self = Self::new(script);
+        self.beat = beat;
+        if let Act::Mst(_) = self.beat.act() {
+            self.beat.mst_comes(0);
+        }
+    }
+
     /// What it has seen so far.
     pub fn report(&self) -> &MasterReport {
         &self.report
@@ -379,7 +389,9 @@ impl Master for ScriptedMaster {
     fn receive(&mut self, start: Nanoseconds, end: Nanoseconds, frame: Result<&[u8], LineError>) {
         match frame {
             Err(_) => self.report.line_errors += 1,
-            Ok([BROADCAST, phase]) if *phase == self.phase => self.mst_returned = Some(end),
+            Ok([BROADCAST, phase]) if *phase == self.phase => {
+                self.mst_returned.get_or_insert(end);
+            }
             Ok([BROADCAST, ..]) => {}
             Ok(bytes) if bytes.len() < SHORTEST_AT || bytes == self.last_mdt => {}
             Ok(bytes) => self.receive_at(start, bytes),

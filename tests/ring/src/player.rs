@@ -377,7 +377,9 @@ impl Master for CapturePlayer {
     fn receive(&mut self, start: Nanoseconds, end: Nanoseconds, frame: Result<&[u8], LineError>) {
         match frame {
             Err(_) => self.line_errors += 1,
-            Ok([BROADCAST, phase]) if *phase == self.phase => self.mst_returned = Some(end),
+            Ok([BROADCAST, phase]) if *phase == self.phase => {
+                self.mst_returned.get_or_insert(end);
+            }
             Ok([BROADCAST, ..]) => {}
             Ok(bytes) if bytes.len() < SHORTEST_AT || bytes == self.last_mdt => {}
             Ok(bytes) => self.receive_at(start, bytes),
@@ -414,10 +416,10 @@ fn plan(recording: &Recording, addresses: &[u8]) -> Result<Option<Plan>, PlayErr
     };
     let common = |idn: Idn| {
         let expected = word(0, idn)?;
-        for drive in 1..addresses.len() {
+        for (drive, address) in addresses.iter().enumerate().skip(1) {
             let actual = word(drive, idn)?;
             if actual != expected {
-                return Err(PlayError::Different { idn, address: addresses[drive], actual, expected });
+                return Err(PlayError::Different { idn, address: *address, actual, expected });
             }
         }
         Ok(expected)

@@ -408,9 +408,13 @@ impl ServiceClient {
     /// The handshake itself is broken: there is no channel left to be closed.
     fn give_up(&mut self, error: ServiceError) {
         self.without_handshake = 0;
-        // A master with nothing to say waits on; only a request can fail.
-        if let Some(active) = self.active.take() {
-            self.finished.push_back(Finished { request: active.request, result: Err(error), steps: active.steps });
+        // A master with nothing to say waits on; only a request can fail, be it one that has not begun.
+        let failed = match self.active.take() {
+            Some(active) => Some((active.request, active.steps)),
+            None => self.waiting.pop_front().map(|request| (request, Vec::new())),
+        };
+        if let Some((request, steps)) = failed {
+            self.finished.push_back(Finished { request, result: Err(error), steps });
             self.acknowledged = true;
         }
     }
@@ -477,5 +481,164 @@ impl fmt::Display for Value {
                 write!(formatter, "[{}]", words.join(" "))
             }
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Answers every step in the next AT with the words of `replies`, one a step; an `Err` is an error code.
+    fn converse(
+        client: &mut ServiceClient,
+        replies: &[Result<u16, u16>],
+    ) -> (Vec<(u16, u16)>, Vec<Result<Reply, ServiceError>>) {
+        let mut replies = replies.iter();
+        let (mut at, mut last) = (None, None);
+        let (mut words, mut results) = (Vec::new(), Vec::new());
+        for _ in 0..200 {
+            let sent = client.poll(at);
+            if last != Some(sent.control & control::HANDSHAKE) {
+                last = Some(sent.control & control::HANDSHAKE);
+                words.push((sent.control, sent.info));
+                let (info, error) = match replies.next() {
+                    None => (0, 0),
+                    Some(Ok(info)) => (*info, 0),
+                    Some(Err(code)) => (*code, status::ERROR),
+                };
+                at = Some(AtWords { status: 0x4000 | error | sent.control & control::HANDSHAKE, info });
+            }
+            results.extend(std::iter::from_fn(|| client.take_finished()).map(|finished| finished.result));
+            if client.is_idle() {
+                break;
+            }
+        }
+        (words, results)
+    }
+
+    fn client() -> ServiceClient {
+        let mut client = ServiceClient::new(false, Pace::FASTEST);
+        client.poll(None);
+        client.poll(Some(AtWords { status: 0, info: 0 }));
+        client
+    }
+
+    #[test]
+    fn the_recorded_masters_words_for_reading_and_writing() {
+        // sercon816.md 8.2: IDN 3 read, 1 written, list 16 written; the handshake bit alternates through all of it.
+        let mut client = client();
+        client.request(Request::Read(Idn(3)));
+        client.request(Request::Write(Idn(1), Value::Word(2000)));
+        let list = Value::words(&[11, 51, 0x8013]);
+        client.request(Request::WriteList(Idn(16), list));
+        let replies = [0, 1, 0x7011, 20, 0, 0, 0, 0, 0, 1, 0x6055].map(Ok);
+        let (words, results) = converse(&mut client, &replies);
+        let expected = [
+            (0x0F, 3),
+            (0x18, 3),
+            (0x1D, 3),
+            (0x3C, 3),
+            (0x07, 3),
+            (0x0E, 1),
+            (0x3F, 2000),
+            (0x06, 2000),
+            (0x0F, 16),
+            (0x18, 16),
+            (0x1D, 16),
+            (0x3A, 6),
+            (0x3B, 6),
+            (0x3A, 11),
+            (0x3B, 51),
+            (0x3E, 0x8013),
+            (0x07, 0x8013),
+        ];
+        assert_eq!(words, expected);
+        assert_eq!(results.len(), 3);
+        assert!(results.iter().all(Result::is_ok));
+    }
+
+    #[test]
+    fn a_list_is_read_as_long_as_its_first_word_says() {
+        let mut client = client();
+        client.request(Request::Read(Idn(17)));
+        client.request(Request::Read(Idn(21)));
+        let full = [0, 1, 0x7055, 6, 40, 11, 51, 0x8013, 0];
+        let empty = [0, 1, 0x7055, 0, 40, 0];
+        let replies: Vec<_> = full.into_iter().chain(empty).map(Ok).collect();
+        let (words, results) = converse(&mut client, &replies);
+        let controls: Vec<u16> = words.iter().map(|(control, _)| control & !control::HANDSHAKE).collect();
+        let expected = [0x0E, 0x18, 0x1C, 0x38, 0x38, 0x38, 0x38, 0x3C, 0x06, 0x0E, 0x18, 0x1C, 0x38, 0x3C, 0x06];
+        assert_eq!(controls, expected);
+        let value = |index: usize| results[index].as_ref().ok().and_then(Reply::value).and_then(Value::as_idns);
+        assert_eq!(value(0), Some(vec![Idn(11), Idn(51), Idn(0x8013)]));
+        assert_eq!(value(1), Some(vec![]));
+    }
+
+    #[test]
+    fn an_error_closes_the_channel_and_the_next_request_goes_on() {
+        let mut client = client();
+        client.request(Request::Write(Idn(6), Value::Word(1)));
+        client.request(Request::DataStatus(Idn(127)));
+        let (words, results) = converse(&mut client, &[Ok(0), Err(0x7006), Ok(0), Ok(3)]);
+        let controls: Vec<u16> = words.iter().map(|(control, _)| control & !control::HANDSHAKE).collect();
+        assert_eq!(controls, [0x0E, 0x3E, 0x06, 0x0E, 0x06]);
+        let step = Step { element: Element::Data, write: true, end: true, info: 1 };
+        assert_eq!(results[0], Err(ServiceError::Refused { idn: Idn(6), step, code: 0x7006 }));
+        assert_eq!(results[1], Ok(Reply::DataStatus(3)));
+    }
+
+    #[test]
+    fn a_command_is_started_polled_cancelled_and_checked() {
+        let mut client = client();
+        client.request(Request::Command { idn: Idn(127), polls: 5 });
+        let replies = [0, 1, 0x6009, 0, 0, 7, 0, 3, 0, 0, 0, 0, 0, 0].map(Ok);
+        let (words, results) = converse(&mut client, &replies);
+        let controls: Vec<u16> = words.iter().map(|(control, _)| control & !control::HANDSHAKE).collect();
+        // sercos2.md 3.6: open, attribute, write 3, close, open (7), close, open (3), close, open, write 0, close, open, close.
+        let expected = [0x0E, 0x18, 0x1C, 0x3E, 0x06, 0x0E, 0x06, 0x0E, 0x06, 0x0E, 0x3E, 0x06, 0x0E, 0x06];
+        assert_eq!(controls, expected);
+        assert_eq!((words[3].1, words[10].1), (3, 0));
+        assert_eq!(results, [Ok(Reply::Command(CommandOutcome { status: 3, polls: 2 }))]);
+    }
+
+    #[test]
+    fn a_command_that_stays_set_after_cancelling_is_an_error() {
+        let mut client = client();
+        client.request(Request::Command { idn: Idn(99), polls: 5 });
+        let replies = [0, 1, 9, 0, 0, 3, 0, 0, 0, 0, 3, 0].map(Ok);
+        let (_, results) = converse(&mut client, &replies);
+        assert_eq!(results, [Err(ServiceError::NotCancelled { idn: Idn(99), status: 3 })]);
+    }
+
+    #[test]
+    fn ten_cycles_without_the_handshake_are_too_many_and_missed_ats_count() {
+        let mut client = client();
+        client.request(Request::DataStatus(Idn(1)));
+        let mut polls = 0;
+        let finished = loop {
+            client.poll((polls % 2 == 0).then_some(AtWords { status: 0, info: 0 }));
+            polls += 1;
+            if let Some(finished) = client.take_finished() {
+                break finished;
+            }
+        };
+        assert_eq!(polls, 11, "one poll to send the step, ten ATs or gaps without its handshake");
+        assert!(matches!(finished.result, Err(ServiceError::HandshakeTimeout { cycles: 10, .. })));
+    }
+
+    #[test]
+    fn the_pace_holds_a_fast_drive_back() {
+        let mut client = ServiceClient::new(false, Pace::RECORDED);
+        client.request(Request::Write(Idn(1), Value::Word(7)));
+        let mut at = None;
+        let mut controls = Vec::new();
+        for _ in 0..12 {
+            let sent = client.poll(at);
+            at = Some(AtWords { status: sent.control & control::HANDSHAKE, info: 0 });
+            controls.push(sent.control);
+        }
+        assert_eq!(controls, [0, 0, 0, 0x0F, 0x0F, 0x3E, 0x3E, 0x07, 0x07, 0x07, 0x07, 0x07]);
+        let steps = client.take_finished().expect("the write is done").steps;
+        assert!(steps.iter().all(|step| step.cycles == 1), "the drive's own time is told, not the pace");
     }
 }

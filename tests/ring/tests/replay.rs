@@ -107,13 +107,9 @@ fn a_drive_slower_than_the_recorded_ones_falls_behind() {
     assert!(!report.passed());
     assert!(report.drives[0].passed());
     let slow = &report.drives[1];
-    // The attribute's first word is given one cycle only.
-    assert!(
-        slow.fell_behind.iter().any(|behind| behind.step == "read Attribute" && behind.allowed == 1),
-        "{:?}",
-        slow.fell_behind
-    );
-    assert!(slow.fell_behind.iter().all(|behind| behind.allowed == 1));
+    // The attribute's first word is given one cycle only; a drive that is late there is out of step from then on.
+    let first = &slow.fell_behind[0];
+    assert_eq!((first.step.as_str(), first.allowed, first.idn), ("read Attribute", 1, Some(Idn(3))));
 }
 
 #[test]

@@ -228,6 +228,32 @@ fn the_service_channel_serves_beside_the_script() {
 }
 
 #[test]
+fn a_master_that_lost_its_ring_runs_it_up_again() {
+    let mut reference = ring_of(script(2), &[], vec![]);
+    run(&mut reference);
+    let cp4 = reference.master().report().phases[4].cycle;
+    let dark = vec![Fault::ring_break(cp4 + 5..cp4 + 10, 1)];
+    let mut ring = ring_of(script(2), &[], dark);
+    run(&mut ring);
+    ring.advance(ring.now() + Nanoseconds::from_millis(100));
+    assert!(matches!(ring.master().report().error, Some(MasterError::AtLost { phase: 4, .. })));
+    ring.master_mut().restart(script(2));
+    run(&mut ring);
+    let report = ring.master().report();
+    assert_eq!(report.error, None);
+    assert_eq!(report.phases.iter().map(|record| record.phase).collect::<Vec<_>>(), [0, 1, 2, 3, 4]);
+    let gaps: Vec<u64> = mst_ends(&ring).windows(2).map(|pair| pair[1] - pair[0]).collect();
+    assert!(gaps.iter().all(|gap| *gap == 2_000_000), "the rhythm of the MSTs is never broken");
+}
+
+/// Ends of all MSTs at the master, ns.
+fn mst_ends(ring: &SoftwareRing) -> Vec<u64> {
+    let length = |bytes: &[u8]| BitRate::M2.span(ring::wire::encode(bytes).len()).0;
+    let msts = ring.trace().iter().filter(|entry| matches!(entry.bytes[..], [255, _]));
+    msts.map(|entry| entry.time.0 + length(&entry.bytes)).collect()
+}
+
+#[test]
 fn the_dialogue_of_a_run_up() {
     let mut script = MasterScript { pace: Pace::RECORDED, ..script(1) };
     script.drives[0].telegram = Telegram::application(&[Idn(11), Idn(51)], &[Idn(36)]);
