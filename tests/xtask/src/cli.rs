@@ -45,6 +45,9 @@ pub(crate) enum Command {
     },
     /// Boot the release ELF in QEMU as drive 2 of a simulated press ring, run it up and let it follow a line shaft
     Demo {
+        /// Where drive 2 runs; the other drives always run on this computer
+        #[arg(long, value_enum, default_value_t = On::Qemu)]
+        on: On,
         /// Folder for the report [default: demo in Cargo's target folder]
         #[arg(long, value_name = "FOLDER")]
         output: Option<PathBuf>,

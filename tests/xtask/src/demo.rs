@@ -1,29 +1,31 @@
 //! The demonstration: the release ELF in a simulated press ring.
 
-use crate::firmware::{self, Firmware};
+use crate::firmware;
 use crate::progress::PhaseBars;
-use crate::report::data::{DemoReport, Progress};
+use crate::report::data::{DemoReport, Platform};
 use crate::report::{checks, page, text};
-use crate::setup::{self, Installing};
+use crate::setup::Installing;
 use crate::{Verdict, workspace};
-use anyhow::{Result, bail};
+use anyhow::Result;
+use bench::DemoError;
 use std::path::{Path, PathBuf};
 
 /// Runs it, prints its numbers, and writes the page.
-pub(crate) fn run(output: Option<PathBuf>, installing: Installing) -> Result<Verdict> {
-    let version = setup::qemu(installing)?;
-    let firmware = firmware::build(installing)?;
+pub(crate) fn run(on: Platform, output: Option<PathBuf>, installing: Installing) -> Result<Verdict> {
+    let executor = firmware::executor(on, installing)?;
     let folder = output.map_or_else(|| workspace::target_folder().map(|folder| folder.join("demo")), Ok)?;
-    eprintln!("running the ELF as drive 2 in a simulated ring (QEMU {version})");
     let mut bars = PhaseBars::new();
-    let report = simulate(&firmware, &mut |progress| bars.show(progress));
+    let report = bench::demo(&executor, &mut |progress| bars.show(progress));
     bars.finish();
-    conclude(&report?, &folder)
-}
-
-/// The run itself.
-fn simulate(_firmware: &Firmware, _progress: &mut dyn FnMut(&Progress)) -> Result<DemoReport> {
-    bail!("the bench is not built yet")
+    match report {
+        Ok(report) => conclude(&report, &folder),
+        // The run was possible and came to nothing: that is a result.
+        Err(failure @ DemoError::Master(_)) => {
+            eprintln!("failed: {failure}");
+            Ok(Verdict::Failed)
+        }
+        Err(error) => Err(error.into()),
+    }
 }
 
 /// Prints the numbers, writes the page, and judges.

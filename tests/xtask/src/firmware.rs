@@ -1,19 +1,12 @@
 //! The release ELFs: the product as it is flashed, and the shim that runs beside it in QEMU.
 
+use crate::report::data::Platform;
 use crate::setup::{self, Installing, TARGET, TargetCompiler};
 use crate::{Verdict, process, workspace};
 use anyhow::{Context, Result, bail};
+use bench::{Elves, Executor};
 use object::{Object, ObjectSection, SectionFlags, SectionKind, elf};
 use std::path::{Path, PathBuf};
-
-/// The built programs.
-#[derive(Clone, Debug)]
-pub(crate) struct Firmware {
-    /// The drive, unchanged from what `cargo xtask flash` writes into a board.
-    pub(crate) product: PathBuf,
-    /// The emulator's shim.
-    pub(crate) shim: PathBuf,
-}
 
 /// Builds both and prints what they occupy.
 pub(crate) fn build_and_print(installing: Installing) -> Result<Verdict> {
@@ -29,11 +22,25 @@ pub(crate) fn build_and_print(installing: Installing) -> Result<Verdict> {
 /// Builds both; what is up to date is not built again.
 ///
 /// The two are built one after the other, so that neither can switch a feature on in the other's dependencies.
-pub(crate) fn build(installing: Installing) -> Result<Firmware> {
+pub(crate) fn build(installing: Installing) -> Result<Elves> {
     let compiler = setup::target_compiler(installing)?;
     let folder = build_folder()?;
     eprintln!("building the release ELF of the drive and the shim ({TARGET}: {compiler})");
-    Ok(Firmware { product: build_one(&compiler, &folder, "app")?, shim: build_one(&compiler, &folder, "shim")? })
+    Ok(Elves { product: build_one(&compiler, &folder, "app")?, shim: build_one(&compiler, &folder, "shim")? })
+}
+
+/// What is needed to run the drive under test there: nothing, or QEMU and the ELFs.
+pub(crate) fn executor(on: Platform, installing: Installing) -> Result<Executor> {
+    match on {
+        Platform::Host => Ok(Executor::Host),
+        Platform::Qemu => {
+            // Asked for before the build: a missing QEMU is known at once.
+            let version = setup::qemu(installing)?;
+            let firmware = build(installing)?;
+            eprintln!("running the ELF in QEMU {version}");
+            Ok(Executor::Qemu(firmware))
+        }
+    }
 }
 
 /// A folder of its own: the target's compiler may be another one than the host's.

@@ -53,7 +53,7 @@ fn run(command_line: CommandLine) -> anyhow::Result<Verdict> {
         Command::Build => firmware::build_and_print(installing),
         Command::Clippy => clippy::run(installing),
         Command::Test { host, qemu } => suite::run(suite::Selection::from_flags(host, qemu), installing),
-        Command::Demo { output } => demo::run(output, installing),
+        Command::Demo { on, output } => demo::run(on.into(), output, installing),
         Command::Replay { file, on, json } => replay::run(&file, on.into(), json, installing),
         Command::Ring { drives, chip_socket } => ring_server::run(&drives, &chip_socket),
         Command::Flash { probe } => flash::run(probe.as_deref(), installing),

@@ -1,12 +1,13 @@
 //! Replays: a recording of a real master against our drives.
 
 use crate::Verdict;
-use crate::firmware::{self, Firmware};
+use crate::firmware;
 use crate::progress::PhaseBars;
-use crate::report::data::{Platform, Progress, ReplayReport};
+use crate::report::data::{Platform, ReplayReport};
 use crate::report::text;
-use crate::setup::{self, Installing};
-use anyhow::{Context, Result, anyhow, bail};
+use crate::setup::Installing;
+use anyhow::{Context, Result, anyhow};
+use bench::ReplayOptions;
 use ring::capture::{CaptureError, Recording};
 use std::path::Path;
 
@@ -14,15 +15,9 @@ use std::path::Path;
 pub(crate) fn run(file: &Path, on: Platform, json: bool, installing: Installing) -> Result<Verdict> {
     // Read first: with a bad recording there is nothing to install or build for.
     let recording = read(file)?;
-    let firmware = match on {
-        Platform::Host => None,
-        Platform::Qemu => {
-            setup::qemu(installing)?;
-            Some(firmware::build(installing)?)
-        }
-    };
+    let options = ReplayOptions { executor: firmware::executor(on, installing)?, ..ReplayOptions::on_host() };
     let mut bars = PhaseBars::new();
-    let report = play(&recording, firmware.as_ref(), &mut |progress| bars.show(progress));
+    let report = bench::replay(recording, &options, &mut |progress| bars.show(progress));
     bars.finish();
     conclude(&report?, json)
 }
@@ -33,14 +28,6 @@ fn read(file: &Path) -> Result<Recording> {
         CaptureError::File { .. } => anyhow!("cannot read the recording {error}"),
         error => anyhow!("{} is no recording, {error}; the README says what one looks like", file.display()),
     })
-}
-
-fn play(
-    _recording: &Recording,
-    _firmware: Option<&Firmware>,
-    _progress: &mut dyn FnMut(&Progress),
-) -> Result<ReplayReport> {
-    bail!("the bench is not built yet")
 }
 
 fn conclude(report: &ReplayReport, json: bool) -> Result<Verdict> {

@@ -4,8 +4,14 @@
 
 use crate::Verdict;
 use anyhow::{Context, Result, bail};
-use ring::chip::socket::{self, ChipServer};
+use bench::DriveSetup;
+use ring::RingConfiguration;
+use ring::chip::socket::{self, ChipServer, ServedChip};
+use ring::chip::{Alternatives, Chip, ChipMaster, SharedChip};
+use ring::wire::BitRate;
+use std::cell::RefCell;
 use std::path::Path;
+use std::rc::Rc;
 
 /// Serves the chip of a ring with these drives until interrupted.
 pub(crate) fn run(drives: &[u8], chip_socket: &Path) -> Result<Verdict> {
@@ -19,13 +25,23 @@ pub(crate) fn run(drives: &[u8], chip_socket: &Path) -> Result<Verdict> {
     })?;
     eprintln!("ring with drives {drives:?}; the master's chip is served at {}", chip_socket.display());
     loop {
-        socket::serve_next(&listener, server.as_mut()).context("the socket takes no more clients; start again")?;
+        socket::serve_next(&listener, &mut server).context("the socket takes no more clients; start again")?;
     }
 }
 
-/// The ring and its master's chip.
-fn chip_server(_drives: &[u8]) -> Result<Box<dyn ChipServer>> {
-    bail!("the bench is not built yet")
+/// The master's chip, with a ring of host-side drives around it; foreign software makes it the master.
+fn chip_server(drives: &[u8]) -> Result<impl ChipServer> {
+    let setups: Vec<DriveSetup> = drives.iter().copied().map(DriveSetup::new).collect();
+    // Garbage in the RAM, as after power-on; the seed only makes it the same at every start.
+    let chip: SharedChip = Rc::new(RefCell::new(Chip::new(Alternatives::default(), 0)));
+    let configuration = RingConfiguration::new(drives.len(), BitRate::M2);
+    let clock = configuration.clock.clone();
+    let (mut world, _) = bench::ring_of_drives(configuration, ChipMaster::new(chip.clone()), &setups)?;
+    Ok(ServedChip::new(chip, clock, move |until| {
+        if let Err(error) = world.run_until(until) {
+            eprintln!("error: {error}; the drives stand still from now on");
+        }
+    }))
 }
 
 fn refuse_doubles(drives: &[u8]) -> Result<()> {
@@ -40,6 +56,26 @@ fn refuse_doubles(drives: &[u8]) -> Result<()> {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    /// The order of sercon816.md 9 with the timing of 2 Mbit/s and 2 ms: stop, program, close the ring in CP0, go to CP1.
+    const MASTER: &str = "w 01 0002\nw 01 0661\nw 02 0383\nw 0d ff0a\nw 0e 051f\nw 0f 07d0\nw 10 07d0\nw 13 0003\nw 14 0000\n\
+        w 15 fffc\nw 16 000a\nw 18 0006\nw 19 001e\n\
+        W 000 0010\nW 001 0010\nW 010 5001\nW 011 0258\nW 012 0006\nW 013 0018\nW 014 8002\nW 015 0001\nW 016 0000\n\
+        W 018 1801\nW 019 0708\nW 01a 0003\nW 01b 0028\nW 01c 0000\nW 01d 8002\nW 01e 0000\nW 01f 0000\nW 028 c000\nW 029 076c\n\
+        w 0a 0000\nw 04 ffff\ncycles 20\nr 04\ntime\n";
+
+    #[test]
+    fn a_foreign_master_finds_the_ring_of_our_drives_closed() {
+        let mut server = chip_server(&[1, 2, 3]).unwrap();
+        let mut output = Vec::new();
+        socket::serve(&mut MASTER.as_bytes(), &mut output, &mut server).unwrap();
+        let output = String::from_utf8(output).unwrap();
+        let told: Vec<&str> = output.lines().filter(|line| *line != "ok").collect();
+        let [status, time] = told[..] else { panic!("two answers expected: {told:?}") };
+        let status = u16::from_str_radix(status, 16).unwrap();
+        assert_eq!(status & 0x0382, 0, "fibre break or lost MST: {status:04x}");
+        assert_eq!(time, "40000000");
+    }
 
     #[test]
     fn an_address_may_stand_only_once() {
