@@ -57,7 +57,7 @@ fn refuse_doubles(drives: &[u8]) -> Result<()> {
 mod tests {
     use super::*;
 
-    /// The order of sercon816.md 9 with the timing of 2 Mbit/s and 2 ms: stop, program, close the ring in CP0, go to CP1.
+    /// The order of sercon816.md 9 with the timing of 2 Mbit/s and 2 ms: stop, program one MDT and one AT, close the ring in CP0.
     const MASTER: &str = "w 01 0002\nw 01 0661\nw 02 0383\nw 0d ff0a\nw 0e 051f\nw 0f 07d0\nw 10 07d0\nw 13 0003\nw 14 0000\n\
         w 15 fffc\nw 16 000a\nw 18 0006\nw 19 001e\n\
         W 000 0010\nW 001 0010\nW 010 5001\nW 011 0258\nW 012 0006\nW 013 0018\nW 014 8002\nW 015 0001\nW 016 0000\n\

@@ -64,6 +64,10 @@ fn cards(report: &DemoReport) -> String {
         .find(|phase| phase.phase == 4)
         .map_or_else(|| "—".to_owned(), |phase| format!("{} s", seconds(phase.start_us)));
     let missed = report.missed.mst + report.missed.mdt + report.missed.at;
+    let of = |count| match report.platform {
+        Platform::Host => "assumed for the host".to_owned(),
+        Platform::Qemu => format!("longest of {}", thousands(count)),
+    };
     let longest = |durations: &super::data::Durations| {
         if durations.count == 0 { "—".to_owned() } else { microseconds(durations.longest_ns) }
     };
@@ -74,16 +78,8 @@ fn cards(report: &DemoReport) -> String {
             degrees(report.following.constant_speed_max_degrees),
             format!("max at constant speed; RMS {}", degrees(report.following.constant_speed_rms_degrees)),
         ),
-        (
-            "t4 interrupt to AT",
-            longest(&report.interrupt_to_at),
-            format!("longest of {}", thousands(report.interrupt_to_at.count)),
-        ),
-        (
-            "INT_SC to release",
-            longest(&report.service_release),
-            format!("longest of {}", thousands(report.service_release.count)),
-        ),
+        ("t4 interrupt to AT", longest(&report.interrupt_to_at), of(report.interrupt_to_at.count)),
+        ("INT_SC to release", longest(&report.service_release), of(report.service_release.count)),
         (
             "missed telegrams",
             thousands(missed),

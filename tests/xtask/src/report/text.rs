@@ -35,14 +35,16 @@ pub(super) fn numbers_of_demo(report: &DemoReport) -> Vec<(&'static str, String)
     let steps: u64 = report.phases.iter().map(|phase| phase.service_steps).sum();
     let missed = report.missed;
     let following = report.following;
+    // The host's processors take the time that the model gives them; only the ELF's times are measured.
+    let assumed = if report.platform == Platform::Host { ", assumed" } else { "" };
     vec![
         (
             "service channel",
             format!("{}, {}", counted(steps, "step"), counted(report.service_errors.len() as u64, "error")),
         ),
-        ("INT_SC to release", spread(&report.service_release)),
-        ("t4 interrupt to AT", spread(&report.interrupt_to_at)),
-        ("t3 to command", spread(&report.interrupt_to_command)),
+        ("INT_SC to release", spread(&report.service_release) + assumed),
+        ("t4 interrupt to AT", spread(&report.interrupt_to_at) + assumed),
+        ("t3 to command", spread(&report.interrupt_to_command) + assumed),
         (
             "missed telegrams",
             format!("{} MST, {} MDT, {} AT", thousands(missed.mst), thousands(missed.mdt), thousands(missed.at)),
@@ -158,6 +160,14 @@ mod tests {
         report.drives[0].platform = Platform::Qemu;
         report.drives[0].service_release = Some(Durations { count: 9, shortest_ns: 1, mean_ns: 2, longest_ns: 23_456 });
         assert!(replay(&report).ends_with("longest INT_SC to release of the ELF: 23.4 us\n"));
+    }
+
+    #[test]
+    fn times_of_the_host_are_not_told_as_measured() {
+        let mut report = examples::demo();
+        report.platform = Platform::Host;
+        assert!(demo(&report).contains("mean 14.9 us (246 times), assumed"));
+        assert!(!demo(&examples::demo()).contains("assumed"));
     }
 
     #[test]
