@@ -1,4 +1,5 @@
-//! Hands the memory map at the repository root and the linker scripts to the linker, so that no Cargo configuration is needed.
+//! Hands the memory map at the repository root and the linker scripts to the linker, and the log level to defmt, so that no Cargo
+//! configuration is needed.
 
 use std::path::Path;
 
@@ -10,4 +11,10 @@ fn main() {
     println!("cargo:rustc-link-arg-bins=--nmagic");
     println!("cargo:rustc-link-arg-bins=-Tlink.x");
     println!("cargo:rustc-link-arg-bins=-Tdefmt.x");
+
+    // Without a level defmt keeps errors only. The environment still has the last word.
+    println!("cargo:rerun-if-env-changed=DEFMT_LOG");
+    if std::env::var_os("DEFMT_LOG").is_none() {
+        println!("cargo:rustc-env=DEFMT_LOG=info");
+    }
 }
