@@ -91,6 +91,9 @@ impl<B: Bus + Clone> Interrupts<B> {
         }
         self.learning &= !self.discovery.is_done();
         self.chip.carry_out(&orders);
+        if !self.learning && self.interrupts_arrive {
+            self.chip.mask_errors();
+        }
         work
     }
 

@@ -69,6 +69,8 @@ pub struct Motion<B, H> {
     cycles_since_command: u16,
     /// Ticks for which somebody still waits for the loop clock to lock, see [`Motion::wait_for_lock`].
     lock_patience: u16,
+    /// CP3 was entered in this cycle.
+    entered_cyclic: bool,
 }
 
 impl<B: Bus + Clone, H: Hardware> Motion<B, H> {
@@ -109,6 +111,7 @@ impl<B: Bus + Clone, H: Hardware> Motion<B, H> {
             without_lag: false,
             cycles_since_command: 0,
             lock_patience: 0,
+            entered_cyclic: false,
         }
     }
 
@@ -210,6 +213,10 @@ impl<B: Bus + Clone, H: Hardware> Motion<B, H> {
     fn take_cycle(&mut self) -> Work {
         let mst_missed = self.mst.missed_since_last_call();
         let received = self.command_port.take_cyclic();
+        // The chip was moved to the cyclic telegrams within this cycle: what came before that says nothing.
+        if core::mem::take(&mut self.entered_cyclic) {
+            return Work::empty();
+        }
         let mst = if mst_missed { Reception::Failed } else { Reception::Valid };
         let mdt = match (received, mst_missed) {
             (true, _) => Reception::Valid,
@@ -432,6 +439,7 @@ impl<B: Bus + Clone, H: Hardware> Motion<B, H> {
         self.uninitialised_mode = false;
         self.ticks_since_t3 = 0;
         self.cycles_since_command = 0;
+        self.entered_cyclic = phase == Phase::Cp3;
         match phase {
             Phase::Cp3 => {
                 let _ = self.mst.missed_since_last_call();

@@ -38,12 +38,14 @@ impl Events {
 pub struct Interrupts<B> {
     bus: B,
     timers: TimerMap,
+    /// The value of 06H and 07H that enables, as far as is known.
+    enabled: u16,
 }
 
 impl<B: Bus> Interrupts<B> {
     /// A handler that assumes [`ASSUMED_TIMERS`] until told better.
     pub const fn new(bus: B) -> Self {
-        Self { bus, timers: ASSUMED_TIMERS }
+        Self { bus, timers: ASSUMED_TIMERS, enabled: ENABLE_ALL }
     }
 
     /// The timers as they are known now.
@@ -57,6 +59,12 @@ impl<B: Bus> Interrupts<B> {
         self.write_enable(ENABLE_ALL);
         self.bus.write_register(Register::ERROR_ROUTING, ROUTING);
         self.bus.write_register(Register::INTERRUPT_ROUTING, ROUTING);
+    }
+
+    /// Takes the conditions of 04H off the lines, once it is known which value enables: one that persists (a dark fibre)
+    /// would hold a level output, and no further event would make an edge. They are still read with every event of 05H.
+    pub fn mask_errors(&mut self) {
+        self.bus.write_register(Register::ERROR_ENABLE, !self.enabled);
     }
 
     /// Reads and acknowledges until nothing is pending, at most [`INTERRUPT_ROUNDS`] times.
@@ -105,11 +113,15 @@ impl<B: Bus> Interrupts<B> {
         }
         if let Some(timers) = orders.found {
             self.timers = timers;
+            // Apart from the others, so that an event that is still pending never hides the edge at which t4 latches the encoder.
+            let own_line = timers.command_valid.mask() | timers.capture_feedback.mask();
+            self.bus.write_register(Register::INTERRUPT_ROUTING, ROUTING ^ own_line);
             timers.program(&mut self.bus, Some(INITIAL_COMMAND_VALID_US), None);
         }
     }
 
     fn write_enable(&mut self, value: u16) {
+        self.enabled = value;
         self.bus.write_register(Register::ERROR_ENABLE, value);
         self.bus.write_register(Register::INTERRUPT_ENABLE, value);
     }
@@ -190,7 +202,24 @@ mod tests {
         interrupts.carry_out(&Orders { arm: Some(Register::TIMER_3), enable: Some(0), found: None });
         assert_eq!([0x1A, 0x1B, 0x1C, 0x1D].map(|word| bus.register(word)), [0xFFFF, 0xFFFF, 0xFFFF, 800]);
         assert_eq!((bus.register(6), bus.register(7)), (0, 0));
+        interrupts.mask_errors();
+        assert_eq!((bus.register(6), bus.register(7)), (0xFFFF, 0));
         interrupts.enable();
         assert_eq!([6, 7, 8, 9].map(|word| bus.register(word)), [0xFFFF, 0xFFFF, 0, 0]);
+        interrupts.mask_errors();
+        assert_eq!((bus.register(6), bus.register(7)), (0, 0xFFFF));
+    }
+
+    #[test]
+    fn the_timers_have_a_line_of_their_own_once_they_are_known() {
+        let bus = TestBus::new();
+        let mut interrupts = Interrupts::new(bus.clone());
+        let found = TimerMap {
+            command_valid: Timer { register: Register::TIMER_0, bit: 15 },
+            capture_feedback: Timer { register: Register::TIMER_1, bit: 14 },
+            cycle_bits: 0x0100,
+        };
+        interrupts.carry_out(&Orders { arm: None, enable: None, found: Some(found) });
+        assert_eq!(bus.register(9), 0xC000);
     }
 }

@@ -77,6 +77,9 @@ impl HostDrive {
     }
 
     fn take_edges(&mut self) {
+        if !self.chip.borrow().has_pin_edges() {
+            return;
+        }
         let edges = self.chip.borrow_mut().pin_edges();
         for edge in edges {
             let line = match edge.pin {
@@ -137,7 +140,7 @@ impl Processor for HostDrive {
         self.edges.into_iter().flatten().chain(background).chain([tick]).min()
     }
 
-    fn run(&mut self, now: Nanoseconds, _horizon: Nanoseconds) -> Result<(), ProcessorError> {
+    fn run(&mut self, now: Nanoseconds, _horizon: &dyn Fn() -> Nanoseconds) -> Result<(), ProcessorError> {
         self.take_edges();
         self.chip_interrupts(now);
         let due = self.motor_side.borrow_mut().take_tick(now);

@@ -10,11 +10,12 @@ pub trait Processor {
 
     /// Lets it do everything that is due at `now`: interrupt edges since the last call, timers, pending tasks.
     ///
-    /// Nothing reaches its chip before `horizon`, so it may compute ahead up to there, but not beyond.
+    /// Nothing reaches its chip before `horizon()`, so it may compute ahead up to there, but not beyond. The horizon is worked
+    /// out when it is asked for.
     ///
     /// # Errors
     /// The processor can not go on; the text says why.
-    fn run(&mut self, now: Nanoseconds, horizon: Nanoseconds) -> Result<(), ProcessorError>;
+    fn run(&mut self, now: Nanoseconds, horizon: &dyn Fn() -> Nanoseconds) -> Result<(), ProcessorError>;
 }
 
 /// A processor that can not go on.

@@ -33,7 +33,7 @@ impl Processor for QemuDrive {
         None
     }
 
-    fn run(&mut self, _now: Nanoseconds, _horizon: Nanoseconds) -> Result<(), ProcessorError> {
+    fn run(&mut self, _now: Nanoseconds, _horizon: &dyn Fn() -> Nanoseconds) -> Result<(), ProcessorError> {
         Ok(())
     }
 }

@@ -47,9 +47,9 @@ impl<M: Master> World<M> {
         while let Some(now) = self.next_event().filter(|time| *time <= until) {
             self.ring.advance(now);
             for (station, processor) in self.processors.iter_mut().enumerate() {
-                // A processor far from the world's time holds still: nothing of this instant is for it.
-                let horizon = self.ring.next_event_at(station).map_or(until, |time| time.min(until)).max(now);
-                processor.run(now, horizon)?;
+                let ring = &self.ring;
+                let horizon = || ring.next_event_at(station).map_or(until, |time| time.min(until)).max(now);
+                processor.run(now, &horizon)?;
             }
         }
         self.ring.advance(until);

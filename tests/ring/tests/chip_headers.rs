@@ -24,8 +24,8 @@ fn an_armed_at_is_sent_at_t1_with_the_service_bits_laid_over_status_and_info() {
     rig.set_ram(AT_STATUS, &[0xA5AF, 0xFFFF]);
     rig.mst(FIRST_MST, 2);
     rig.run_to(FIRST_MST + 400_000);
-    // Service container word 0 and the info behind it are 0.
-    assert_eq!(rig.sent, [(FIRST_MST + 150_000, vec![1, 0xA0, 0xA5, 0, 0])]);
+    // Service container word 0 and the info behind it are 0: handshake, busy, error (2..0) and command change (5) are the chip's.
+    assert_eq!(rig.sent, [(FIRST_MST + 150_000, vec![1, 0x88, 0xA5, 0, 0])]);
 }
 
 #[test]

@@ -103,6 +103,10 @@ impl Outputs {
         InterruptPins { int0: level(self.active[0], alternatives), int1: level(self.active[1], alternatives) }
     }
 
+    pub(super) fn has_edges(&self) -> bool {
+        !self.edges.is_empty()
+    }
+
     pub(super) fn take_edges(&mut self) -> Vec<PinEdge> {
         self.edges.drain(..).collect()
     }

@@ -28,6 +28,8 @@ pub use interrupts::{InterruptPin, InterruptPins, PinEdge};
 pub use station::ChipMaster;
 pub use timing::Straps;
 
+use std::cell::Cell;
+
 use crate::time::Nanoseconds;
 use crate::wire::{BROADCAST, LineError, Transmission, encode};
 use headers::Walk;
@@ -88,6 +90,8 @@ pub struct Chip {
     free_running: bool,
     /// End of the last MST that this master sent, and whether it has come back.
     own_mst: Option<(Nanoseconds, bool)>,
+    /// The next event as worked out since the last change.
+    next: Cell<Option<Option<Nanoseconds>>>,
 }
 
 impl Chip {
@@ -122,6 +126,7 @@ impl Chip {
             next_mst: None,
             free_running: false,
             own_mst: None,
+            next: Cell::new(None),
         };
         chip.update_outputs(Nanoseconds::ZERO);
         chip
@@ -140,7 +145,7 @@ impl Chip {
 
     /// Writes control register `word`; read-only registers and those beyond 2AH ignore it.
     pub fn write_register(&mut self, now: Nanoseconds, word: u16, value: u16) {
-        self.now = self.now.max(now);
+        self.change_at(now);
         match self.registers.write(word, value, &self.alternatives) {
             Effect::None => {}
             Effect::SoftwareReset => self.reset(),
@@ -161,7 +166,7 @@ impl Chip {
 
     /// Writes RAM word `word`, modulo 2048.
     pub fn write_ram(&mut self, now: Nanoseconds, word: u16, value: u16) {
-        self.now = self.now.max(now);
+        self.change_at(now);
         let word = word % WORDS;
         self.ram.set(word, value);
         self.walk.on_software_write(word);
@@ -175,6 +180,12 @@ impl Chip {
 
     /// The next instant at which [`Chip::on_time`] has something to do; never before the last call or access.
     pub fn next_event(&self) -> Option<Nanoseconds> {
+        let next = self.next.get().unwrap_or_else(|| self.work_out_next_event());
+        self.next.set(Some(next));
+        next.map(|time| time.max(self.now))
+    }
+
+    fn work_out_next_event(&self) -> Option<Nanoseconds> {
         let timers = (0..4).filter_map(|index| self.timer_due(index));
         [
             self.sending.map(|sending| sending.ends),
@@ -188,12 +199,17 @@ impl Chip {
         .flatten()
         .chain(timers)
         .min()
-        .map(|time| time.max(self.now))
+    }
+
+    /// Something may change now: what comes next must be worked out again.
+    fn change_at(&mut self, now: Nanoseconds) {
+        self.now = self.now.max(now);
+        self.next.set(None);
     }
 
     /// Does what is due; a returned transmission starts now.
     pub fn on_time(&mut self, now: Nanoseconds) -> Option<Transmission> {
-        self.now = self.now.max(now);
+        self.change_at(now);
         self.outputs.on_time(now, &self.alternatives);
         if let Some(sending) = self.sending.filter(|sending| sending.ends <= now) {
             self.sending = None;
@@ -229,14 +245,14 @@ impl Chip {
 
     /// The opening flag of a telegram begins.
     pub fn on_telegram_start(&mut self, now: Nanoseconds) {
-        self.now = self.now.max(now);
+        self.change_at(now);
         self.walk_on_start(now);
     }
 
     /// A telegram is complete: address and data without frame check sequence, or what was wrong with it. `start` is the
     /// begin of its opening flag, `end` the end of its closing flag and the present time.
     pub fn on_telegram(&mut self, start: Nanoseconds, end: Nanoseconds, frame: Result<&[u8], LineError>) {
-        self.now = self.now.max(end);
+        self.change_at(end);
         self.walk_on_end();
         match frame {
             Ok(&[BROADCAST, phase]) if self.registers.repeater_on() => self.on_mst(end, phase),
@@ -248,7 +264,7 @@ impl Chip {
 
     /// The receiver lost its signal (`false`) or has it back.
     pub fn on_signal(&mut self, now: Nanoseconds, present: bool) {
-        self.now = self.now.max(now);
+        self.change_at(now);
         if present != self.signal {
             self.registers.raise_0(status_0::RDIST);
         }
@@ -264,7 +280,7 @@ impl Chip {
     /// sercon816.md 3.4: a cycle can be started by software or by this signal; a driver whose host clocks the cycles
     /// expects MSTs before it writes 03H.
     pub fn on_cycle_clock(&mut self, now: Nanoseconds) {
-        self.now = self.now.max(now);
+        self.change_at(now);
         if !self.registers.repeater_on() && !self.free_running {
             self.schedule_mst(now);
         }
@@ -278,6 +294,11 @@ impl Chip {
     /// The edges of the interrupt outputs since the last call, in order; the last 1024 at most.
     pub fn pin_edges(&mut self) -> Vec<PinEdge> {
         self.outputs.take_edges()
+    }
+
+    /// Whether [`Chip::pin_edges`] would return any.
+    pub fn has_pin_edges(&self) -> bool {
+        self.outputs.has_edges()
     }
 
     /// The chip is sending a telegram of its own.
