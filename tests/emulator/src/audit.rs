@@ -34,10 +34,10 @@ const INTERRUPTS: [ExpectedInterrupt; 7] = [
     interrupt("EXTI2 (INT1)", 8, 4),
     interrupt("EXTI3 (INT0)", 9, 4),
     interrupt("TIM6 (control_loop)", 54, 4),
-    interrupt("CAN2_TX (command_valid)", 63, 4),
-    interrupt("CAN2_RX0 (capture_feedback)", 64, 4),
-    interrupt("CAN2_RX1 (phase_change)", 65, 2),
-    interrupt("CAN2_SCE (service_channel)", 66, 2),
+    interrupt("CAN1_TX (command_valid)", 19, 4),
+    interrupt("CAN1_RX0 (capture_feedback)", 20, 4),
+    interrupt("CAN1_RX1 (phase_change)", 21, 2),
+    interrupt("CAN1_SCE (service_channel)", 22, 2),
 ];
 
 const fn interrupt(name: &'static str, number: u8, priority: u8) -> ExpectedInterrupt {

@@ -206,14 +206,20 @@ impl Guest {
         while memory.len() < words {
             let count = (words - memory.len()).min(MEMORY_WORDS);
             let from = address + memory.len() as u32 * 4;
-            self.qemu.send(&[command::READ_MEMORY, from, count as u32])?;
-            self.qemu.receive(&mut self.words)?;
-            if self.words.first() != Some(&message::MEMORY) || self.words.len() != header::WORDS + count {
-                return Err(EmulatorError::Shim("wrong answer to a memory read".into()));
-            }
+            self.ask(&[command::READ_MEMORY, from, count as u32], count)?;
             memory.extend_from_slice(&self.words[header::WORDS..]);
         }
         Ok(memory)
+    }
+
+    /// A memory command and its answer, left in `words`.
+    fn ask(&mut self, command: &[u32], expected: usize) -> Result<(), EmulatorError> {
+        self.qemu.send(command)?;
+        self.qemu.receive(&mut self.words)?;
+        if self.words.first() != Some(&message::MEMORY) || self.words.len() != header::WORDS + expected {
+            return Err(EmulatorError::Shim("wrong answer to a memory command".into()));
+        }
+        Ok(())
     }
 
     pub(crate) fn peripherals(&self) -> &Peripherals {
@@ -387,9 +393,7 @@ impl Guest {
         let end = write as usize;
         let fresh = if start <= end { ring[start..end].to_vec() } else { [&ring[start..], &ring[..end]].concat() };
         if let Some((address, index)) = self.log.fetched(write, &fresh) {
-            self.qemu.send(&[command::WRITE_MEMORY, address, index])?;
-            // The shim does not answer a write; a read keeps two commands from being taken as one message.
-            self.read_memory(address, 1)?;
+            self.ask(&[command::WRITE_MEMORY, address, index], 0)?;
         }
         self.measurements.log_exchanges += 3;
         let lines = self.log.lines(time);

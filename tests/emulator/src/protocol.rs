@@ -24,7 +24,7 @@ pub mod message {
     pub const FAULT: u32 = 4;
     /// The shim is up; address = protocol version, payload empty.
     pub const HELLO: u32 = 5;
-    /// The payload answers [`super::command::READ_MEMORY`].
+    /// The payload answers [`super::command::READ_MEMORY`]; empty after [`super::command::WRITE_MEMORY`].
     pub const MEMORY: u32 = 6;
 }
 
@@ -82,7 +82,7 @@ pub mod command {
     pub const RESUME: u32 = 1;
     /// Read memory: address, number of words. Answered with a memory message.
     pub const READ_MEMORY: u32 = 2;
-    /// Write one word: address, value. Not answered.
+    /// Write one word: address, value. Answered with an empty memory message.
     pub const WRITE_MEMORY: u32 = 3;
 }
 

@@ -22,19 +22,11 @@ const fn base(number: u32) -> u32 {
 
 /// The bytes of an instruction, in memory order.
 fn decode_bytes(bytes: &[u8]) -> Option<Access> {
-    let half = |at: usize| {
-        bytes
-            .get(at..at + 2)
-            .map_or(0, |pair| u16::from_le_bytes([pair[0], pair[1]]))
-    };
+    let half = |at: usize| bytes.get(at..at + 2).map_or(0, |pair| u16::from_le_bytes([pair[0], pair[1]]));
     decode(half(0), half(2), &registers())
 }
 
-type Case = (
-    &'static str,
-    &'static [u8],
-    (Direction, Width, bool, Transfer, u32, Option<(u8, u32)>),
-);
+type Case = (&'static str, &'static [u8], (Direction, Width, bool, Transfer, u32, Option<(u8, u32)>));
 
 #[rustfmt::skip]
 const CASES: &[Case] = &[

@@ -312,19 +312,26 @@ impl State {
                 command::RESUME => return self.resume(),
                 command::READ_MEMORY => {
                     let (address, words) = (self.incoming[1], self.incoming[2] as usize);
-                    let words = words.min(MEMORY_WORDS);
-                    self.outgoing[..header::WORDS].fill(0);
-                    self.outgoing[header::KIND] = message::MEMORY;
-                    self.outgoing[header::PAYLOAD] = words as u32;
-                    for index in 0..words {
-                        self.outgoing[header::WORDS + index] = machine::read(address.wrapping_add(index as u32 * 4));
-                    }
-                    self.link.send(&self.outgoing[..header::WORDS + words]);
+                    self.send_memory(address, words.min(MEMORY_WORDS));
                 }
-                command::WRITE_MEMORY => machine::write(self.incoming[1], self.incoming[2]),
+                command::WRITE_MEMORY => {
+                    machine::write(self.incoming[1], self.incoming[2]);
+                    self.send_memory(0, 0);
+                }
                 _ => crate::link::exit(),
             }
         }
+    }
+
+    fn send_memory(&mut self, address: u32, words: usize) {
+        self.outgoing[..header::WORDS].fill(0);
+        self.outgoing[header::KIND] = message::MEMORY;
+        self.outgoing[header::PAYLOAD] = words as u32;
+        for index in 0..words {
+            let from = address.wrapping_add(index as u32 * 4);
+            self.outgoing[header::WORDS + index] = machine::read(from);
+        }
+        self.link.send(&self.outgoing[..header::WORDS + words]);
     }
 
     fn resume(&mut self) -> u32 {
