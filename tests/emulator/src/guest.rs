@@ -24,7 +24,8 @@ pub struct GuestConfiguration {
     pub shim: PathBuf,
     /// The emulator; a name is looked up in the search path.
     pub qemu: String,
-    /// How long a write may wait for the next exchange before the product is interrupted to deliver it.
+    /// How long a write may wait for the next exchange before the product is interrupted to deliver it. The write keeps its own time, and so
+    /// does an edge that it causes on an interrupt pin; only the product's interrupt for that edge may come this much late.
     pub post_bound: Nanoseconds,
 }
 
@@ -320,7 +321,6 @@ impl Guest {
         let (read_cycles, write_cycles) = self.peripherals.fsmc.cycles();
         let frequency = self.peripherals.clock_tree().core;
         let bound = TickClock::new(frequency).ticks_until(self.post_bound);
-        // A read on the external bus waits before the product goes on.
         let budget = self.clock.ticks_until(self.wake);
         let mut words = [0; resume::WORDS + 2 * resume::PREFETCH_CAPACITY];
         words[resume::KIND] = command::RESUME;
@@ -336,7 +336,7 @@ impl Guest {
         words[resume::POST_BOUND] = bound;
         words[resume::PREFETCHED] = chain.len() as u32;
         for (slot, (address, value)) in words[resume::WORDS..].chunks_exact_mut(2).zip(&chain) {
-            slot.copy_from_slice(&[*address, u32::from(*value)]);
+            slot.copy_from_slice(&[*address, *value]);
         }
         self.clock.resume();
         self.counted = 0;

@@ -31,8 +31,8 @@ impl Prefetch {
     }
 
     /// Addresses expected after the last place, at most `limit`, as long as `value` knows them.
-    pub(crate) fn chain(&self, limit: usize, mut value: impl FnMut(u32) -> Option<u16>) -> Vec<(u32, u16)> {
-        let mut chain: Vec<(u32, u16)> = Vec::new();
+    pub(crate) fn chain(&self, limit: usize, mut value: impl FnMut(u32) -> Option<u32>) -> Vec<(u32, u32)> {
+        let mut chain: Vec<(u32, u32)> = Vec::new();
         let mut place = self.last;
         // Every step but the repeated addresses adds an entry; the bound keeps a loop of known addresses from going round for ever.
         for _ in 0..2 * limit {
@@ -67,7 +67,7 @@ mod tests {
             }
         }
         prefetch.pass(Place::Interrupt(9));
-        let values = |address: u32| (address != 30).then_some(address as u16 + 1);
+        let values = |address: u32| (address != 30).then_some(address + 1);
         assert_eq!(prefetch.chain(8, values), [(10, 11), (20, 21)]);
         assert_eq!(prefetch.chain(1, values), [(10, 11)]);
     }

@@ -224,7 +224,7 @@ fn decode_single(first: u32, second: u32, registers: &[u32; 16]) -> Option<Acces
     } else if second & 0x0800 != 0 {
         let (pre_indexed, add, writes_back) = (second & 0x0400 != 0, second & 0x0200 != 0, second & 0x0100 != 0);
         // 110x without write-back is the negative offset, 1110 the unprivileged form, 0x0 undefined.
-        if (pre_indexed && add && !writes_back) || (!pre_indexed && !writes_back) {
+        if !writes_back && (add || !pre_indexed) {
             return None;
         }
         let moved = offset(base, field(second, 0, 8), add);

@@ -1,11 +1,12 @@
 //! The flashed ELF boots in QEMU and sets the board up as it must.
 
-use emulator::{EmulatorError, Environment, Guest, GuestConfiguration, audit};
+use emulator::{EmulatorError, Environment, Guest, GuestConfiguration, Probe, Trigger, audit};
 use ring::Nanoseconds;
 
 /// A world without a ring: a chip that answers with its version and otherwise with memory, a motor that stands still.
 struct Quiet {
     words: Vec<u16>,
+    pins: (bool, bool),
     amplifier: bool,
     current: Option<u16>,
 }
@@ -16,7 +17,7 @@ impl Quiet {
     fn new() -> Self {
         let mut words = vec![0; 0x1000];
         words[VERSION_REGISTER] = 0x0010;
-        Self { words, amplifier: false, current: None }
+        Self { words, pins: (true, true), amplifier: false, current: None }
     }
 }
 
@@ -38,7 +39,7 @@ impl Environment for Quiet {
     }
 
     fn interrupt_pins(&self) -> (bool, bool) {
-        (true, true)
+        self.pins
     }
 
     fn encoder_count(&mut self, _: Nanoseconds) -> u32 {
@@ -115,13 +116,50 @@ fn two_runs_are_the_same_to_the_nanosecond() {
 }
 
 #[test]
+#[ignore = "needs QEMU and the ELF: cargo xtask test"]
+fn an_edge_of_either_interrupt_pin_is_answered_within_microseconds() {
+    const STATUS_REGISTER_4: u32 = 0x6000_1000 + 2 * 4;
+    let mut world = Quiet::new();
+    let mut guest = Guest::start(&configuration()).unwrap();
+    guest.add_probe(Probe::new("INT0", Trigger::Int0Edge, Trigger::Read(STATUS_REGISTER_4)));
+    guest.add_probe(Probe::new("INT1", Trigger::Int1Edge, Trigger::Read(STATUS_REGISTER_4)));
+    run(&mut guest, &mut world, Nanoseconds::from_millis(20)).unwrap();
+    // Off the beat of the loop timer, so that some edges meet the control loop at work.
+    for edge in 0..40_u64 {
+        let now = Nanoseconds::from_millis(21) + Nanoseconds(edge * 531_700);
+        run(&mut guest, &mut world, now).unwrap();
+        if edge % 4 < 2 {
+            world.pins.0 = !world.pins.0;
+        } else {
+            world.pins.1 = !world.pins.1;
+        }
+        guest.run(&mut world, now, now).unwrap();
+    }
+    run(&mut guest, &mut world, Nanoseconds::from_millis(43)).unwrap();
+    for probe in &guest.measurements().probes {
+        println!("{}: {:?}", probe.name, probe.latency);
+        assert_eq!(probe.latency.count, 20, "{}: an edge was lost", probe.name);
+        let longest = probe.latency.longest;
+        assert!(longest < Nanoseconds::from_microseconds(20), "{} took {longest}", probe.name);
+    }
+}
+
+#[test]
+#[ignore = "needs QEMU and the ELF: cargo xtask test"]
 fn a_missing_qemu_is_one_clear_line() {
-    let directory = tempfile::tempdir().unwrap();
-    let shim = directory.path().join("shim");
-    let mut configuration = GuestConfiguration::new(shim.clone(), shim);
+    let mut configuration = configuration();
     configuration.qemu = "qemu-system-that-is-not-there".into();
     let error = Guest::start(&configuration).unwrap_err();
-    assert!(matches!(error, EmulatorError::Elf { .. }), "{error}");
-    let text = EmulatorError::QemuMissing.to_string();
+    assert!(matches!(error, EmulatorError::QemuMissing), "{error}");
+    let text = error.to_string();
     assert!(text.contains("install") && !text.contains('\n'));
+}
+
+#[test]
+fn a_file_that_is_no_firmware_is_refused_before_qemu_starts() {
+    let directory = tempfile::tempdir().unwrap();
+    let file = directory.path().join("firmware");
+    std::fs::write(&file, "no ELF").unwrap();
+    let error = Guest::start(&GuestConfiguration::new(&file, &file)).unwrap_err();
+    assert!(matches!(error, EmulatorError::Elf { .. }), "{error}");
 }

@@ -204,8 +204,7 @@ impl State {
     ) -> u32 {
         let mut time = now;
         let mut address = access.address;
-        let mut list = register_list(access.transfer);
-        while let Some(register) = list.next() {
+        for register in register_list(access.transfer) {
             let wait = self.wait(access.direction, address);
             match access.direction {
                 Direction::Store => {
@@ -244,7 +243,7 @@ impl State {
         }
     }
 
-    /// Prefetched values hold until the deadline, unless the product wrote something.
+    /// Prefetched values hold until the next event, unless the product wrote something that may change them.
     fn prefetched(&self, time: u32, address: u32, width: Width) -> Option<u32> {
         let external = (EXTERNAL_BUS..EXTERNAL_BUS_END).contains(&address);
         let expected = if external { Width::Half } else { Width::Word };
@@ -257,7 +256,7 @@ impl State {
     /// Keeps an entry for the next message.
     fn post(&mut self, time: u32, address: u32, value: u32, kind: u32, pc: u32) {
         let mut time = time;
-        if kind & post::SERVED == 0 {
+        if kind & post::SERVED == 0 && changes_inputs(address) {
             self.prefetched = 0;
         }
         if self.posts == post::CAPACITY {
@@ -387,6 +386,12 @@ impl State {
             self.obey();
         }
     }
+}
+
+/// Whether a write may change what the product reads of the ring controller or of its pins. The peripherals on APB1 and APB2
+/// (timers, converter, watchdog, interrupt routing) have no such effect, the ports and the external bus have.
+fn changes_inputs(address: u32) -> bool {
+    !(0x4000_0000..0x4002_0000).contains(&address)
 }
 
 fn is_trapped(address: u32) -> bool {

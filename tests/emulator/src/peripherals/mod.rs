@@ -193,12 +193,19 @@ impl Peripherals {
     }
 
     /// What a read would answer, where that is sure not to change before the next event and has no side effect.
-    pub(crate) fn peek<E: Environment + ?Sized>(&self, environment: &E, address: u32) -> Option<u16> {
+    pub(crate) fn peek<E: Environment + ?Sized>(&self, environment: &E, address: u32) -> Option<u32> {
+        const INPUT_DATA: u32 = 0x10;
+        if (GPIO..GPIO_END).contains(&address) && address & 0x3FF == INPUT_DATA {
+            let port = port_of(address & !0x3FF);
+            let clocked = self.rcc.is_enabled(0x30, port as u32);
+            return self.ports[port].read(INPUT_DATA).filter(|_| clocked);
+        }
         let offset = address.checked_sub(EXTERNAL_BUS)?;
-        if offset >= EXTERNAL_BYTES || offset % 2 != 0 || self.fsmc.obstacle().is_some() {
+        let clocked = self.rcc.is_enabled(0x38, 0);
+        if offset >= EXTERNAL_BYTES || !offset.is_multiple_of(2) || !clocked || self.fsmc.obstacle().is_some() {
             return None;
         }
-        environment.external_peek(offset)
+        environment.external_peek(offset).map(u32::from)
     }
 
     pub(crate) fn read<E: Environment + ?Sized>(
@@ -215,7 +222,7 @@ impl Peripherals {
             let value = self.read_word(environment, access.at(word, 4))?;
             return Ok(value >> bit & 1);
         }
-        if address % width != 0 {
+        if !address.is_multiple_of(width) {
             return Err(access.misuse("unaligned access to a peripheral"));
         }
         let value = self.read_word(environment, access.at(address & !3, width))?;
@@ -240,7 +247,7 @@ impl Peripherals {
             let new = old & !(1 << bit) | (value & 1) << bit;
             return self.write_word(environment, access, new);
         }
-        if address % width != 0 {
+        if !address.is_multiple_of(width) {
             return Err(access.misuse("unaligned access to a peripheral"));
         }
         let word = address & !3;
@@ -385,7 +392,7 @@ impl Peripherals {
         if let Some(obstacle) = self.fsmc.obstacle() {
             return Err(access.misuse(obstacle));
         }
-        if access.width == 1 || access.address % access.width != 0 {
+        if access.width == 1 || !access.address.is_multiple_of(access.width) {
             return Err(access.misuse("the external bus has no byte lanes"));
         }
         let offset = access.address - EXTERNAL_BUS;
