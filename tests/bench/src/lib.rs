@@ -10,6 +10,7 @@ pub mod executor;
 pub mod host_drive;
 pub mod measure;
 pub mod motor_side;
+mod observer;
 pub mod processor;
 pub mod qemu_drive;
 pub mod replay;

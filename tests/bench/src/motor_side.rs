@@ -73,7 +73,7 @@ impl MotorSideState {
     /// The amplifier's status lines.
     pub fn set_amplifier_inputs(&mut self, inputs: Amplifier) {
         self.inputs = inputs;
-        self.apply_current();
+        self.apply_current(self.clock.get());
     }
 
     /// Whether the drive has the amplifier switched on.
@@ -106,12 +106,30 @@ impl MotorSideState {
         due
     }
 
+    /// The amplifier's status lines.
+    #[must_use]
+    pub fn amplifier_inputs(&self) -> Amplifier {
+        self.inputs
+    }
+
+    /// The analogue current command, as a fraction of the peak current, from `at` on.
+    pub fn command_current(&mut self, fraction: f64, at: Nanoseconds) {
+        self.current = fraction;
+        self.apply_current(at);
+    }
+
+    /// The amplifier's enable line from `at` on.
+    pub fn switch_amplifier(&mut self, on: bool, at: Nanoseconds) {
+        self.amplifier_on = on;
+        self.apply_current(at);
+    }
+
     fn is_powered(&self) -> bool {
         self.amplifier_on && self.inputs.main_power && !self.inputs.fault
     }
 
-    fn apply_current(&mut self) {
-        let now = self.clock.get().0;
+    fn apply_current(&mut self, at: Nanoseconds) {
+        let now = at.0;
         if self.is_powered() {
             self.motor.set_current(self.current, now);
         } else {
@@ -154,14 +172,14 @@ impl Hardware for MotorSide {
 
     fn set_current(&mut self, fraction_of_peak: I1F15) {
         let state = &mut *self.state.borrow_mut();
-        state.current = fraction_of_peak.to_num();
-        state.apply_current();
+        let now = state.clock.get();
+        state.command_current(fraction_of_peak.to_num(), now);
     }
 
     fn set_amplifier(&mut self, on: bool) {
         let state = &mut *self.state.borrow_mut();
-        state.amplifier_on = on;
-        state.apply_current();
+        let now = state.clock.get();
+        state.switch_amplifier(on, now);
     }
 
     fn amplifier(&mut self) -> Amplifier {

@@ -1,39 +1,158 @@
-//! The flashed ELF in QEMU, as a processor of the world.
+//! The flashed ELF in QEMU, as a processor of the world: its external bus is the chip's, its motor side is simulated.
 
+use drive::Amplifier;
+use emulator::{Environment, Guest, GuestConfiguration};
 use ring::Nanoseconds;
 use ring::chip::SharedChip;
 use ring::wire::BitRate;
 
 use crate::executor::{Elves, SharedMeasurements};
 use crate::motor_side::SharedMotorSide;
+use crate::observer::BusObserver;
 use crate::processor::{Processor, ProcessorError};
 
+/// Byte offset of the registers in the window of the external bus; the RAM begins at 0 (board: A12 selects).
+const REGISTERS: u32 = 0x1000;
+/// Half of the converter's 12 bits: code of zero current, and codes up to full scale.
+const CONVERTER_ZERO: i32 = 0x800;
+
 /// A drive that runs in QEMU.
-pub struct QemuDrive;
+pub struct QemuDrive {
+    address: u8,
+    guest: Guest,
+    environment: QemuEnvironment,
+}
 
 impl QemuDrive {
-    /// Boots the ELF.
+    /// Boots the ELF; its reset is the beginning of the simulation.
     ///
     /// # Errors
-    /// QEMU does not start.
+    /// QEMU is missing, an ELF is not what it should be, or the shim does not come up.
     pub fn start(
-        _elves: &Elves,
-        _chip: &SharedChip,
-        _motor_side: &SharedMotorSide,
+        elves: &Elves,
+        chip: &SharedChip,
+        motor_side: &SharedMotorSide,
         address: u8,
-        _bit_rate: BitRate,
-        _measurements: SharedMeasurements,
+        bit_rate: BitRate,
+        measurements: SharedMeasurements,
     ) -> Result<Self, ProcessorError> {
-        Err(ProcessorError { address, cause: "the emulator is not joined to the bench yet".to_owned() })
+        let guest = Guest::start(&GuestConfiguration::new(&elves.product, &elves.shim))
+            .map_err(|error| ProcessorError { address, cause: error.to_string() })?;
+        let environment = QemuEnvironment {
+            chip: chip.clone(),
+            motor_side: motor_side.clone(),
+            address,
+            bit_rate,
+            observer: BusObserver::new(measurements),
+        };
+        Ok(Self { address, guest, environment })
     }
 }
 
 impl Processor for QemuDrive {
     fn next_event(&self) -> Option<Nanoseconds> {
-        None
+        self.guest.next_event()
     }
 
-    fn run(&mut self, _now: Nanoseconds, _horizon: &dyn Fn() -> Nanoseconds) -> Result<(), ProcessorError> {
+    fn run(&mut self, now: Nanoseconds, horizon: &dyn Fn() -> Nanoseconds) -> Result<(), ProcessorError> {
+        self.environment.note_edges();
+        let due = self.guest.next_event().is_some_and(|time| time <= now);
+        // The horizon is worked out only when the guest is going to be let loose.
+        let until = if due { horizon() } else { now };
+        let address = self.address;
+        self.guest
+            .run(&mut self.environment, now, until)
+            .map_err(|error| ProcessorError { address, cause: error.to_string() })?;
+        for line in self.guest.take_log() {
+            self.environment.observer.log(format!("{:>14}  {:<5} {}", line.time.to_string(), line.level, line.text));
+        }
         Ok(())
     }
 }
+
+/// What stands around the processor.
+struct QemuEnvironment {
+    chip: SharedChip,
+    motor_side: SharedMotorSide,
+    address: u8,
+    bit_rate: BitRate,
+    observer: BusObserver,
+}
+
+impl QemuEnvironment {
+    fn note_edges(&mut self) {
+        let chip = &mut *self.chip.borrow_mut();
+        if chip.has_pin_edges() {
+            for edge in chip.pin_edges() {
+                self.observer.edge(&edge, chip);
+            }
+        }
+    }
+}
+
+impl Environment for QemuEnvironment {
+    fn external_read(&mut self, now: Nanoseconds, byte_offset: u32) -> u16 {
+        let word = word_of(byte_offset);
+        let chip = &mut *self.chip.borrow_mut();
+        if byte_offset < REGISTERS {
+            self.observer.read(now, word);
+            chip.read_ram(now, word)
+        } else {
+            chip.read_register(now, word)
+        }
+    }
+
+    fn external_write(&mut self, now: Nanoseconds, byte_offset: u32, value: u16) {
+        let word = word_of(byte_offset);
+        let chip = &mut *self.chip.borrow_mut();
+        if byte_offset < REGISTERS {
+            chip.write_ram(now, word, value);
+            self.observer.write(now, word, value, chip);
+        } else {
+            chip.write_register(now, word, value);
+        }
+    }
+
+    fn interrupt_pins(&self) -> (bool, bool) {
+        let pins = self.chip.borrow().interrupt_pins();
+        (pins.int0, pins.int1)
+    }
+
+    fn encoder_count(&mut self, now: Nanoseconds) -> u32 {
+        self.motor_side.borrow_mut().motor().encoder_count(now.0)
+    }
+
+    fn set_current(&mut self, now: Nanoseconds, code: u16) {
+        let fraction = f64::from(i32::from(code) - CONVERTER_ZERO) / f64::from(CONVERTER_ZERO);
+        self.motor_side.borrow_mut().command_current(fraction, now);
+    }
+
+    fn set_amplifier(&mut self, now: Nanoseconds, on: bool) {
+        self.motor_side.borrow_mut().switch_amplifier(on, now);
+    }
+
+    fn amplifier_inputs(&self) -> (bool, bool) {
+        let Amplifier { main_power, fault } = self.motor_side.borrow().amplifier_inputs();
+        (main_power, fault)
+    }
+
+    fn address_switches(&self) -> u8 {
+        self.address
+    }
+
+    fn bit_rate_switches(&self) -> u8 {
+        match self.bit_rate {
+            BitRate::M2 => 0,
+            BitRate::M4 => 1,
+            BitRate::M8 => 2,
+            BitRate::M16 => 3,
+        }
+    }
+}
+
+/// Word address in RAM or registers of a byte offset into the window.
+fn word_of(byte_offset: u32) -> u16 {
+    let within = byte_offset % REGISTERS;
+    u16::try_from(within / 2).unwrap_or(u16::MAX)
+}
+

@@ -1,0 +1,74 @@
+//! Reaction times of a drive, seen on its bus: from an event in the chip to the access that answers it.
+
+use ring::Nanoseconds;
+use ring::chip::{Chip, InterruptPin, PinEdge};
+use sercon816::Block;
+use sercon816::layout::SERVICE_CONTAINER;
+
+use crate::executor::SharedMeasurements;
+
+/// Word 0 of a service container: BUSY, the processor's turn (sercon816.md 6.4).
+const BUSY: u16 = 1 << 1;
+/// Register 05H and its bit of service container 0.
+const INTERRUPT_STATUS: u16 = 0x05;
+const SERVICE_CHANNEL: u16 = 1;
+/// Word of a header that holds the number of data words.
+const LENGTH: u16 = 2;
+
+/// Watches the accesses of a processor to its chip's RAM.
+pub(crate) struct BusObserver {
+    measurements: SharedMeasurements,
+    /// Last edge of each interrupt pin that has not been answered yet.
+    timer_edge: [Option<Nanoseconds>; 2],
+    /// The command task has begun: since which edge, and its last access to the MDT record.
+    command: Option<(Nanoseconds, Nanoseconds)>,
+}
+
+impl BusObserver {
+    pub(crate) fn new(measurements: SharedMeasurements) -> Self {
+        Self { measurements, timer_edge: [None; 2], command: None }
+    }
+
+    pub(crate) fn log(&mut self, line: String) {
+        self.measurements.borrow_mut().log.push(line);
+    }
+
+    pub(crate) fn edge(&mut self, edge: &PinEdge, chip: &mut Chip) {
+        let measurements = &mut *self.measurements.borrow_mut();
+        if chip.read_register(edge.time, INTERRUPT_STATUS) & SERVICE_CHANNEL != 0 {
+            measurements.service.start(edge.time);
+        }
+        if let Some((since, last)) = self.command.take() {
+            measurements.interrupt_to_command.record(last.saturating_sub(since));
+        }
+        let pin = usize::from(edge.pin == InterruptPin::Int1);
+        self.timer_edge[pin].get_or_insert(edge.time);
+    }
+
+    pub(crate) fn read(&mut self, now: Nanoseconds, word: u16) {
+        let record = Block::CYCLIC.mdt_header.word()..Block::CYCLIC.end.word();
+        if record.contains(&word) {
+            let begun = self.command.map(|(since, _)| since).or_else(|| self.latest_edge());
+            self.command = begun.map(|since| (since, now));
+        }
+    }
+
+    pub(crate) fn write(&mut self, now: Nanoseconds, word: u16, value: u16, chip: &mut Chip) {
+        if word == SERVICE_CONTAINER.word() && value & BUSY == 0 {
+            self.measurements.borrow_mut().service.stop(now);
+        }
+        let length = chip.read_ram(now, Block::CYCLIC.at_header.offset(LENGTH).word());
+        if length > 0 && word == Block::CYCLIC.at_data.offset(length - 1).word() {
+            if let Some(edge) = self.latest_edge() {
+                self.measurements.borrow_mut().interrupt_to_at.record(now.saturating_sub(edge));
+            }
+        }
+    }
+
+    /// The later of the two pins' edges is the one that is being served: timers have a line of their own.
+    fn latest_edge(&mut self) -> Option<Nanoseconds> {
+        let latest = self.timer_edge.into_iter().flatten().max();
+        self.timer_edge = [None; 2];
+        latest
+    }
+}
