@@ -140,8 +140,8 @@ impl<B: Bus + Clone> Communication<B> {
 
     /// Task of INT_SC_0: serves every step that waits in the service container.
     ///
-    /// Contract: at most 100 us from the end of the MDT to the release; settings that a write has changed are worked out
-    /// after the release.
+    /// Contract: at most 50 us from the end of the MDT to the release; settings that a write has changed, and the checks of
+    /// S-0-0127 and S-0-0128, are worked out after the release.
     pub fn service_channel<H: Hardware>(&mut self, motion: &mut impl Mutex<T = Motion<B, H>>) {
         let mut settings_changed = false;
         let mut context = Context {
@@ -168,6 +168,10 @@ impl<B: Bus + Clone> Communication<B> {
             let reply = self.server.step(protocol_step(&step), &mut self.parameters, &mut context);
             self.service.set_command_change(self.server.command_change());
             self.service.release(answer(&step, &reply));
+            if let Some((idn, state)) = context.carry_out(&self.parameters) {
+                self.server.command_progress(idn, state);
+                self.service.set_command_change(self.server.command_change());
+            }
         }
         if settings_changed {
             if let Ok(settings) = MotionSettings::new(&self.parameters, H::LOOP_TIMER_COUNTS) {
@@ -205,6 +209,7 @@ impl<B: Bus + Clone> Communication<B> {
             motion.lock(|motion| motion.enter_phase(phase));
         }
         self.checks.waits_for_lock = false;
+        self.checks.started = None;
         self.server.phase_changed(phase);
         self.service.set_command_change(self.server.command_change());
     }

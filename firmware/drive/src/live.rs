@@ -32,6 +32,8 @@ pub(crate) struct Checks {
     pub(crate) invalid_setting: Option<Idn>,
     /// S-0-0128 waits for the loop clock.
     pub(crate) waits_for_lock: bool,
+    /// A check that was started and is carried out once the step that started it is released.
+    pub(crate) started: Option<Idn>,
 }
 
 /// What a service step works with: the drive without its service server and parameters.
@@ -53,6 +55,18 @@ where
 {
     fn capabilities(&self) -> Capabilities {
         Capabilities { bit_rate: protocol_bit_rate(self.identity.bit_rate), operation_modes: &OperationMode::SUPPORTED }
+    }
+
+    /// Carries out the check that a step has started; `None` if there is none.
+    ///
+    /// It takes some 300 us, which no step of the service channel may.
+    pub(crate) fn carry_out(&mut self, parameters: &Parameters) -> Option<(Idn, CommandState)> {
+        let idn = self.checks.started.take()?;
+        let state = match idn {
+            Idn::CP3_TRANSITION_CHECK => self.check_cp3(parameters),
+            _ => self.check_cp4(parameters, true),
+        };
+        Some((idn, state))
     }
 
     fn check_cp3(&mut self, parameters: &Parameters) -> CommandState {
@@ -212,13 +226,16 @@ where
         &mut self,
         idn: Idn,
         action: CommandAction,
-        parameters: &mut Parameters,
+        _parameters: &mut Parameters,
     ) -> Result<CommandState, ServiceError> {
         match (idn, action) {
             (Idn::RESET_CLASS_1_DIAGNOSTIC, CommandAction::Start) => Ok(self.reset_class_1()),
-            (Idn::CP3_TRANSITION_CHECK, CommandAction::Start) => Ok(self.check_cp3(parameters)),
-            (Idn::CP4_TRANSITION_CHECK, CommandAction::Start) => Ok(self.check_cp4(parameters, true)),
-            (Idn::CP4_TRANSITION_CHECK, CommandAction::Cancel) => {
+            (Idn::CP3_TRANSITION_CHECK | Idn::CP4_TRANSITION_CHECK, CommandAction::Start) => {
+                self.checks.started = Some(idn);
+                Ok(CommandState::Executing)
+            }
+            (Idn::CP3_TRANSITION_CHECK | Idn::CP4_TRANSITION_CHECK, CommandAction::Cancel) => {
+                self.checks.started = None;
                 self.checks.waits_for_lock = false;
                 Ok(CommandState::Interrupted)
             }

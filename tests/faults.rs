@@ -1,0 +1,230 @@
+//! What happens to the ring's telegrams, and what the drive makes of it (sercos2.md 2.2 to 2.4).
+
+use bench::{DriveHandle, DriveSetup, World, ring_of_drives};
+use ring::fibre::{Effect, Fault, TelegramKind};
+use ring::ident::{Idn, Value};
+use ring::master::{CommandValues, DriveScript, MasterScript, Motion, ScriptedMaster, Telegram};
+use ring::service_client::{Reply, Request};
+use ring::wire::BitRate;
+use ring::{Nanoseconds, RingConfiguration};
+
+const ADDRESS: u8 = 5;
+/// 300 rpm in 0.0001 rpm.
+const VELOCITY: i32 = 3_000_000;
+
+/// A drive in velocity mode, running at 300 rpm for ever.
+fn script() -> MasterScript {
+    let drive = DriveScript::new(ADDRESS, Telegram::standard(2).unwrap())
+        .with(Idn(100), Value::Word(18_800))
+        .with(Idn(101), Value::Word(160))
+        .with(Idn(109), Value::Long(60_000))
+        .with(Idn(110), Value::Long(60_000))
+        .with(Idn(111), Value::Long(25_000))
+        .with(Idn(116), Value::Long(16_384))
+        .with(Idn(138), Value::Long(400_000));
+    let motion = Motion::new(1_000_000, |_| CommandValues::at_velocity(VELOCITY));
+    MasterScript { motion: Some(motion), ..MasterScript::new(vec![drive]) }
+}
+
+struct Bench {
+    world: World<ScriptedMaster>,
+    drive: DriveHandle,
+}
+
+impl Bench {
+    /// A drive that turns.
+    fn running() -> Self {
+        let (world, mut handles) = ring_of_drives(
+            RingConfiguration::new(1, BitRate::M2),
+            ScriptedMaster::new(script()),
+            &[DriveSetup::new(ADDRESS)],
+        )
+        .unwrap();
+        let mut bench = Self { world, drive: handles.remove(0) };
+        for _ in 0..2_000 {
+            bench.run(Nanoseconds::from_millis(10));
+            if bench.rpm() > 299.0 {
+                bench.run(Nanoseconds::from_millis(300));
+                return bench;
+            }
+        }
+        panic!("{}", bench.world.ring().master().state());
+    }
+
+    fn run(&mut self, span: Nanoseconds) {
+        let until = self.world.now() + span;
+        self.world.run_until(until).unwrap();
+    }
+
+    fn rpm(&mut self) -> f64 {
+        let now = self.world.now().0;
+        self.drive.motor_side.borrow_mut().motor().velocity(now) * 60.0 / core::f64::consts::TAU
+    }
+
+    fn has_torque(&self) -> bool {
+        self.drive.motor_side.borrow().amplifier_on()
+    }
+
+    /// So many telegrams of this kind are lost, from the next cycle but one on.
+    fn lose(&mut self, kind: TelegramKind, cycles: u64) {
+        let from = self.world.ring().cycle().unwrap() + 2;
+        for cycle in from..from + cycles {
+            self.world.ring_mut().add_fault(Fault::once(cycle, 0, kind, Effect::Drop));
+        }
+    }
+
+    /// Runs the ring up again without a motion and reads two-byte data blocks.
+    fn run_up_and_read(&mut self, idns: &[u16]) -> Vec<u16> {
+        let drive = DriveScript::new(ADDRESS, Telegram::standard(2).unwrap());
+        let script = MasterScript { reset_diagnostics: false, ..MasterScript::new(vec![drive]) };
+        self.world.ring_mut().master_mut().restart(script);
+        for _ in 0..2_000 {
+            self.run(Nanoseconds::from_millis(10));
+            if self.world.ring().master().is_done() {
+                break;
+            }
+        }
+        let report = self.world.ring().master().report();
+        assert_eq!((&report.error, self.world.ring().master().phase()), (&None, 4));
+        let client = self.world.ring_mut().master_mut().service(0);
+        for &idn in idns {
+            client.request(Request::Read(Idn(idn)));
+        }
+        self.run(Nanoseconds::from_millis(500));
+        let services = &self.world.ring().master().report().drives[0].services;
+        let read = |idn: u16| {
+            let finished = services.iter().rev().find(|service| service.request == Request::Read(Idn(idn)));
+            match &finished.unwrap_or_else(|| panic!("S-0-{idn:04} was not read")).result {
+                Ok(Reply::Data { value, .. }) => value.as_number().unwrap() as u16,
+                other => panic!("S-0-{idn:04}: {other:?}"),
+            }
+        };
+        idns.iter().map(|&idn| read(idn)).collect()
+    }
+
+    fn clear_errors(&mut self) {
+        self.world.ring_mut().master_mut().service(0).request(Request::Command { idn: Idn(99), polls: 10 });
+        self.run(Nanoseconds::from_millis(200));
+    }
+
+    /// The motor has stopped on a ramp and is without torque; it did not merely coast.
+    fn assert_stopped(&mut self) {
+        // 31.4 rad/s at 400 rad/s^2: 79 ms.
+        self.run(Nanoseconds::from_millis(60));
+        assert!(self.has_torque(), "torque before standstill");
+        let on_the_way = self.rpm();
+        assert!((20.0..250.0).contains(&on_the_way), "{on_the_way} rpm after 60 ms");
+        self.run(Nanoseconds::from_millis(200));
+        assert!(!self.has_torque());
+        assert!(self.rpm().abs() < 1.0);
+    }
+}
+
+const CLASS_1: u16 = 11;
+const INTERFACE: u16 = 14;
+const COMMUNICATION: u16 = 1 << 12;
+
+#[test]
+fn a_single_lost_mst_or_mdt_rides_through_without_a_bump() {
+    for kind in [TelegramKind::Mst, TelegramKind::Mdt] {
+        let mut bench = Bench::running();
+        bench.lose(kind, 1);
+        for _ in 0..50 {
+            bench.run(Nanoseconds::from_millis(2));
+            let rpm = bench.rpm();
+            assert!((299.0..301.0).contains(&rpm), "{kind:?}: {rpm} rpm");
+        }
+        assert!(bench.has_torque());
+        let counted = bench.drive.missed_by_chip();
+        assert!(counted.mst + counted.mdt >= 1, "{counted:?}");
+    }
+}
+
+#[test]
+fn two_lost_msts_stop_the_motor_and_show_in_s_0_0014_bit_3() {
+    let mut bench = Bench::running();
+    bench.lose(TelegramKind::Mst, 2);
+    bench.run(Nanoseconds::from_millis(8));
+    bench.assert_stopped();
+    let words = bench.run_up_and_read(&[INTERFACE, CLASS_1]);
+    assert_eq!(words[0], 1 << 3 | 4, "bit 3, phase 4 frozen");
+    assert_eq!(words[1], COMMUNICATION);
+    bench.clear_errors();
+    assert_eq!(bench.run_up_and_read(&[INTERFACE, CLASS_1]), [4, 0], "S-0-0099 has cleared them");
+}
+
+#[test]
+fn two_lost_mdts_stop_the_motor_and_show_in_s_0_0014_bit_4() {
+    let mut bench = Bench::running();
+    bench.lose(TelegramKind::Mdt, 2);
+    bench.run(Nanoseconds::from_millis(8));
+    bench.assert_stopped();
+    assert_eq!(bench.run_up_and_read(&[INTERFACE, CLASS_1]), [1 << 4 | 4, COMMUNICATION]);
+}
+
+#[test]
+fn an_illegal_phase_stops_the_motor_and_says_which_rule_it_broke() {
+    for (byte, bit) in [(1, 7), (2, 7), (3, 7), (5, 5), (7, 5)] {
+        let mut bench = Bench::running();
+        let cycle = bench.world.ring().cycle().unwrap() + 2;
+        bench.world.ring_mut().add_fault(Fault::once(cycle, 0, TelegramKind::Mst, Effect::Phase(byte)));
+        bench.run(Nanoseconds::from_millis(8));
+        bench.assert_stopped();
+        assert_eq!(bench.run_up_and_read(&[INTERFACE, CLASS_1]), [1 << bit | 4, COMMUNICATION], "phase {byte}");
+    }
+}
+
+#[test]
+fn a_phase_that_skips_upwards_ends_in_cp0() {
+    let (world, mut handles) = ring_of_drives(
+        RingConfiguration::new(1, BitRate::M2),
+        ScriptedMaster::new(script()),
+        &[DriveSetup::new(ADDRESS)],
+    )
+    .unwrap();
+    let mut bench = Bench { world, drive: handles.remove(0) };
+    while bench.world.ring().master().phase() < 2 {
+        bench.run(Nanoseconds::from_millis(2));
+    }
+    bench.run(Nanoseconds::from_millis(20));
+    let cycle = bench.world.ring().cycle().unwrap() + 2;
+    bench.world.ring_mut().add_fault(Fault::once(cycle, 0, TelegramKind::Mst, Effect::Phase(4)));
+    bench.run(Nanoseconds::from_millis(20));
+    assert_eq!(bench.run_up_and_read(&[INTERFACE, CLASS_1]), [1 << 6 | 2, COMMUNICATION]);
+}
+
+#[test]
+fn a_broken_fibre_stops_the_motor_and_the_ring_runs_up_again_once_it_is_mended() {
+    let mut bench = Bench::running();
+    let cycle = bench.world.ring().cycle().unwrap() + 2;
+    bench.world.ring_mut().add_fault(Fault::ring_break(cycle..cycle + 200, 0));
+    bench.run(Nanoseconds::from_millis(8));
+    bench.assert_stopped();
+    bench.run(Nanoseconds::from_millis(500));
+    let words = bench.run_up_and_read(&[INTERFACE, CLASS_1]);
+    assert_eq!(words[0] & 1 << 3, 1 << 3, "{words:04x?}");
+    assert_eq!(words[1], COMMUNICATION);
+}
+
+#[test]
+fn ten_clean_cycles_and_a_run_up_follow_every_fault() {
+    for (kind, effect) in [
+        (TelegramKind::Mst, Effect::Delay(Nanoseconds::from_microseconds(40))),
+        (TelegramKind::Mst, Effect::Duplicate(Nanoseconds::from_microseconds(100))),
+        (TelegramKind::Mst, Effect::FlipBit(20)),
+        (TelegramKind::Mdt, Effect::FlipBit(30)),
+        (TelegramKind::Mdt, Effect::Delay(Nanoseconds::from_microseconds(60))),
+        (TelegramKind::Mdt, Effect::Byte { index: 0, value: ADDRESS }),
+    ] {
+        let mut bench = Bench::running();
+        let from = bench.world.ring().cycle().unwrap() + 2;
+        for cycle in from..from + 5 {
+            bench.world.ring_mut().add_fault(Fault::once(cycle, 0, kind, effect));
+        }
+        bench.run(Nanoseconds::from_millis(500));
+        let words = bench.run_up_and_read(&[CLASS_1]);
+        assert!(words[0] & !COMMUNICATION == 0, "{kind:?} {effect:?}: {words:04x?}");
+        bench.clear_errors();
+        assert_eq!(bench.run_up_and_read(&[CLASS_1]), [0], "{kind:?} {effect:?}");
+    }
+}
