@@ -10,8 +10,7 @@ fn a_press_drive_follows_the_line_shaft_within_a_twentieth_of_a_degree() {
     assert!((0.000_1..0.05).contains(&error), "{error} degree");
     assert!(report.service_errors.is_empty());
     assert_eq!((report.missed.mst, report.missed.mdt), (0, 0));
-    // The first AT of CP3 may be missed, see Communication::phase_change.
-    assert!(report.missed.at <= 1);
+    assert_eq!(report.missed.at, 0);
 }
 
 #[test]

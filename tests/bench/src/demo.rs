@@ -230,7 +230,7 @@ fn report(
         .iter()
         .filter(|sample| {
             steady.is_some_and(|segment| {
-                sample.time_us >= segment.start_us + SETTLING.as_microseconds() && sample.time_us < segment.end_us
+                sample.time_us >= segment.start_us && sample.time_us < segment.end_us
             })
         })
         .map(|sample| sample.error_degrees)
@@ -252,7 +252,11 @@ fn report(
         phases: phase_times(master, steps, end),
         service_errors: service_errors(master),
         service_release: measured.service.durations().unwrap_or_default(),
-        missed: MissedTelegrams { at: record.missed_ats, ..under_test.missed_by_chip() },
+        missed: MissedTelegrams {
+            at: record.missed_ats,
+            first_at: record.missed_first_at,
+            ..under_test.missed_by_chip()
+        },
         interrupt_to_at: measured.interrupt_to_at.durations().unwrap_or_default(),
         interrupt_to_command: measured.interrupt_to_command.durations().unwrap_or_default(),
         following: FollowingError {
@@ -278,7 +282,8 @@ fn segments(moving: Nanoseconds) -> Vec<MotionSegment> {
     let begin = moving + CYCLE;
     let parts = [
         ("accelerate", SHAFT.ramp, false),
-        ("constant speed", SHAFT.constant, true),
+        ("swing in", SETTLING, false),
+        ("constant speed", Nanoseconds(SHAFT.constant.0 - SETTLING.0), true),
         ("decelerate", SHAFT.ramp, false),
         ("stand", SETTLING, false),
     ];

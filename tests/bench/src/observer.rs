@@ -18,15 +18,15 @@ const LENGTH: u16 = 2;
 /// Watches the accesses of a processor to its chip's RAM.
 pub(crate) struct BusObserver {
     measurements: SharedMeasurements,
-    /// Last edge of each interrupt pin that has not been answered yet.
-    timer_edge: [Option<Nanoseconds>; 2],
+    /// Last edge of each interrupt pin that was raised, until it is answered: t4 has INT1 (or INT0) for itself.
+    raised: [Option<Nanoseconds>; 2],
     /// The command task has begun: since which edge, and its last access to the MDT record.
     command: Option<(Nanoseconds, Nanoseconds)>,
 }
 
 impl BusObserver {
     pub(crate) fn new(measurements: SharedMeasurements) -> Self {
-        Self { measurements, timer_edge: [None; 2], command: None }
+        Self { measurements, raised: [None; 2], command: None }
     }
 
     pub(crate) fn log(&mut self, line: String) {
@@ -35,20 +35,23 @@ impl BusObserver {
 
     pub(crate) fn edge(&mut self, edge: &PinEdge, chip: &mut Chip) {
         let measurements = &mut *self.measurements.borrow_mut();
-        if chip.read_register(edge.time, INTERRUPT_STATUS) & SERVICE_CHANNEL != 0 {
+        let status = chip.read_register(edge.time, INTERRUPT_STATUS);
+        if status & SERVICE_CHANNEL != 0 {
             measurements.service.start(edge.time);
         }
         if let Some((since, last)) = self.command.take() {
             measurements.interrupt_to_command.record(last.saturating_sub(since));
         }
-        let pin = usize::from(edge.pin == InterruptPin::Int1);
-        self.timer_edge[pin].get_or_insert(edge.time);
+        // The other edge of the pin is that of the acknowledgement.
+        if status != 0 {
+            self.raised[usize::from(edge.pin == InterruptPin::Int1)] = Some(edge.time);
+        }
     }
 
     pub(crate) fn read(&mut self, now: Nanoseconds, word: u16) {
         let record = Block::CYCLIC.mdt_header.word()..Block::CYCLIC.end.word();
         if record.contains(&word) {
-            let begun = self.command.map(|(since, _)| since).or_else(|| self.latest_edge());
+            let begun = self.command.map(|(since, _)| since).or_else(|| self.raised[0].take());
             self.command = begun.map(|since| (since, now));
         }
     }
@@ -59,16 +62,9 @@ impl BusObserver {
         }
         let length = chip.read_ram(now, Block::CYCLIC.at_header.offset(LENGTH).word());
         if length > 0 && word == Block::CYCLIC.at_data.offset(length - 1).word() {
-            if let Some(edge) = self.latest_edge() {
+            if let Some(edge) = self.raised[1].take() {
                 self.measurements.borrow_mut().interrupt_to_at.record(now.saturating_sub(edge));
             }
         }
-    }
-
-    /// The later of the two pins' edges is the one that is being served: timers have a line of their own.
-    fn latest_edge(&mut self) -> Option<Nanoseconds> {
-        let latest = self.timer_edge.into_iter().flatten().max();
-        self.timer_edge = [None; 2];
-        latest
     }
 }

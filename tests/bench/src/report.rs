@@ -106,8 +106,11 @@ pub struct MissedTelegrams {
     pub mst: u64,
     /// MDTs that the drive missed (S-0-0029).
     pub mdt: u64,
-    /// ATs of the drive that the master missed.
+    /// ATs of the drive that the master missed, but for the first of CP3.
     pub at: u64,
+    /// The AT of the first cycle of CP3 was missed. The drive learns of CP3 from the MST of this very cycle, when its chip
+    /// has begun with the telegrams of CP2; a master forgives one.
+    pub first_at: bool,
 }
 
 /// A service-channel step that ended in an error.

@@ -71,6 +71,7 @@ impl DriveHandle {
             mst: u64::from(chip.read_ram(now, MST_ERRORS.word())),
             mdt: u64::from(chip.read_ram(now, Block::CYCLIC.mdt_header.offset(ERROR_COUNTER).word())),
             at: 0,
+            first_at: false,
         }
     }
 }

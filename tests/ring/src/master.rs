@@ -278,13 +278,18 @@ impl ScriptedMaster {
             // In CP1 and CP2 the dialogue itself notices.
             return;
         }
+        let switched = self.report.phases.last().is_some_and(|record| phase == 3 && record.cycle + 1 == self.cycle);
         for index in 0..self.drives.len() {
             let drive = &mut self.drives[index];
             if drive.at.is_some() {
                 drive.lost_in_a_row = 0;
                 continue;
             }
-            self.report.drives[index].missed_ats += 1;
+            if switched {
+                self.report.drives[index].missed_first_at = true;
+            } else {
+                self.report.drives[index].missed_ats += 1;
+            }
             drive.lost_in_a_row += 1;
             if drive.lost_in_a_row >= 2 && !matches!(self.work, Work::Failed) {
                 let address = drive.address;

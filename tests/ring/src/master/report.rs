@@ -213,8 +213,11 @@ pub struct DriveRecord {
     pub address: u8,
     /// The times it asked for.
     pub times: DriveTimes,
-    /// ATs that were expected and did not come.
+    /// ATs that were expected and did not come, but for the first of CP3.
     pub missed_ats: u64,
+    /// The AT of the first cycle of CP3 did not come: the slave learns of CP3 in this very cycle. One AT may be missed
+    /// (sercos2.md 2.4), a second in a row counts like any other.
+    pub missed_first_at: bool,
     /// ATs that came at a wrong time or with a wrong length; they count as missed, too.
     pub invalid_ats: u64,
     /// Valid ATs.

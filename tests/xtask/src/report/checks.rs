@@ -104,7 +104,7 @@ mod tests {
         assert_eq!(failed(&report), ["no service-channel step ended in an error"]);
 
         let mut report = examples::demo();
-        report.missed = MissedTelegrams { mst: 0, mdt: 0, at: 1 };
+        report.missed = MissedTelegrams { at: 1, ..MissedTelegrams::default() };
         assert_eq!(failed(&report), ["no telegram missed"]);
 
         for error in [FOLLOWING_ERROR_LIMIT_DEGREES, f64::NAN] {

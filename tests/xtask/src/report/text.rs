@@ -47,7 +47,13 @@ pub(super) fn numbers_of_demo(report: &DemoReport) -> Vec<(&'static str, String)
         ("t3 to command", spread(&report.interrupt_to_command) + assumed),
         (
             "missed telegrams",
-            format!("{} MST, {} MDT, {} AT", thousands(missed.mst), thousands(missed.mdt), thousands(missed.at)),
+            format!(
+                "{} MST, {} MDT, {} AT{}",
+                thousands(missed.mst),
+                thousands(missed.mdt),
+                thousands(missed.at),
+                if missed.first_at { "; the first AT of CP3, which a master forgives" } else { "" }
+            ),
         ),
         (
             "error, constant speed",
