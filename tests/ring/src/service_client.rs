@@ -488,11 +488,11 @@ impl fmt::Display for Value {
 mod tests {
     use super::*;
 
+    /// What was sent, control and info word of each step, and how the requests ended.
+    type Conversation = (Vec<(u16, u16)>, Vec<Result<Reply, ServiceError>>);
+
     /// Answers every step in the next AT with the words of `replies`, one a step; an `Err` is an error code.
-    fn converse(
-        client: &mut ServiceClient,
-        replies: &[Result<u16, u16>],
-    ) -> (Vec<(u16, u16)>, Vec<Result<Reply, ServiceError>>) {
+    fn converse(client: &mut ServiceClient, replies: &[Result<u16, u16>]) -> Conversation {
         let mut replies = replies.iter();
         let (mut at, mut last) = (None, None);
         let (mut words, mut results) = (Vec::new(), Vec::new());

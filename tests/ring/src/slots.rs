@@ -223,14 +223,14 @@ mod tests {
             let at = |drive: usize| longest_microseconds(4 + data[drive].at_bytes, rate);
             let mdt = longest_microseconds(Slots::mdt_length(&data), rate);
             let [t2, t3, t4] = [slots.t2, slots.t3, slots.t4].map(u64::from);
-            for drive in 0..times.len() {
+            for (drive, times) in times.iter().enumerate() {
                 let t1 = u64::from(slots.t1[drive]);
-                prop_assert!(t1 >= u64::from(times[drive].t1_min));
+                prop_assert!(t1 >= u64::from(times.t1_min));
                 prop_assert!(drive == 0 || t1 >= u64::from(slots.t1[drive - 1]) + at(drive - 1) + 2);
-                prop_assert!(t2 >= t1 + at(drive) + u64::from(times[drive].t_at_mdt) + 2);
-                prop_assert!(t3 >= t2 + mdt + u64::from(times[drive].t_mdt_command) + 2 && t3 <= cycle);
-                prop_assert!(t2 + mdt + longest_microseconds(1, rate) + u64::from(times[drive].t_mdt_mst) + 2 <= cycle);
-                prop_assert!(t4 + u64::from(times[drive].t5) + 2 <= cycle);
+                prop_assert!(t2 >= t1 + at(drive) + u64::from(times.t_at_mdt) + 2);
+                prop_assert!(t3 >= t2 + mdt + u64::from(times.t_mdt_command) + 2 && t3 <= cycle);
+                prop_assert!(t2 + mdt + longest_microseconds(1, rate) + u64::from(times.t_mdt_mst) + 2 <= cycle);
+                prop_assert!(t4 + u64::from(times.t5) + 2 <= cycle);
             }
         }
     }

@@ -18,6 +18,9 @@ const INT_HS_TIMEOUT: u16 = 1 << 10;
 const INT_BUSY_TIMEOUT: u16 = 1 << 11;
 const INT_CMD: u16 = 1 << 12;
 
+/// The AT's command change bit as it is on the wire (sercos2.md 1.7).
+const COMMAND_CHANGE: u16 = 1 << 5;
+
 /// A master chip with one AT (of any address, at 150 us) and one MDT (to address 1, at 600 us) a cycle.
 struct Station {
     rig: Rig,
@@ -223,7 +226,7 @@ fn a_busy_slave_has_the_busy_timeout() {
 #[test]
 fn a_command_change_bit_sets_int_cmd_once() {
     let mut station = Station::new();
-    station.at = Some((0b1000, 0));
+    station.at = Some((COMMAND_CHANGE, 0));
     station.cycle();
     assert_eq!(station.word(4), INT_CMD);
     assert_eq!(station.rig.take_status(0x05) & 1, 1);

@@ -61,7 +61,7 @@ pub fn decode(bits: &[bool]) -> Result<Vec<u8>, LineError> {
         content = content_before_flag(rest)?;
     }
     let data = without_inserted_zeros(content);
-    if data.len() % 8 != 0 {
+    if !data.len().is_multiple_of(8) {
         return Err(LineError::NotWholeBytes { bits: data.len() });
     }
     let mut bytes: Vec<u8> = data.chunks_exact(8).map(byte).collect();
