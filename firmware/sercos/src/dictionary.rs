@@ -354,7 +354,7 @@ mod tests {
             (97, 0x0001_0001),
             (99, 0x0009_0001),
             (103, 0x4422_0001),
-            (110, 0x7312_0001),
+            (109, 0x4312_0001),
             (113, 0x4412_0001),
             (127, 0x6009_0001),
             (128, 0x5009_0001),
@@ -366,6 +366,15 @@ mod tests {
             let block = find(Idn::standard(number)).unwrap();
             assert_eq!(block.attribute.raw_value(), attribute, "{}", block.idn);
         }
+    }
+
+    #[test]
+    fn the_amplifiers_peak_current_is_as_writable_as_the_motors_for_the_builder_chooses_both() {
+        // A real drive has 7312_0001H: its amplifier is built in.
+        let [motor, amplifier] = [109, 110].map(|number| find(Idn::standard(number)).unwrap());
+        assert_eq!(amplifier.attribute, motor.attribute);
+        assert_eq!(amplifier.attribute.raw_value(), 0x4312_0001);
+        assert!(amplifier.stored);
     }
 
     #[test]

@@ -378,8 +378,8 @@ impl Server {
                 parameters.set_text(idn, &transfer::written_bytes(&self.staging))?;
             }
             (Location::Parameter, None) => {
-                let entries: Vec<Idn, LIST_ENTRIES> =
-                    self.staging.iter().skip(2).take(LIST_ENTRIES).map(|&raw| Idn(raw)).collect();
+                let mut entries: Vec<Idn, LIST_ENTRIES> = Vec::new();
+                transfer::fill(&mut entries, self.staging.iter().skip(2).map(|&raw| Idn(raw)));
                 parameters.set_list(idn, &entries)?;
             }
         }

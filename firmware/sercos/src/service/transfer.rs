@@ -70,18 +70,29 @@ impl Source {
             let bytes = u16::try_from(bytes).unwrap_or(u16::MAX);
             [bytes, bytes].into_iter().skip(position)
         };
-        let limit = limit.min(SEGMENT_WORDS);
+        let mut segment = Vec::new();
         match self {
-            Source::Staged => staging.iter().copied().skip(position).take(limit).collect(),
+            Source::Staged => fill(&mut segment, staging.iter().copied().skip(position).take(limit)),
             Source::Text(text) => {
                 let pairs = text.as_bytes().chunks(2).map(packed);
-                length_words(text.len()).chain(pairs.skip(data_position)).take(limit).collect()
+                fill(&mut segment, length_words(text.len()).chain(pairs.skip(data_position)).take(limit));
             }
             Source::Dictionary(selection) => {
                 let bytes = dictionary::select(selection).count().saturating_mul(2);
                 let idns = dictionary::select(selection).map(|block| block.idn.0);
-                length_words(bytes).chain(idns.skip(data_position)).take(limit).collect()
+                fill(&mut segment, length_words(bytes).chain(idns.skip(data_position)).take(limit));
             }
+        }
+        segment
+    }
+}
+
+/// Appends what fits. The vector's own `extend` panics when it is full, and the bounds that rule this out are not for
+/// the compiler to see.
+pub(super) fn fill<T, const N: usize>(vector: &mut Vec<T, N>, items: impl IntoIterator<Item = T>) {
+    for item in items {
+        if vector.push(item).is_err() {
+            break;
         }
     }
 }
@@ -90,14 +101,14 @@ impl Source {
 pub(super) fn stage_fixed(staging: &mut Staging, bytes: u16, raw: u32) {
     staging.clear();
     let words = [(raw & 0xFFFF) as u16, (raw >> 16) as u16];
-    staging.extend(words.into_iter().take(if bytes == 2 { 1 } else { 2 }));
+    fill(staging, words.into_iter().take(if bytes == 2 { 1 } else { 2 }));
 }
 
 /// Stages a list of two-byte items.
 pub(super) fn stage_list(staging: &mut Staging, items: impl ExactSizeIterator<Item = u16>, maximum_items: usize) {
     staging.clear();
     let bytes = |items: usize| u16::try_from(items.saturating_mul(2)).unwrap_or(u16::MAX);
-    staging.extend([bytes(items.len()), bytes(maximum_items)].into_iter().chain(items).take(STAGING_WORDS));
+    fill(staging, [bytes(items.len()), bytes(maximum_items)].into_iter().chain(items));
 }
 
 /// Stages a text.
@@ -105,13 +116,15 @@ pub(super) fn stage_text(staging: &mut Staging, text: &str, maximum_bytes: usize
     staging.clear();
     let word = |bytes: usize| u16::try_from(bytes).unwrap_or(u16::MAX);
     let pairs = text.as_bytes().chunks(2).map(packed);
-    staging.extend([word(text.len()), word(maximum_bytes)].into_iter().chain(pairs).take(STAGING_WORDS));
+    fill(staging, [word(text.len()), word(maximum_bytes)].into_iter().chain(pairs));
 }
 
 /// The bytes of a text that was written, without the padding of an odd length.
 pub(super) fn written_bytes(staging: &Staging) -> Vec<u8, TEXT_BYTES> {
     let length = usize::from(staging.first().copied().unwrap_or(0));
-    staging.iter().skip(2).flat_map(|word| word.to_le_bytes()).take(length.min(TEXT_BYTES)).collect()
+    let mut written = Vec::new();
+    fill(&mut written, staging.iter().skip(2).flat_map(|word| word.to_le_bytes()).take(length));
+    written
 }
 
 /// Takes one more word of operation data that the master writes.
