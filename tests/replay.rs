@@ -1,36 +1,52 @@
 //! The recording of a real master, and recordings made here, played against our drives.
 
+mod common;
+
 use bench::{DriveSetup, ReplayOptions, replay};
+use common::{other_ring, real_recording, tight_ring};
+use ring::Nanoseconds;
 use ring::capture::Recording;
 use ring::chip::Alternatives;
-
-fn recording() -> Option<Recording> {
-    let folder = std::env::var_os("SERCOS_CAPTURES").map_or_else(
-        || std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("../../shared/captures"),
-        std::path::PathBuf::from,
-    );
-    let path = folder.join("fc7502-four-drives.tsv");
-    if !path.exists() {
-        eprintln!("SKIPPED: no recording at {}; set SERCOS_CAPTURES to the folder of recordings", path.display());
-        return None;
-    }
-    Some(Recording::open(&path).unwrap())
-}
+use ring::wire::BitRate;
 
 #[test]
 fn four_drives_do_all_that_the_recorded_ones_did() {
-    let Some(recording) = recording() else { return };
+    let Some(recording) = real_recording() else { return };
     let report = replay(recording, &ReplayOptions::on_host(), &mut |_| {}).unwrap();
-    for drive in &report.drives {
-        println!("{drive:?}");
-    }
-    assert!(report.passed);
+    assert!(report.passed, "{report:#?}");
     assert_eq!(report.drives.len(), 4);
+    assert!(report.drives.iter().all(|drive| drive.written == 14 && drive.service_steps >= 127));
+}
+
+#[test]
+fn a_ring_with_59_us_from_mdt_to_at_is_served_in_time() {
+    let report = replay(tight_ring(), &ReplayOptions::on_host(), &mut |_| {}).unwrap();
+    assert!(report.passed, "{report:#?}");
+}
+
+#[test]
+fn a_processor_too_slow_for_a_tight_ring_is_found_out() {
+    let mut drive = DriveSetup::new(1);
+    drive.latency.background = Nanoseconds::from_microseconds(62);
+    let options = ReplayOptions { drive, ..ReplayOptions::on_host() };
+    let report = replay(tight_ring(), &options, &mut |_| {}).unwrap();
+    let first = report.drives[0].failure.as_deref().unwrap();
+    assert!(first.contains("not acknowledged"), "{first}");
+}
+
+#[test]
+fn recordings_with_other_times_and_addresses_pass() {
+    for (cycle, bit_rate) in [(2_000, BitRate::M2), (10_000, BitRate::M2), (1_000, BitRate::M4), (500, BitRate::M16)] {
+        let options = ReplayOptions { bit_rate, ..ReplayOptions::on_host() };
+        let report = replay(other_ring(cycle, bit_rate), &options, &mut |_| {}).unwrap();
+        assert!(report.passed, "{cycle} us, {bit_rate:?}: {report:#?}");
+        assert_eq!(report.drives.iter().map(|drive| drive.address).collect::<Vec<_>>(), [3, 7, 12, 31, 200]);
+    }
 }
 
 #[test]
 fn the_recording_passes_whichever_way_the_silicon_turns_out() {
-    let Some(recording) = recording() else { return };
+    let Some(recording) = real_recording() else { return };
     let variants: Vec<_> = Alternatives::singles().into_iter().chain(Alternatives::pairs()).collect();
     let workers = std::thread::available_parallelism().map_or(1, std::num::NonZero::get);
     let failures: Vec<String> = std::thread::scope(|scope| {
@@ -39,10 +55,12 @@ fn the_recording_passes_whichever_way_the_silicon_turns_out() {
             .chunks(share)
             .map(|variants| {
                 let recording = &recording;
-                scope.spawn(move || variants.iter().flat_map(|variant| failures_with(recording, variant)).collect())
+                scope.spawn(move || -> Vec<String> {
+                    variants.iter().flat_map(|variant| failures_with(recording, variant)).collect()
+                })
             })
             .collect();
-        threads.into_iter().flat_map(|thread: std::thread::ScopedJoinHandle<'_, Vec<String>>| thread.join().unwrap()).collect()
+        threads.into_iter().flat_map(|thread| thread.join().unwrap()).collect()
     });
     assert!(failures.is_empty(), "{} failures:\n{}", failures.len(), failures.join("\n"));
 }
