@@ -4,6 +4,7 @@
 //! listens to the ATs, then decides what its MDT says, then, shortly before the next MST, sums up what was missed.
 
 pub(crate) mod beat;
+pub(crate) mod listener;
 mod motion;
 mod report;
 mod script;
@@ -19,6 +20,7 @@ use crate::time::Nanoseconds;
 use crate::wire::{BROADCAST, LineError, Transmission};
 
 use beat::{Act, Beat};
+use listener::{Listener, at_words};
 use motion::Stage;
 use script::Layout;
 
@@ -42,9 +44,7 @@ pub struct ScriptedMaster {
     beat: Beat,
     phase: u8,
     cycle: u64,
-    /// End of this cycle's MST as it came back.
-    mst_returned: Option<Nanoseconds>,
-    last_mdt: Vec<u8>,
+    listener: Listener,
     /// Whom the MDT of the last cycle was for, in CP1 and CP2.
     addressed: Option<usize>,
     drives: Vec<Drive>,
@@ -116,8 +116,7 @@ impl ScriptedMaster {
             beat: Beat::new(script.bit_rate, script.start_up_microseconds()),
             phase: 0,
             cycle: 0,
-            mst_returned: None,
-            last_mdt: Vec::new(),
+            listener: Listener::default(),
             addressed: None,
             drives: drives.collect(),
             slots: None,
@@ -222,13 +221,12 @@ impl ScriptedMaster {
         for drive in &mut self.drives {
             drive.at = None;
         }
-        self.mst_returned = None;
-        self.last_mdt.clear();
+        self.listener.begin_cycle();
     }
 
     /// What was missed in the cycle that ends, and the phase of the next.
     fn sum_up_cycle(&mut self) {
-        let returned = self.mst_returned.is_some();
+        let returned = self.listener.mst_has_returned();
         match &mut self.work {
             Work::CloseRing { good, without } => {
                 *good = if returned { *good + 1 } else { 0 };
@@ -305,7 +303,7 @@ impl ScriptedMaster {
             3 | 4 => Some(self.cyclic(now)),
             _ => None,
         }?;
-        self.last_mdt.clone_from(&bytes);
+        self.listener.mdt_sent(&bytes);
         Some(Transmission { bytes })
     }
 
@@ -336,25 +334,20 @@ impl ScriptedMaster {
     fn receive_at(&mut self, start: Nanoseconds, bytes: &[u8]) {
         let Some(index) = self.drives.iter().position(|drive| drive.address == bytes[0]) else { return };
         let expected_length = SHORTEST_AT + if self.phase >= 3 { self.drives[index].layout.data().at_bytes } else { 0 };
-        let in_time = self.mst_returned.is_some_and(|mst| {
-            let after = start.saturating_sub(mst);
-            match (self.phase, &self.slots) {
-                (1 | 2, _) => (START_UP_AT_WINDOW.0..=START_UP_AT_WINDOW.1).contains(&after),
-                (_, Some(slots)) => {
-                    let t1 = Nanoseconds::from_microseconds(u64::from(slots.t1[index]));
-                    after.0.abs_diff(t1.0) <= self.script.at_tolerance.0
-                }
-                _ => false,
+        let in_time = self.listener.since_mst(start).is_some_and(|after| match (self.phase, &self.slots) {
+            (1 | 2, _) => (START_UP_AT_WINDOW.0..=START_UP_AT_WINDOW.1).contains(&after),
+            (_, Some(slots)) => {
+                let t1 = Nanoseconds::from_microseconds(u64::from(slots.t1[index]));
+                after.0.abs_diff(t1.0) <= self.script.at_tolerance.0
             }
+            _ => false,
         });
         if !in_time || bytes.len() != expected_length {
             self.report.drives[index].invalid_ats += 1;
             return;
         }
         self.report.drives[index].ats += 1;
-        let word = |at: usize| u16::from_le_bytes([bytes[at], bytes[at + 1]]);
-        let words = AtWords { status: word(1), info: word(3) };
-        self.drives[index].at = Some(ReceivedAt { words, data: bytes[SHORTEST_AT..].to_vec() });
+        self.drives[index].at = Some(ReceivedAt { words: at_words(bytes), data: bytes[SHORTEST_AT..].to_vec() });
     }
 }
 
@@ -394,12 +387,8 @@ impl Master for ScriptedMaster {
     fn receive(&mut self, start: Nanoseconds, end: Nanoseconds, frame: Result<&[u8], LineError>) {
         match frame {
             Err(_) => self.report.line_errors += 1,
-            Ok([BROADCAST, phase]) if *phase == self.phase => {
-                self.mst_returned.get_or_insert(end);
-            }
-            Ok([BROADCAST, ..]) => {}
-            Ok(bytes) if bytes.len() < SHORTEST_AT || bytes == self.last_mdt => {}
-            Ok(bytes) => self.receive_at(start, bytes),
+            Ok(bytes) if self.listener.is_at(self.phase, end, bytes) => self.receive_at(start, bytes),
+            Ok(_) => {}
         }
     }
 }

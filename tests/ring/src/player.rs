@@ -15,7 +15,8 @@ use thiserror::Error;
 use crate::capture::Recording;
 use crate::ident::{Idn, Value};
 use crate::master::beat::{Act, Beat};
-use crate::master::{SHORTEST_AT, START_UP_AT_WINDOW, START_UP_MDT};
+use crate::master::listener::{Listener, at_words};
+use crate::master::{START_UP_AT_WINDOW, START_UP_MDT};
 use crate::service_client::{AtWords, MdtWords, Pace, Reply, Request, ServiceClient, control};
 use crate::station::Master;
 use crate::time::Nanoseconds;
@@ -109,8 +110,7 @@ pub struct CapturePlayer {
     cycle: u64,
     phase: u8,
     stage: Stage,
-    mst_returned: Option<Nanoseconds>,
-    last_mdt: Vec<u8>,
+    listener: Listener,
     /// The last MDT of CP4, whose service words are replaced while reading back.
     pattern: Vec<u8>,
     /// Whom the MDT of the last cycle was for, in CP1 and CP2.
@@ -157,8 +157,7 @@ impl CapturePlayer {
             cycle: 0,
             phase: 0,
             stage: Stage::Playing,
-            mst_returned: None,
-            last_mdt: Vec::new(),
+            listener: Listener::default(),
             pattern: Vec::new(),
             addressed: None,
             line_errors: 0,
@@ -207,8 +206,7 @@ impl CapturePlayer {
         for track in &mut self.tracks {
             track.at = None;
         }
-        self.mst_returned = None;
-        self.last_mdt.clear();
+        self.listener.begin_cycle();
         match self.recording.cycles.get(self.cycle as usize) {
             Some(recorded) => {
                 let phase = recorded.phase;
@@ -272,7 +270,7 @@ impl CapturePlayer {
             }
             None => self.read_back(),
         };
-        self.last_mdt.clone_from(&bytes);
+        self.listener.mdt_sent(&bytes);
         Some(Transmission { bytes })
     }
 
@@ -318,20 +316,16 @@ impl CapturePlayer {
 
     fn receive_at(&mut self, start: Nanoseconds, bytes: &[u8]) {
         let Some(index) = self.tracks.iter().position(|track| track.report.address == bytes[0]) else { return };
-        let in_time = self.mst_returned.is_some_and(|mst| {
-            let after = start.saturating_sub(mst);
-            match (&self.plan, self.phase) {
-                (Some(plan), 3 | 4) => after.0.abs_diff(plan.drives[index].0.0) <= AT_TOLERANCE.0,
-                _ => (START_UP_AT_WINDOW.0..=START_UP_AT_WINDOW.1).contains(&after),
-            }
+        let in_time = self.listener.since_mst(start).is_some_and(|after| match (&self.plan, self.phase) {
+            (Some(plan), 3 | 4) => after.0.abs_diff(plan.drives[index].0.0) <= AT_TOLERANCE.0,
+            _ => (START_UP_AT_WINDOW.0..=START_UP_AT_WINDOW.1).contains(&after),
         });
         let track = &mut self.tracks[index];
         if !in_time {
             track.report.ats_at_wrong_time += 1;
             return;
         }
-        let word = |at: usize| u16::from_le_bytes([bytes[at], bytes[at + 1]]);
-        let at = AtWords { status: word(1), info: word(3) };
+        let at = at_words(bytes);
         track.at = Some(at);
         track.report.received(self.phase);
         if self.stage == Stage::Playing {
@@ -377,12 +371,8 @@ impl Master for CapturePlayer {
     fn receive(&mut self, start: Nanoseconds, end: Nanoseconds, frame: Result<&[u8], LineError>) {
         match frame {
             Err(_) => self.line_errors += 1,
-            Ok([BROADCAST, phase]) if *phase == self.phase => {
-                self.mst_returned.get_or_insert(end);
-            }
-            Ok([BROADCAST, ..]) => {}
-            Ok(bytes) if bytes.len() < SHORTEST_AT || bytes == self.last_mdt => {}
-            Ok(bytes) => self.receive_at(start, bytes),
+            Ok(bytes) if self.listener.is_at(self.phase, end, bytes) => self.receive_at(start, bytes),
+            Ok(_) => {}
         }
     }
 }
