@@ -79,13 +79,19 @@ fn a_blocked_axis_leaves_the_monitoring_window() {
     assert!((29.9..60.0).contains(&error.abs()), "reported at {error} degrees, window 30");
 }
 
+/// At rest, with the velocity loop closed.
+fn velocity_bench(reference: &ReferenceAxis, settings: &servo::AxisParameters) -> Bench {
+    let mut bench = Bench::new(reference, settings);
+    bench.ticks(8);
+    bench.axis.set_mode(Mode::Velocity);
+    bench
+}
+
 #[test]
 fn a_velocity_step_within_the_current_limit_rises_fast_and_settles() {
     let reference = ReferenceAxis::press();
     let settings = servo::AxisParameters { ticks_per_cycle: 4, ..parameters(&reference) };
-    let mut bench = Bench::new(&reference, &settings);
-    bench.ticks(8);
-    bench.axis.set_mode(Mode::Velocity);
+    let mut bench = velocity_bench(&reference, &settings);
     bench.axis.command_velocity(rpm(100.0));
     bench.ticks(1_600);
     bench.axis.command_velocity(rpm(120.0));
@@ -109,9 +115,7 @@ fn a_velocity_step_within_the_current_limit_rises_fast_and_settles() {
 fn saturation_of_the_current_does_not_wind_the_integrator_up() {
     let reference = ReferenceAxis::press();
     let settings = servo::AxisParameters { ticks_per_cycle: 4, ..parameters(&reference) };
-    let mut bench = Bench::new(&reference, &settings);
-    bench.ticks(8);
-    bench.axis.set_mode(Mode::Velocity);
+    let mut bench = velocity_bench(&reference, &settings);
     bench.axis.command_velocity(rpm(1_500.0));
     let mut limited = 0;
     let mut highest = 0.0_f64;
@@ -129,9 +133,7 @@ fn saturation_of_the_current_does_not_wind_the_integrator_up() {
 fn the_current_stays_within_its_limit_and_drives_both_ways() {
     let reference = ReferenceAxis::press();
     let settings = servo::AxisParameters { ticks_per_cycle: 4, current_limit: 15_000, ..parameters(&reference) };
-    let mut bench = Bench::new(&reference, &settings);
-    bench.ticks(8);
-    bench.axis.set_mode(Mode::Velocity);
+    let mut bench = velocity_bench(&reference, &settings);
     bench.axis.command_velocity(rpm(1_000.0));
     let up = bench.ticks(400);
     bench.axis.command_velocity(rpm(-1_000.0));
@@ -281,9 +283,7 @@ fn mode_switches_at_speed_are_bumpless() {
     let reference = ReferenceAxis::press();
     for feed_forward in [10_000, 5_000, 0] {
         let settings = servo::AxisParameters { feed_forward, ..parameters(&reference) };
-        let mut bench = Bench::new(&reference, &settings);
-        bench.ticks(8);
-        bench.axis.set_mode(Mode::Velocity);
+        let mut bench = velocity_bench(&reference, &settings);
         bench.axis.command_velocity(rpm(600.0));
         bench.ticks(8_000);
         let steady = bench.ticks(800);
