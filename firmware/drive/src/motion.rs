@@ -7,15 +7,17 @@ use sercon816::{Bus, CommandPort, FeedbackPort};
 use sercos::Phase;
 use sercos::diagnostic::{Class1, Class3};
 use sercos::phase::PhaseError;
-use sercos::supervision::{Reception, Supervision};
-use servo::{Axis, CurrentFraction, Encoder, LoopClock, Mode, Position, Velocity};
+use sercos::supervision::Supervision;
+use servo::{Axis, CurrentFraction, Encoder, LoopClock, Mode, Position};
+
+mod background;
+mod cycle;
 
 use crate::feedback::FeedbackValues;
 use crate::hardware::{Amplifier, Hardware, InterruptLine};
 use crate::mst::MstMonitor;
-use crate::record::{Command, Feedback, Records};
+use crate::record::{Feedback, Records};
 use crate::settings::{MotionSettings, OperationMode};
-use crate::snapshot::Snapshot;
 use crate::state::{Conditions, DriveState, StateMachine, Switches, status_bits};
 use crate::work::Work;
 
@@ -193,129 +195,6 @@ impl<B: Bus + Clone, H: Hardware> Motion<B, H> {
         self.latch = latch;
     }
 
-    /// A t3 event that is overdue by a quarter of a cycle (at least two ticks) is stood in for, so that supervision and
-    /// extrapolation go on at the ring's rhythm whatever the chip does without an MST (G28).
-    fn flywheel(&mut self) -> Work {
-        if self.phase < Phase::Cp3 {
-            return Work::empty();
-        }
-        self.ticks_since_t3 = self.ticks_since_t3.saturating_add(1);
-        let cycle = self.settings.ticks_per_cycle;
-        let overdue = cycle.saturating_add((cycle >> 2).max(2));
-        if self.ticks_since_t3 < overdue {
-            return Work::empty();
-        }
-        self.ticks_since_t3 = self.ticks_since_t3.saturating_sub(cycle);
-        self.take_cycle()
-    }
-
-    /// What one communication cycle brought: supervision, control word, command values.
-    fn take_cycle(&mut self) -> Work {
-        let mst_missed = self.mst.missed_since_last_call();
-        let received = self.command_port.take_cyclic();
-        // The chip was moved to the cyclic telegrams within this cycle: what came before that says nothing.
-        if core::mem::take(&mut self.entered_cyclic) {
-            return Work::empty();
-        }
-        let mst = if mst_missed { Reception::Failed } else { Reception::Valid };
-        let mdt = match (received, mst_missed) {
-            (true, _) => Reception::Valid,
-            (false, false) => Reception::Failed,
-            // Without an MST nobody knows when to listen for the MDT.
-            (false, true) => Reception::Unknown,
-        };
-        if let Err(lost) = self.supervision.cycle(mst, mdt) {
-            self.lose(lost);
-            return Work::PHASE_CHANGE;
-        }
-        if self.phase == Phase::Cp4 && received {
-            return self.take_commands();
-        }
-        Work::empty()
-    }
-
-    fn take_commands(&mut self) -> Work {
-        let before = self.commands;
-        self.commands.control_word = self.command_port.control_word();
-        let mut word = 0_u16;
-        for command in &self.records.commands {
-            let value = self.command_port.double_word(word).cast_signed();
-            match command {
-                Command::Velocity => self.commands.velocity = value,
-                Command::Position => self.commands.position = value,
-            }
-            word = word.wrapping_add(2);
-        }
-        self.switches = Switches::from_control_word(self.commands.control_word);
-        let mode = self.requested_mode();
-        if mode.is_none() && !self.uninitialised_mode {
-            self.uninitialised_mode = true;
-            self.lose(PhaseError::UninitialisedMode);
-            return Work::PHASE_CHANGE;
-        }
-        self.mode = mode;
-        self.refuse_a_jump();
-        self.update_state();
-        self.cycles_since_command = self.cycles_since_command.saturating_add(1);
-        // A control unit slower than the ring repeats its values; a repeated value is no new point of the path.
-        let fresh = (before.position, before.velocity) != (self.commands.position, self.commands.velocity);
-        if fresh || self.cycles_since_command >= self.settings.cycles_per_command {
-            self.cycles_since_command = 0;
-            self.axis.command_position(self.commanded_position());
-            self.axis.command_velocity(self.commanded_velocity());
-        }
-        Work::empty()
-    }
-
-    fn commanded_velocity(&self) -> Velocity {
-        let velocity = self.settings.velocity.to_velocity(self.commands.velocity);
-        if self.settings.velocity_polarity.command { -velocity } else { velocity }
-    }
-
-    /// The mode of control word bits 11, 9, 8.
-    fn requested_mode(&self) -> Option<OperationMode> {
-        let word = self.commands.control_word;
-        let selected = ((word & 0x0800) >> 9) | ((word & 0x0300) >> 8);
-        self.settings.modes.get(usize::from(selected)).copied().flatten()
-    }
-
-    fn commanded_position(&self) -> Position {
-        let position = self.settings.position.to_position(self.commands.position);
-        match (self.settings.position_polarity.command, self.axis.settings().interpolator().modulo()) {
-            (false, _) => position,
-            (true, None) => -position,
-            (true, Some(modulo)) => modulo.value() - position,
-        }
-    }
-
-    /// A drive that is switched on far from its command would jump: the deviation is a fault before there is torque.
-    fn refuse_a_jump(&mut self) {
-        let starting = !self.machine.state().has_torque() && self.switches.on && self.switches.enable;
-        let window = self.settings.monitoring_window;
-        if !starting || self.mode == Some(OperationMode::Velocity) || window == Position::ZERO {
-            return;
-        }
-        let mut distance = self.commanded_position() - self.axis.cyclic_position(self.encoder.position());
-        if let Some(modulo) = self.axis.settings().interpolator().modulo() {
-            let range = modulo.value();
-            let half = Position::from_bits(range.to_bits() >> 1);
-            if distance > half {
-                distance = distance - range;
-            } else if distance < -half {
-                distance = distance + range;
-            }
-        }
-        if distance.abs() > window {
-            self.class_1 |= Class1::EXCESSIVE_DEVIATION;
-        }
-    }
-
-    fn lose(&mut self, error: PhaseError) {
-        self.lost = Some(error);
-        self.class_1 |= Class1::COMMUNICATION;
-        self.update_state();
-    }
-
     fn conditions(&self) -> Conditions {
         Conditions {
             operating_phase: self.phase == Phase::Cp4 && self.lost.is_none(),
@@ -423,127 +302,5 @@ impl<B: Bus + Clone, H: Hardware> Motion<B, H> {
         let mode = if self.phase == Phase::Cp4 { mode } else { 0 };
         let change = if self.class_3_change { CLASS_3_CHANGE } else { 0 };
         status_bits(self.machine.state(), self.conditions()) | mode | change
-    }
-}
-
-/// For the tasks of low priority, under a lock.
-impl<B: Bus + Clone, H: Hardware> Motion<B, H> {
-    /// Enters a communication phase that the slave has accepted.
-    ///
-    /// CP3 clears the supervision and fills the AT record, so that the first AT is complete. Every phase below CP4 takes the
-    /// command values away: a motor that runs is stopped.
-    pub fn enter_phase(&mut self, phase: Phase) {
-        self.phase = phase;
-        self.switches = Switches::default();
-        self.commands = CommandValues::default();
-        self.uninitialised_mode = false;
-        self.ticks_since_t3 = 0;
-        self.cycles_since_command = 0;
-        self.entered_cyclic = phase == Phase::Cp3;
-        match phase {
-            Phase::Cp3 => {
-                let _ = self.mst.missed_since_last_call();
-                let _ = self.command_port.take_cyclic();
-                self.supervision.clear();
-                self.clock = LoopClock::new(self.settings.clock);
-                self.latch_now();
-                self.capture_feedback();
-            }
-            Phase::Cp4 => self.mode = self.settings.modes.first().copied().flatten(),
-            _ => self.supervision.end_bursts(),
-        }
-        self.update_state();
-    }
-
-    /// Which values the cyclic records carry; before CP3.
-    pub fn set_records(&mut self, records: Records) {
-        self.records = records;
-    }
-
-    /// Settings from changed parameters. Another encoder resolution starts the position at zero again.
-    pub fn apply_settings(&mut self, settings: MotionSettings) {
-        let encoder = settings.encoder != self.settings.encoder;
-        let clock = settings.clock != self.settings.clock;
-        self.settings = settings;
-        if clock {
-            self.clock = LoopClock::new(settings.clock);
-        }
-        if encoder {
-            self.encoder = Encoder::new(settings.encoder, self.hardware.encoder_count());
-            self.axis = Axis::new(settings.with_lag, self.encoder.position());
-        }
-        self.apply_axis_settings();
-    }
-
-    /// The error that supervision has found, once.
-    pub fn take_loss(&mut self) -> Option<PhaseError> {
-        self.lost.take()
-    }
-
-    /// A communication error found elsewhere (an illegal phase): C1D bit 12 and best possible deceleration.
-    pub fn communication_fault(&mut self) {
-        self.class_1 |= Class1::COMMUNICATION;
-        self.update_state();
-    }
-
-    /// S-0-0014 and S-0-0390, for the AT.
-    pub fn set_diagnostics(&mut self, interface_status: u16, diagnostic_number: u16) {
-        self.interface_status = interface_status;
-        self.diagnostic_number = diagnostic_number;
-    }
-
-    /// S-0-0099: clears C1D unless a cause is still there or the error reaction still runs.
-    ///
-    /// Returns whether the drive is free of errors now.
-    pub fn reset_class_1(&mut self) -> bool {
-        let reacting = self.machine.state().has_torque() && !self.class_1.is_empty();
-        if reacting || self.amplifier.fault {
-            return false;
-        }
-        self.class_1 = Class1::empty();
-        self.fatal = false;
-        self.update_state();
-        true
-    }
-
-    /// Asks for [`Work::SERVICE_CHANNEL`] when the loop clock has locked to the ring, or after so many loop ticks without.
-    pub fn wait_for_lock(&mut self, ticks: u16) {
-        self.lock_patience = ticks;
-    }
-
-    /// Whether the loops run in a fixed phase to the ring.
-    pub fn is_synchronised(&self) -> bool {
-        self.clock.is_locked()
-    }
-
-    /// What the service channel may ask for.
-    pub fn snapshot(&mut self) -> Snapshot {
-        if self.phase < Phase::Cp3 {
-            self.refresh_values(self.encoder.position());
-        }
-        Snapshot {
-            state: self.machine.state(),
-            conditions: self.conditions(),
-            class_1: self.class_1,
-            class_3: self.class_3,
-            status_word: self.status_word(),
-            commands: self.commands,
-            values: self.values,
-            mst_errors: self.supervision.mst_errors(),
-            mdt_errors: self.supervision.mdt_errors(),
-        }
-    }
-
-    /// Ends the change bit of C3D: the master has read S-0-0013.
-    pub fn clear_class_3_change(&mut self) {
-        self.class_3_change = false;
-    }
-
-    /// S-0-0036 and S-0-0047 over the service channel, while they are not cyclic.
-    pub fn set_command(&mut self, command: Command, value: i32) {
-        match command {
-            Command::Velocity => self.commands.velocity = value,
-            Command::Position => self.commands.position = value,
-        }
     }
 }
