@@ -3,10 +3,13 @@
 mod common;
 
 use bench::{DriveSetup, ReplayOptions, replay};
-use common::{other_ring, real_recording, tight_ring};
+use common::{real_recording, recorded, tight_ring};
 use ring::Nanoseconds;
 use ring::capture::Recording;
 use ring::chip::Alternatives;
+use ring::master::SlotChoice;
+use ring::service_client::Pace;
+use ring::slots::MdtPlace;
 use ring::wire::BitRate;
 
 #[test]
@@ -65,8 +68,14 @@ fn the_recording_passes_whichever_way_the_silicon_turns_out() {
     assert!(failures.is_empty(), "{} failures:\n{}", failures.len(), failures.join("\n"));
 }
 
+/// A ring with other addresses, times and cycle, as the slot rules give them.
+fn other_ring(cycle: u16, bit_rate: BitRate) -> Recording {
+    let slots = SlotChoice::Computed(MdtPlace::Late);
+    recorded(&[7, 3, 200, 12, 31], cycle, slots, Pace::RECORDED, bit_rate)
+}
+
 fn failures_with(recording: &Recording, (name, alternatives): &(String, Alternatives)) -> Vec<String> {
-    let drive = DriveSetup { alternatives: alternatives.clone(), ..DriveSetup::new(1) };
+    let drive = DriveSetup { alternatives: *alternatives, ..DriveSetup::new(1) };
     let options = ReplayOptions { drive, ..ReplayOptions::on_host() };
     let report = replay(recording.clone(), &options, &mut |_| {}).unwrap();
     let failed = report.drives.iter().filter_map(|drive| Some((drive.address, drive.failure.as_ref()?)));

@@ -23,18 +23,25 @@ fn three_drives_reach_cp4() {
     assert_eq!(report.error, None);
     assert_eq!(report.phases.last().map(|phase| phase.phase), Some(4));
     for drive in &report.drives {
-        println!("{} steps {} slowest {} missed {}", drive.address, drive.steps(), drive.slowest_step(), drive.missed_ats);
+        println!(
+            "{} steps {} slowest {} missed {}",
+            drive.address,
+            drive.steps(),
+            drive.slowest_step(),
+            drive.missed_ats
+        );
     }
 }
 
 #[test]
 fn whichever_way_the_silicon_turns_out_the_ring_runs_up() {
     let mut failures = Vec::new();
-    let variants: Vec<_> = ring::chip::Alternatives::singles().into_iter().chain(ring::chip::Alternatives::pairs()).collect();
+    let variants: Vec<_> =
+        ring::chip::Alternatives::singles().into_iter().chain(ring::chip::Alternatives::pairs()).collect();
     println!("{} variants", variants.len());
     for (name, alternatives) in variants {
         let drives = [1, 2].map(|address| DriveScript::new(address, Telegram::standard(2).unwrap()));
-        let setups = [1, 2].map(|address| DriveSetup { alternatives: alternatives.clone(), ..DriveSetup::new(address) });
+        let setups = [1, 2].map(|address| DriveSetup { alternatives, ..DriveSetup::new(address) });
         let report = run(MasterScript::new(drives.to_vec()), &setups);
         if let Some(error) = report.error {
             failures.push(format!("{name}: {error}"));

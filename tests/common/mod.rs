@@ -12,7 +12,7 @@ use ring::wire::BitRate;
 use ring::{Nanoseconds, Ring, RingConfiguration};
 
 /// The recording of a Beckhoff FC7502 with four drives; `None`, with a word about it, where it is not there.
-pub fn real_recording() -> Option<Recording> {
+pub(crate) fn real_recording() -> Option<Recording> {
     let folder = std::env::var_os("SERCOS_CAPTURES")
         .map_or_else(|| Path::new(env!("CARGO_MANIFEST_DIR")).join("../../shared/captures"), PathBuf::from);
     let path = folder.join("fc7502-four-drives.tsv");
@@ -24,7 +24,7 @@ pub fn real_recording() -> Option<Recording> {
 }
 
 /// A ring in which 59 us lie between the MDT (it ends at 1 958 us of 2 000) and the first AT (17 us).
-pub fn tight_ring() -> Recording {
+pub(crate) fn tight_ring() -> Recording {
     // MDT of 3 + 3 * 8 bytes, AT of 7 + 8 bytes at 2 Mbit/s. The MDT has almost no stuffing bits, because the command values are
     // zero: (16 + 8 n) bit times. The ATs are given their longest duration, (16 + 9.6 n) (sercos2.md 5.2).
     let (mdt, at) = (117, 80);
@@ -32,13 +32,8 @@ pub fn tight_ring() -> Recording {
     recorded(&[1, 2, 3], 2_000, SlotChoice::Fixed(slots), Pace::FASTEST, BitRate::M2)
 }
 
-/// A ring with other addresses, times and cycle, as the slot rules give them.
-pub fn other_ring(cycle: u16, bit_rate: BitRate) -> Recording {
-    let slots = SlotChoice::Computed(ring::slots::MdtPlace::Late);
-    recorded(&[7, 3, 200, 12, 31], cycle, slots, Pace::RECORDED, bit_rate)
-}
-
-fn recorded(addresses: &[u8], cycle: u16, slots: SlotChoice, pace: Pace, bit_rate: BitRate) -> Recording {
+/// A recording of a run-up of software slaves by the scripted master.
+pub(crate) fn recorded(addresses: &[u8], cycle: u16, slots: SlotChoice, pace: Pace, bit_rate: BitRate) -> Recording {
     let telegram = Telegram::application(&[Idn(11), Idn(51), Idn(0x8013)], &[Idn::VELOCITY_COMMAND]);
     let drives = addresses.iter().map(|&address| DriveScript::new(address, telegram.clone())).collect();
     let script = MasterScript { bit_rate, cycle, slots, pace, ..MasterScript::new(drives) };

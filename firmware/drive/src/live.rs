@@ -80,9 +80,9 @@ where
             }
         };
         self.checks.invalid_for_cp3 = InvalidData::default();
-        let mdt: Vec<Idn, 16> = cyclic.mdt.iter().map(|datum| datum.idn).collect();
-        let at: Vec<Idn, 16> = cyclic.at.iter().map(|datum| datum.idn).collect();
-        let Some(records) = Records::new(&mdt, &at) else { return CommandState::Failed };
+        let mdt = cyclic.mdt.iter().map(|datum| datum.idn);
+        let at = cyclic.at.iter().map(|datum| datum.idn);
+        let Some(records) = Records::new(mdt, at) else { return CommandState::Failed };
         if self.slave.configure_cyclic(&chip_configuration(&cyclic)).is_err() {
             return CommandState::Failed;
         }
@@ -188,17 +188,13 @@ where
 
     fn read_list(&mut self, idn: Idn, list: &mut Vec<u16, LIVE_LIST_ENTRIES>) {
         match idn.number() {
-            21 => list.extend(self.checks.invalid_for_cp3.idns().map(|idn| idn.0)),
+            21 => fill(list, self.checks.invalid_for_cp3.idns().map(|idn| idn.0)),
             22 => {
-                let listed = self.checks.invalid_for_cp4.idns();
-                list.extend(listed.map(|idn| idn.0));
-                if let Some(idn) = self.checks.invalid_setting {
-                    if !list.contains(&idn.0) {
-                        let _ = list.push(idn.0);
-                    }
-                }
+                fill(list, self.checks.invalid_for_cp4.idns().map(|idn| idn.0));
+                let setting = self.checks.invalid_setting.map(|idn| idn.0).filter(|idn| !list.contains(idn));
+                fill(list, setting.into_iter());
             }
-            292 => list.extend(OperationMode::SUPPORTED),
+            292 => fill(list, OperationMode::SUPPORTED.into_iter()),
             _ => {}
         }
     }
@@ -245,6 +241,15 @@ where
 
     fn phase(&self) -> Phase {
         self.phases.current()
+    }
+}
+
+/// As many entries as there is room for; `extend` would panic on one more.
+fn fill(list: &mut Vec<u16, LIVE_LIST_ENTRIES>, entries: impl Iterator<Item = u16>) {
+    for entry in entries {
+        if list.push(entry).is_err() {
+            break;
+        }
     }
 }
 

@@ -103,12 +103,12 @@ pub struct Records {
 impl Records {
     /// The records of two configuration lists; `None` if an IDN can not be carried.
     #[must_use]
-    pub fn new(mdt: &[Idn], at: &[Idn]) -> Option<Self> {
+    pub fn new(mdt: impl Iterator<Item = Idn>, at: impl Iterator<Item = Idn>) -> Option<Self> {
         let mut records = Self::default();
-        for &idn in mdt {
+        for idn in mdt {
             records.commands.push(Command::from_idn(idn)?).ok()?;
         }
-        for &idn in at {
+        for idn in at {
             records.feedback.push(Feedback::from_idn(idn)?).ok()?;
         }
         Some(records)

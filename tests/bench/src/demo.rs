@@ -106,10 +106,8 @@ fn script(axis: &ReferenceAxis) -> MasterScript {
     let gains = &axis.gains;
     let word = |value: u16| Value::Word(value);
     let drives = RING.map(|address| {
-        let telegram = Telegram::application(
-            &[Idn(51), Idn(40), Idn::FOLLOWING_DISTANCE, Idn(0x8013)],
-            &[Idn::POSITION_COMMAND],
-        );
+        let telegram =
+            Telegram::application(&[Idn(51), Idn(40), Idn::FOLLOWING_DISTANCE, Idn(0x8013)], &[Idn::POSITION_COMMAND]);
         DriveScript::new(address, telegram)
             .with(Idn::OPERATION_MODE, word(11))
             .with(Idn(100), word(gains.velocity_gain * 100))
@@ -206,7 +204,8 @@ fn report(
     steps: &[(u8, u64)],
     end: Nanoseconds,
 ) -> DemoReport {
-    let t3 = master.slots.as_ref().map_or(Nanoseconds::ZERO, |slots| Nanoseconds::from_microseconds(u64::from(slots.t3)));
+    let t3 =
+        master.slots.as_ref().map_or(Nanoseconds::ZERO, |slots| Nanoseconds::from_microseconds(u64::from(slots.t3)));
     let curve = CommandCurve::of(master, t3);
     let moving = moving_time(master, t3);
     let segments = segments(moving);
@@ -229,9 +228,7 @@ fn report(
     let steady: Vec<f64> = samples
         .iter()
         .filter(|sample| {
-            steady.is_some_and(|segment| {
-                sample.time_us >= segment.start_us && sample.time_us < segment.end_us
-            })
+            steady.is_some_and(|segment| sample.time_us >= segment.start_us && sample.time_us < segment.end_us)
         })
         .map(|sample| sample.error_degrees)
         .collect();

@@ -60,9 +60,7 @@ impl HostDrive {
         let refused = |cause: &dyn std::fmt::Debug| ProcessorError { address, cause: format!("{cause:?}") };
         let Drive { mut interrupts, mut communication, mut motion } =
             drive::new(bus, MotorSide::new(motor_side.clone()), identity).map_err(|error| refused(&error))?;
-        communication
-            .start(&mut interrupts, &mut motion)
-            .map_err(|error| refused(&error))?;
+        communication.start(&mut interrupts, &mut motion).map_err(|error| refused(&error))?;
         Ok(Self {
             chip: chip.clone(),
             motor_side: motor_side.clone(),
@@ -123,8 +121,7 @@ impl HostDrive {
     fn background_tasks(&mut self, now: Nanoseconds) {
         let Some((_, work)) = self.background.take_if(|(due, _)| *due <= now) else { return };
         if work.contains(Work::PHASE_CHANGE) {
-            self.communication
-                .phase_change(&mut Exclusive(&mut self.interrupts), &mut Exclusive(&mut self.motion));
+            self.communication.phase_change(&mut Exclusive(&mut self.interrupts), &mut Exclusive(&mut self.motion));
         }
         if work.contains(Work::SERVICE_CHANNEL) {
             self.communication.service_channel(&mut Exclusive(&mut self.motion));

@@ -10,7 +10,7 @@ use crate::executor::SharedMeasurements;
 /// Word 0 of a service container: BUSY, the processor's turn (sercon816.md 6.4).
 const BUSY: u16 = 1 << 1;
 /// Register 05H and its bit of service container 0.
-const INTERRUPT_STATUS: u16 = 0x05;
+pub(crate) const INTERRUPT_STATUS: u16 = 0x05;
 const SERVICE_CHANNEL: u16 = 1;
 /// Word of a header that holds the number of data words.
 const LENGTH: u16 = 2;
@@ -27,6 +27,11 @@ pub(crate) struct BusObserver {
 impl BusObserver {
     pub(crate) fn new(measurements: SharedMeasurements) -> Self {
         Self { measurements, raised: [None; 2], command: None }
+    }
+
+    /// Whether [`BusObserver::read`] makes something of a read of this word: the MDT and its record.
+    pub(crate) fn watches_read_of(word: u16) -> bool {
+        (Block::CYCLIC.mdt_header.word()..Block::CYCLIC.end.word()).contains(&word)
     }
 
     pub(crate) fn log(&mut self, line: String) {
@@ -49,8 +54,7 @@ impl BusObserver {
     }
 
     pub(crate) fn read(&mut self, now: Nanoseconds, word: u16) {
-        let record = Block::CYCLIC.mdt_header.word()..Block::CYCLIC.end.word();
-        if record.contains(&word) {
+        if Self::watches_read_of(word) {
             let begun = self.command.map(|(since, _)| since).or_else(|| self.raised[0].take());
             self.command = begun.map(|since| (since, now));
         }

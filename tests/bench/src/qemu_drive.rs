@@ -8,7 +8,7 @@ use ring::wire::BitRate;
 
 use crate::executor::{Elves, SharedMeasurements};
 use crate::motor_side::SharedMotorSide;
-use crate::observer::BusObserver;
+use crate::observer::{BusObserver, INTERRUPT_STATUS};
 use crate::processor::{Processor, ProcessorError};
 
 /// Byte offset of the registers in the window of the external bus; the RAM begins at 0 (board: A12 selects).
@@ -113,6 +113,18 @@ impl Environment for QemuEnvironment {
         }
     }
 
+    /// The RAM and 05H: reading has no effect, and they change by an event of the chip or a write only. The record of the MDT is
+    /// left out, because the observer wants to see when it is read.
+    fn external_peek(&self, byte_offset: u32) -> Option<u16> {
+        let word = word_of(byte_offset);
+        let chip = &mut *self.chip.borrow_mut();
+        if byte_offset >= REGISTERS {
+            (word == INTERRUPT_STATUS).then(|| chip.read_register(Nanoseconds::ZERO, word))
+        } else {
+            (!BusObserver::watches_read_of(word)).then(|| chip.read_ram(Nanoseconds::ZERO, word))
+        }
+    }
+
     fn interrupt_pins(&self) -> (bool, bool) {
         let pins = self.chip.borrow().interrupt_pins();
         (pins.int0, pins.int1)
@@ -155,4 +167,3 @@ fn word_of(byte_offset: u32) -> u16 {
     let within = byte_offset % REGISTERS;
     u16::try_from(within / 2).unwrap_or(u16::MAX)
 }
-

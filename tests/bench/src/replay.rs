@@ -63,8 +63,7 @@ pub fn replay(
 ) -> Result<ReplayReport, ReplayError> {
     let addresses = CapturePlayer::addresses(&recording);
     let player = CapturePlayer::new(recording, options.bit_rate)?;
-    let setups: Vec<_> =
-        addresses.iter().map(|&address| DriveSetup { address, ..options.drive.clone() }).collect();
+    let setups: Vec<_> = addresses.iter().map(|&address| DriveSetup { address, ..options.drive.clone() }).collect();
     let under_test = addresses.iter().min().copied();
     let configuration = RingConfiguration::new(setups.len(), options.bit_rate);
     let (mut world, handles) = ring_of_drives_on(configuration, player, &setups, |address| {
@@ -106,8 +105,7 @@ pub fn replay(
         .iter()
         .zip(&handles)
         .map(|(drive, handle)| {
-            let platform =
-                if Some(drive.address) == under_test { options.executor.platform() } else { Platform::Host };
+            let platform = if Some(drive.address) == under_test { options.executor.platform() } else { Platform::Host };
             drive_replay(drive, handle, platform)
         })
         .collect();

@@ -12,11 +12,11 @@ use ring::{Master, Nanoseconds, Ring, RingConfiguration};
 use sercon816::layout::MST_ERRORS;
 use sercon816::{Block, MasterClock, Transceiver};
 
-use crate::host_drive::{HostDrive, Latency};
 use crate::executor::{Executor, SharedMeasurements};
+use crate::host_drive::{HostDrive, Latency};
 use crate::motor_side::{MotorSideState, SharedMotorSide};
-use crate::qemu_drive::QemuDrive;
 use crate::processor::{Processor, ProcessorError};
+use crate::qemu_drive::QemuDrive;
 use crate::report::MissedTelegrams;
 use crate::world::World;
 
@@ -83,7 +83,7 @@ const ERROR_COUNTER: u16 = 4;
 pub(crate) fn station(setup: &DriveSetup, bit_rate: BitRate, clock: &SharedClock) -> (SharedChip, SharedMotorSide) {
     let straps = Straps { bit_rate, mclk_megahertz: 32 };
     let seed = u64::from(setup.address) * 0x9E37_79B9;
-    let chip = Rc::new(RefCell::new(Chip::with_straps(straps, setup.alternatives.clone(), seed)));
+    let chip = Rc::new(RefCell::new(Chip::with_straps(straps, setup.alternatives, seed)));
     let motor = MotorSideState::new(clock.clone(), setup.axis.motor(), setup.clock_ppm);
     (chip, Rc::new(RefCell::new(motor)))
 }
@@ -91,10 +91,8 @@ pub(crate) fn station(setup: &DriveSetup, bit_rate: BitRate, clock: &SharedClock
 /// The identity that the switches of a drive give.
 pub(crate) fn identity(address: u8, bit_rate: BitRate) -> Result<Identity, ProcessorError> {
     Ok(Identity {
-        address: DriveAddress::new(address).ok_or_else(|| ProcessorError {
-            address,
-            cause: "an address is 1 to 254".to_owned(),
-        })?,
+        address: DriveAddress::new(address)
+            .ok_or_else(|| ProcessorError { address, cause: "an address is 1 to 254".to_owned() })?,
         bit_rate: match bit_rate {
             BitRate::M2 => sercon816::BitRate::Mbit2,
             BitRate::M4 => sercon816::BitRate::Mbit4,

@@ -237,7 +237,8 @@ impl Guest {
         // However late a WFI ends, nothing was executed in it.
         let not_late = self.question.idle || time <= self.wake + WAKE_TOLERANCE;
         let near = time + WAKE_TOLERANCE >= self.wake && not_late;
-        if self.question.kind == message::TIMER && near { self.wake.max(self.clock.time_of(0)) } else { time }
+        // A wake-up that was due at once takes one tick, so that time goes on.
+        if self.question.kind == message::TIMER && near { self.wake.max(self.clock.time_of(1)) } else { time }
     }
 
     fn sample<E: Environment + ?Sized>(&mut self, environment: &mut E, now: Nanoseconds) -> Result<(), EmulatorError> {
