@@ -4,8 +4,9 @@ use bench::{DriveHandle, DriveSetup, World, ring_of_drives};
 use ring::chip::{Alternatives, TimersWithoutMst};
 use ring::fibre::{Effect, Fault, TelegramKind};
 use ring::ident::{Idn, Value};
-use ring::master::{CommandValues, DriveScript, MasterScript, Motion, ScriptedMaster, Telegram};
+use ring::master::{CommandValues, DriveScript, MasterScript, Motion, ScriptedMaster, SlotChoice, Telegram};
 use ring::service_client::{Reply, Request};
+use ring::slots::MdtPlace;
 use ring::wire::BitRate;
 use ring::{Nanoseconds, RingConfiguration};
 
@@ -34,20 +35,21 @@ struct Bench {
 
 impl Bench {
     /// A drive before its run-up.
-    fn new(setup: DriveSetup) -> Self {
+    fn new(setup: DriveSetup, script: MasterScript) -> Self {
         let configuration = RingConfiguration::new(1, BitRate::M2);
-        let (world, mut handles) = ring_of_drives(configuration, ScriptedMaster::new(script()), &[setup]).unwrap();
+        let (world, mut handles) = ring_of_drives(configuration, ScriptedMaster::new(script), &[setup]).unwrap();
         Self { world, drive: handles.remove(0) }
     }
 
     /// A drive that turns.
     fn running() -> Self {
-        Self::running_on(Alternatives::default())
+        Self::running_on(Alternatives::default(), MdtPlace::Late)
     }
 
-    /// The same with a chip that behaves like this.
-    fn running_on(alternatives: Alternatives) -> Self {
-        let mut bench = Self::new(DriveSetup { alternatives, ..DriveSetup::new(ADDRESS) });
+    /// The same with a chip that behaves like this, and the MDT and t3 early or late in the cycle.
+    fn running_on(alternatives: Alternatives, place: MdtPlace) -> Self {
+        let script = MasterScript { slots: SlotChoice::Computed(place), ..script() };
+        let mut bench = Self::new(DriveSetup { alternatives, ..DriveSetup::new(ADDRESS) }, script);
         for _ in 0..2_000 {
             bench.run(Nanoseconds::from_millis(10));
             if bench.rpm() > 299.0 {
@@ -153,19 +155,73 @@ fn silent_without_mst() -> Alternatives {
 }
 
 #[test]
-fn a_chip_that_falls_silent_without_an_mst_changes_nothing_about_that() {
-    let mut bench = Bench::running_on(silent_without_mst());
-    bench.lose(TelegramKind::Mst, 1);
-    for _ in 0..50 {
-        bench.run(Nanoseconds::from_millis(2));
-        let rpm = bench.rpm();
-        assert!((299.0..301.0).contains(&rpm), "{rpm} rpm");
+fn a_single_lost_mst_rides_through_on_a_chip_that_falls_silent_without_it() {
+    for place in [MdtPlace::Early, MdtPlace::Late] {
+        let mut bench = Bench::running_on(silent_without_mst(), place);
+        bench.lose(TelegramKind::Mst, 1);
+        for _ in 0..50 {
+            bench.run(Nanoseconds::from_millis(2));
+            let rpm = bench.rpm();
+            assert!((299.0..301.0).contains(&rpm), "{rpm} rpm");
+        }
+        assert!(bench.has_torque());
+        assert!(bench.drive.missed_by_chip().mst >= 1);
     }
+}
+
+#[test]
+fn two_lost_msts_are_two_on_a_chip_that_falls_silent_without_them() {
+    for place in [MdtPlace::Early, MdtPlace::Late] {
+        let mut bench = Bench::running_on(silent_without_mst(), place);
+        let from = bench.world.ring().cycle().unwrap() + 2;
+        bench.lose(TelegramKind::Mst, 2);
+        // The drive is not to see meanwhile that the master gives up: the supervision alone must find it.
+        for cycle in from + 2..from + 14 {
+            bench.world.ring_mut().add_fault(Fault::once(cycle, 0, TelegramKind::Mst, Effect::Phase(4)));
+        }
+        bench.run(Nanoseconds::from_millis(10));
+        bench.assert_stopped();
+        assert_eq!(bench.run_up_and_read(&[INTERFACE, CLASS_1]), [1 << 3 | 4, COMMUNICATION], "{place:?}");
+    }
+}
+
+#[test]
+fn a_dark_ring_stops_the_motor_on_a_chip_that_falls_silent_with_it() {
+    let mut bench = Bench::running_on(silent_without_mst(), MdtPlace::Late);
     let from = bench.world.ring().cycle().unwrap() + 2;
     bench.world.ring_mut().add_fault(Fault::ring_break(from..from + 200, 0));
     // Two cycles of 2 ms and the flywheel's quarter of a cycle.
     bench.run(Nanoseconds::from_millis(10));
     bench.assert_stopped();
+}
+
+#[test]
+fn a_run_up_starts_the_error_counters_anew() {
+    for (kind, counter) in [(TelegramKind::Mst, 28), (TelegramKind::Mdt, 29)] {
+        let mut bench = Bench::running();
+        bench.lose(kind, 2);
+        bench.run(Nanoseconds::from_millis(300));
+        assert!(!bench.has_torque(), "{kind:?}");
+        assert_eq!(bench.run_up_and_read(&[counter]), [0], "{kind:?}");
+    }
+}
+
+#[test]
+fn a_parameter_rewritten_after_s_0_0128_takes_the_permission_for_cp4_back() {
+    let script = MasterScript { idle_before_cp4: 200, ..script() };
+    let mut bench = Bench::new(DriveSetup::new(ADDRESS), script);
+    for _ in 0..2_000 {
+        bench.run(Nanoseconds::from_millis(10));
+        let master = bench.world.ring().master();
+        let checked = |service: &ring::service_client::Finished| service.request.idn() == Idn::CHECK_FOR_CP4;
+        if master.report().drives[0].services.iter().any(checked) {
+            break;
+        }
+    }
+    assert_eq!(bench.world.ring().master().phase(), 3);
+    bench.world.ring_mut().master_mut().service(0).request(Request::Write(Idn(76), Value::Word(2)));
+    bench.run(Nanoseconds::from_millis(600));
+    assert_eq!(bench.run_up_and_read(&[INTERFACE, CLASS_1]), [1 << 8 | 3, COMMUNICATION]);
 }
 
 #[test]
@@ -204,7 +260,7 @@ fn an_illegal_phase_stops_the_motor_and_says_which_rule_it_broke() {
 
 #[test]
 fn a_phase_that_skips_upwards_ends_in_cp0() {
-    let mut bench = Bench::new(DriveSetup::new(ADDRESS));
+    let mut bench = Bench::new(DriveSetup::new(ADDRESS), script());
     for _ in 0..1_000 {
         bench.run(Nanoseconds::from_millis(2));
         if bench.world.ring().master().phase() == 2 {

@@ -28,7 +28,7 @@ impl<B: Bus + Clone, H: Hardware> Motion<B, H> {
         self.entered_cyclic = phase == Phase::Cp3;
         match phase {
             Phase::Cp3 => {
-                let _ = self.mst.missed_since_last_call();
+                self.mst.restart();
                 let _ = self.command_port.take_cyclic();
                 self.supervision.clear();
                 self.clock = LoopClock::new(self.settings.clock);

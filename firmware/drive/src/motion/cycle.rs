@@ -33,7 +33,7 @@ impl<B: Bus + Clone, H: Hardware> Motion<B, H> {
 
     /// What one communication cycle brought: supervision, control word, command values.
     pub(super) fn take_cycle(&mut self) -> Work {
-        let mst_missed = self.mst.missed_since_last_call();
+        let mst_missed = self.mst.take_missed();
         let received = self.command_port.take_cyclic();
         // The chip was moved to the cyclic telegrams within this cycle: what came before that says nothing.
         if core::mem::take(&mut self.entered_cyclic) {
