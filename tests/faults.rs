@@ -1,10 +1,12 @@
-//! What happens to the ring's telegrams, and what the drive makes of it (sercos2.md 2.2 to 2.4).
+//! What happens to the ring's telegrams and to the drive itself, and what the drive makes of it (sercos2.md 2.2 to 2.4, 4.3, 6.3).
 
-use bench::{DriveHandle, DriveSetup, World, ring_of_drives};
+use bench::{Amplifier, DriveHandle, DriveSetup, World, ring_of_drives};
 use ring::chip::{Alternatives, TimersWithoutMst};
 use ring::fibre::{Effect, Fault, TelegramKind};
 use ring::ident::{Idn, Value};
-use ring::master::{CommandValues, DriveScript, MasterScript, Motion, ScriptedMaster, SlotChoice, Telegram};
+use ring::master::{
+    CommandValues, DriveScript, MasterError, MasterScript, Motion, ScriptedMaster, SlotChoice, Telegram,
+};
 use ring::service_client::{Reply, Request};
 use ring::slots::MdtPlace;
 use ring::wire::BitRate;
@@ -84,7 +86,7 @@ impl Bench {
 
     /// Runs the ring up again without a motion and reads two-byte data blocks.
     fn run_up_and_read(&mut self, idns: &[u16]) -> Vec<u16> {
-        let drive = DriveScript::new(ADDRESS, Telegram::standard(2).unwrap());
+        let drive = DriveScript::new(ADDRESS, Telegram::standard(2).unwrap()).with(Idn::OPERATION_MODE, Value::Word(2));
         let script = MasterScript { reset_diagnostics: false, ..MasterScript::new(vec![drive]) };
         self.world.ring_mut().master_mut().restart(script);
         for _ in 0..2_000 {
@@ -100,15 +102,17 @@ impl Bench {
             client.request(Request::Read(Idn(idn)));
         }
         self.run(Nanoseconds::from_millis(500));
+        idns.iter().map(|&idn| self.last_read(idn)).collect()
+    }
+
+    /// The last value that the master has read of a two-byte data block.
+    fn last_read(&self, idn: u16) -> u16 {
         let services = &self.world.ring().master().report().drives[0].services;
-        let read = |idn: u16| {
-            let finished = services.iter().rev().find(|service| service.request == Request::Read(Idn(idn)));
-            match &finished.unwrap_or_else(|| panic!("S-0-{idn:04} was not read")).result {
-                Ok(Reply::Data { value, .. }) => value.as_number().unwrap() as u16,
-                other => panic!("S-0-{idn:04}: {other:?}"),
-            }
-        };
-        idns.iter().map(|&idn| read(idn)).collect()
+        let finished = services.iter().rev().find(|service| service.request == Request::Read(Idn(idn)));
+        match &finished.unwrap_or_else(|| panic!("S-0-{idn:04} was not read")).result {
+            Ok(Reply::Data { value, .. }) => value.as_number().unwrap() as u16,
+            other => panic!("S-0-{idn:04}: {other:?}"),
+        }
     }
 
     fn clear_errors(&mut self) {
@@ -131,6 +135,7 @@ impl Bench {
 
 const CLASS_1: u16 = 11;
 const INTERFACE: u16 = 14;
+const DIAGNOSTIC_NUMBER: u16 = 390;
 const COMMUNICATION: u16 = 1 << 12;
 
 #[test]
@@ -309,4 +314,56 @@ fn ten_clean_cycles_and_a_run_up_follow_every_fault() {
         bench.clear_errors();
         assert_eq!(bench.run_up_and_read(&[CLASS_1]), [0], "{kind:?} {effect:?}");
     }
+}
+
+#[test]
+fn an_amplifier_that_reports_a_fault_is_switched_off_at_once() {
+    let mut bench = Bench::running();
+    bench.drive.motor_side.borrow_mut().set_amplifier_inputs(Amplifier { main_power: true, fault: true });
+    // One loop tick, and one to be sure.
+    bench.run(Nanoseconds::from_microseconds(250));
+    assert!(!bench.has_torque());
+    assert_eq!(bench.run_up_and_read(&[CLASS_1, DIAGNOSTIC_NUMBER]), [1 << 15, 0xF10F]);
+    bench.drive.motor_side.borrow_mut().set_amplifier_inputs(Amplifier { main_power: true, fault: false });
+    bench.run(Nanoseconds::from_millis(100));
+    assert!(!bench.has_torque(), "a fault that has gone by itself is still an error");
+    bench.clear_errors();
+    assert_eq!(bench.run_up_and_read(&[CLASS_1]), [0]);
+}
+
+#[test]
+fn lost_main_power_is_an_undervoltage_and_its_return_starts_nothing() {
+    let mut bench = Bench::running();
+    bench.drive.motor_side.borrow_mut().set_amplifier_inputs(Amplifier { main_power: false, fault: false });
+    bench.run(Nanoseconds::from_microseconds(250));
+    assert!(!bench.has_torque());
+    bench.drive.motor_side.borrow_mut().set_amplifier_inputs(Amplifier { main_power: true, fault: false });
+    bench.run(Nanoseconds::from_millis(100));
+    assert!(!bench.has_torque());
+    assert_eq!(bench.run_up_and_read(&[CLASS_1, DIAGNOSTIC_NUMBER]), [1 << 9, 0xF109]);
+}
+
+#[test]
+fn a_position_command_that_jumps_beyond_the_monitoring_window_stops_the_motor() {
+    // 90 degrees within a cycle; the default window S-0-0159 is 30.
+    let drive = DriveScript { telegram: Telegram::standard(4).unwrap(), ..script().drives.remove(0) };
+    let drive = drive.with(Idn::OPERATION_MODE, Value::Word(11)).with(Idn(104), Value::Word(375));
+    let jump = |cycle: u64| if cycle < 50 { 0 } else { 900_000 };
+    let motion = Motion::new(1_000_000, move |point| CommandValues::at_position(point.start + jump(point.cycle)));
+    let script = MasterScript { motion: Some(motion), ..MasterScript::new(vec![drive]) };
+    let mut bench = Bench::new(DriveSetup::new(ADDRESS), script);
+    for _ in 0..1_000 {
+        bench.run(Nanoseconds::from_millis(10));
+        if bench.world.ring().master().is_done() {
+            break;
+        }
+    }
+    let error = bench.world.ring().master().report().error.clone();
+    assert!(matches!(error, Some(MasterError::ShutDown { address: ADDRESS, .. })), "{error:?}");
+    bench.run(Nanoseconds::from_millis(500));
+    assert!(!bench.has_torque());
+    let now = bench.world.now().0;
+    let turned = bench.drive.motor_side.borrow_mut().motor().angle(now) * 360.0;
+    assert!((0.0..90.0).contains(&turned), "{turned} degrees towards the command before the stop");
+    assert_eq!(bench.run_up_and_read(&[CLASS_1, DIAGNOSTIC_NUMBER]), [1 << 11, 0xF10B]);
 }

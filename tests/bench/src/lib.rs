@@ -18,6 +18,7 @@ pub mod report;
 pub mod ring_of_drives;
 pub mod world;
 
+pub use ::drive::Amplifier;
 pub use demo::{DemoError, demo};
 pub use executor::{Elves, Executor};
 pub use host_drive::{HostDrive, Latency};
