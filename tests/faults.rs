@@ -21,6 +21,7 @@ fn script() -> MasterScript {
     let drive = DriveScript::new(ADDRESS, Telegram::standard(2).unwrap())
         .with(Idn(100), Value::Word(18_800))
         .with(Idn(101), Value::Word(160))
+        .with(Idn(104), Value::Word(375))
         .with(Idn(109), Value::Long(60_000))
         .with(Idn(110), Value::Long(60_000))
         .with(Idn(111), Value::Long(25_000))
@@ -347,7 +348,7 @@ fn lost_main_power_is_an_undervoltage_and_its_return_starts_nothing() {
 fn a_position_command_that_jumps_beyond_the_monitoring_window_stops_the_motor() {
     // 90 degrees within a cycle; the default window S-0-0159 is 30.
     let drive = DriveScript { telegram: Telegram::standard(4).unwrap(), ..script().drives.remove(0) };
-    let drive = drive.with(Idn::OPERATION_MODE, Value::Word(11)).with(Idn(104), Value::Word(375));
+    let drive = drive.with(Idn::OPERATION_MODE, Value::Word(11));
     let jump = |cycle: u64| if cycle < 50 { 0 } else { 900_000 };
     let motion = Motion::new(1_000_000, move |point| CommandValues::at_position(point.start + jump(point.cycle)));
     let script = MasterScript { motion: Some(motion), ..MasterScript::new(vec![drive]) };
@@ -366,4 +367,50 @@ fn a_position_command_that_jumps_beyond_the_monitoring_window_stops_the_motor() 
     let turned = bench.drive.motor_side.borrow_mut().motor().angle(now) * 360.0;
     assert!((0.0..90.0).contains(&turned), "{turned} degrees towards the command before the stop");
     assert_eq!(bench.run_up_and_read(&[CLASS_1, DIAGNOSTIC_NUMBER]), [1 << 11, 0xF10B]);
+}
+
+/// The drive sees these bits 15 to 8 of its control word for so many cycles of 2 ms, whatever the master says.
+fn command(bench: &mut Bench, bits: u8, cycles: u64) {
+    // Byte 0 is the address; the only record begins behind it with the low byte of the control word.
+    let effect = Effect::Byte { index: 2, value: bits };
+    let from = bench.world.ring().cycle().unwrap() + 2;
+    for cycle in from..from + cycles {
+        bench.world.ring_mut().add_fault(Fault::once(cycle, 0, TelegramKind::Mdt, effect));
+    }
+    // The cycle that runs, the one before the first of them, and its t3.
+    bench.run(Nanoseconds::from_millis(7));
+}
+
+const HALT: u8 = 0xC0;
+const OFF: u8 = 0x60;
+const DISABLED: u8 = 0xA0;
+
+#[test]
+fn halt_stops_the_motor_with_torque_and_its_end_lets_it_follow_again() {
+    let mut bench = Bench::running();
+    command(&mut bench, HALT, 200);
+    // 79 ms of ramp, and the position loop's 16 ms five times over.
+    bench.run(Nanoseconds::from_millis(250));
+    assert!(bench.rpm().abs() < 1.0);
+    assert!(bench.has_torque());
+    bench.run(Nanoseconds::from_millis(400));
+    assert!((299.0..301.0).contains(&bench.rpm()));
+}
+
+#[test]
+fn drive_off_brakes_and_then_takes_the_torque_away() {
+    let mut bench = Bench::running();
+    command(&mut bench, OFF, 200);
+    bench.assert_stopped();
+}
+
+#[test]
+fn enable_taken_away_leaves_the_motor_to_coast_at_once() {
+    let mut bench = Bench::running();
+    command(&mut bench, DISABLED, 200);
+    assert!(!bench.has_torque());
+    bench.run(Nanoseconds::from_millis(60));
+    // 6 Nm of friction on 0.15 kg m^2: 23 rpm less in 60 ms, not the 229 of the ramp.
+    let rpm = bench.rpm();
+    assert!((260.0..299.0).contains(&rpm), "{rpm} rpm");
 }
