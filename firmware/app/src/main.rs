@@ -5,10 +5,10 @@
 //! | [`app::chip_interrupt_0`] | EXTI3 | 4 | an edge on INT0 of the SERCON816 | 8 us |
 //! | [`app::chip_interrupt_1`] | EXTI2 | 4 | an edge on INT1 of the SERCON816 | 8 us |
 //! | [`app::command_valid`] | CAN1_TX | 4 | started by the two above at t3 | 15 us |
-//! | [`app::capture_feedback`] | CAN1_RX0 | 4 | started by the two above at t4 | 15 us |
+//! | [`app::capture_feedback`] | CAN1_RX0 | 4 | started by the two above at t4 | 30 us |
 //! | [`app::control_loop`] | TIM6_DAC | 4 | every 125 us | 30 us |
 //! | [`app::phase_change`] | CAN1_RX1 | 2 | the MST shows another phase, or supervision gives the ring up | one communication cycle |
-//! | [`app::service_channel`] | CAN1_SCE | 2 | the service container waits for us | 100 us |
+//! | [`app::service_channel`] | CAN1_SCE | 2 | the service container waits for us | 50 us |
 //! | [`app::idle`] | - | 0 | nothing else to do | - |
 //!
 //! Higher numbers interrupt lower ones. Everything that belongs to the cycle has one priority, so these tasks never interrupt each other and
@@ -113,8 +113,8 @@ mod app {
 
     /// Serves INT0: latches t4's position, acknowledges the chip's events, starts the tasks that they belong to.
     ///
-    /// Contract: 8 us, of which 4 to 10 bus accesses take 2.2 to 5.5; nothing is waited for. Runs once more for the trailing
-    /// edge that the acknowledgement makes, and then finds nothing (two bus accesses).
+    /// Contract: 8 us, of which 3 to 8 bus accesses take 1.7 to 4.4; nothing is waited for. Runs once more for the trailing
+    /// edge that the acknowledgement makes, and then finds nothing (one bus access).
     #[task(binds = EXTI3, priority = 4, local = [int0], shared = [interrupts, motion])]
     fn chip_interrupt_0(context: chip_interrupt_0::Context) {
         let chip_interrupt_0::SharedResources { interrupts, motion, .. } = context.shared;
@@ -134,7 +134,7 @@ mod app {
 
     /// t3: the command values of this cycle come into force; in CP1 and CP2 the AT that was asked for is armed.
     ///
-    /// Contract: 5 us from the interrupt to the command in force on a measured bus timing; 4 to 12 bus accesses.
+    /// Contract: 15 us from the chip's interrupt to the command in force with the slowest bus timing; 5 to 8 bus accesses.
     #[task(binds = CAN1_TX, priority = 4, shared = [motion])]
     fn command_valid(mut context: command_valid::Context) {
         PROGRESS.begun(Work::COMMAND_VALID.bits());
@@ -143,7 +143,7 @@ mod app {
 
     /// t4: the position that the hardware latched, and the status word, go into the AT of the next cycle.
     ///
-    /// Contract: done before t1 of the next cycle; 2 to 18 bus accesses. The sample itself has no jitter, whenever this runs.
+    /// Contract: 30 us from the chip's interrupt (t5, S-0-0005), t3 in between; 2 to 18 bus accesses. The sample itself has no jitter, whenever this runs.
     #[task(binds = CAN1_RX0, priority = 4, shared = [motion])]
     fn capture_feedback(mut context: capture_feedback::Context) {
         PROGRESS.begun(Work::CAPTURE_FEEDBACK.bits());
@@ -178,7 +178,7 @@ mod app {
 
     /// One step of the service channel: reads or writes an element of a data block, or answers with an error.
     ///
-    /// Contract: 100 us from the interrupt to the release of the container; the master sees "busy" meanwhile, the cycle is not touched.
+    /// Contract: 50 us from the interrupt to the release of the container; the master sees "busy" meanwhile, the cycle is not touched.
     #[task(binds = CAN1_SCE, priority = 2, shared = [motion, communication])]
     fn service_channel(mut context: service_channel::Context) {
         PROGRESS.begun(Work::SERVICE_CHANNEL.bits());

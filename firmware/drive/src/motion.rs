@@ -120,7 +120,8 @@ impl<B: Bus + Clone, H: Hardware> Motion<B, H> {
     /// Task of t3 (CP3, CP4): the MDT record of this cycle becomes active. In CP1 and CP2, when the window of the MDT is over:
     /// arms the one AT that answers an MDT to this drive.
     ///
-    /// Contract: at most 5 us at 168 MHz from the interrupt to the command in force. 4 to 12 bus accesses.
+    /// Contract: at most 15 us at 168 MHz from the interrupt to the command in force, with the slowest bus timing; 5 to 8 bus
+    /// accesses. The emulator measures it.
     pub fn command_valid(&mut self) -> Work {
         match self.phase {
             Phase::Cp0 => Work::empty(),
@@ -143,7 +144,8 @@ impl<B: Bus + Clone, H: Hardware> Motion<B, H> {
 
     /// Task of t4: position latched by hardware, status word and cyclic data written into the record of the next AT.
     ///
-    /// Contract: at most 5 us at 168 MHz from the interrupt to the last word written. 2 to 18 bus accesses.
+    /// Contract: within t5 (S-0-0005, 30 us) from the interrupt to the last word written, with the task of t3 in between; 2 to 18
+    /// bus accesses. The emulator measures it.
     pub fn capture_feedback(&mut self) {
         let position = self.encoder.position_of(self.latch);
         self.refresh_values(position);
