@@ -182,7 +182,8 @@ impl<B: Bus + Clone, H: Hardware> Motion<B, H> {
         self.flywheel() | self.tell_lock()
     }
 
-    /// Notes the encoder position that the hardware latched at an edge of this interrupt line; before the interrupt is acknowledged.
+    /// The encoder position that the hardware latched at an edge of this interrupt line; to be read before the interrupt is
+    /// acknowledged.
     pub fn latch(&mut self, line: InterruptLine) -> u32 {
         self.hardware.encoder_latch(line)
     }
@@ -250,8 +251,7 @@ impl<B: Bus + Clone, H: Hardware> Motion<B, H> {
         class_3.set(Class3::VELOCITY_LIMIT, output.velocity_command.abs() >= self.settings.velocity_limit);
         let positioned = matches!(self.axis.mode(), Mode::Position | Mode::Halt);
         class_3.set(Class3::IN_POSITION, positioned && output.following_error.abs() <= self.settings.position_window);
-        let [_, mask] = self.settings.change_masks;
-        self.class_3_change |= (class_3 ^ self.class_3).bits() & mask != 0;
+        self.class_3_change |= (class_3 ^ self.class_3).bits() & self.settings.class_3_mask != 0;
         class_3
     }
 
@@ -298,7 +298,7 @@ impl<B: Bus + Clone, H: Hardware> Motion<B, H> {
         if self.lock_patience == 0 { Work::SERVICE_CHANNEL } else { Work::empty() }
     }
 
-    /// Bits 15 to 8 and 3 of the status word, and the change bits of C2D and C3D.
+    /// Bits 15 to 8 and 3 of the status word.
     fn status_word(&self) -> u16 {
         let mode = (self.commands.control_word & 0x0300) | ((self.commands.control_word & 0x0800) >> 1);
         let mode = if self.phase == Phase::Cp4 { mode } else { 0 };

@@ -99,8 +99,8 @@ pub struct MotionSettings {
     pub velocity_limit: Velocity,
     /// S-0-0159; zero: not monitored.
     pub monitoring_window: Position,
-    /// S-0-0097 and S-0-0098: which bits of C2D and C3D set their change bit.
-    pub change_masks: [u16; 2],
+    /// S-0-0098: which bits of C3D set their change bit. C2D has no bits yet, so S-0-0097 masks nothing.
+    pub class_3_mask: u16,
     /// P-0-0019.
     pub application_word: u16,
 }
@@ -164,7 +164,7 @@ impl MotionSettings {
             velocity_window: velocity.to_velocity(signed(parameters, 157)),
             velocity_limit,
             monitoring_window,
-            change_masks: [parameters.get_word(Idn::standard(97)), parameters.get_word(Idn::standard(98))],
+            class_3_mask: parameters.get_word(Idn::standard(98)),
             application_word: parameters.get_word(Idn::product(19)),
         })
     }
