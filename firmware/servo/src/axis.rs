@@ -2,7 +2,7 @@
 
 use crate::{
     AxisSettings, CommandSource, CurrentFraction, Interpolator, ModuloCounter, Position, PositionLoop, Ramp, Setpoint,
-    Velocity, VelocityEstimate, VelocityFilter, VelocityInterpolator, VelocityLoop,
+    Velocity, VelocityEstimate, VelocityFilter, VelocityInterpolator, VelocityLoop, VelocityLoopOutput,
 };
 
 /// What the axis does.
@@ -11,6 +11,8 @@ use crate::{
 pub enum Mode {
     /// No current; the measurement goes on.
     Off,
+    /// Follows torque commands (S-0-0080); the velocity loop takes over where the velocity limit would be passed.
+    Torque,
     /// Follows velocity commands (S-0-0036) with the velocity loop.
     Velocity,
     /// Follows position commands (S-0-0047) with position and velocity loop.
@@ -26,11 +28,11 @@ pub enum Mode {
 pub struct AxisOutput {
     /// Torque-producing current command, zero in [`Mode::Off`].
     pub current: CurrentFraction,
-    /// Commanded less measured position (S-0-0189); zero while no position is commanded (`Off`, `Velocity`, `Stopping`).
+    /// Commanded less measured position (S-0-0189); zero while no position is commanded (`Off`, `Torque`, `Velocity`, `Stopping`).
     pub following_error: Position,
     /// Measured velocity for S-0-0040 and the monitoring, filtered with 2 ms.
     pub velocity: Velocity,
-    /// Command of the velocity loop; the measured velocity in [`Mode::Off`].
+    /// Command of the velocity loop; the measured velocity in [`Mode::Off`] and [`Mode::Torque`].
     pub velocity_command: Velocity,
     /// Position setpoint of this tick, unbounded; the measured position while no position is commanded.
     pub position_command: Position,
@@ -63,6 +65,7 @@ pub struct Axis {
     position_loop: PositionLoop,
     velocity_loop: VelocityLoop,
     velocity_command: Velocity,
+    torque_command: CurrentFraction,
 }
 
 /// Time constant of the reported velocity in microseconds: slow enough for the standstill window of a coarse encoder,
@@ -89,6 +92,7 @@ impl Axis {
             position_loop: PositionLoop::new(&settings.position_loop, here),
             velocity_loop: VelocityLoop::new(),
             velocity_command: Velocity::ZERO,
+            torque_command: CurrentFraction::ZERO,
         }
     }
 
@@ -125,13 +129,14 @@ impl Axis {
                 Setpoint { position: self.interpolator.position(), velocity: self.interpolator.velocity() }
             }
             Mode::Halt => self.ramp.setpoint(),
-            Mode::Off | Mode::Velocity | Mode::Stopping => Setpoint {
+            Mode::Off | Mode::Torque | Mode::Velocity | Mode::Stopping => Setpoint {
                 position: self.measured + self.settings.position_loop.lag(self.velocity_command),
                 velocity: self.velocity_command,
             },
         };
         match mode {
             Mode::Off => self.velocity_loop.reset(),
+            Mode::Torque => self.torque_command = CurrentFraction::ZERO,
             Mode::Velocity => self.velocity_interpolator = VelocityInterpolator::new(self.velocity_command),
             Mode::Stopping => {
                 self.ramp = Ramp::new(Setpoint { position: self.measured, velocity: self.velocity_command })
@@ -164,6 +169,14 @@ impl Axis {
         }
     }
 
+    /// Takes a torque command valid at t3, as the current that makes it. Ignored outside [`Mode::Torque`].
+    #[inline]
+    pub fn command_torque(&mut self, command: CurrentFraction) {
+        if self.mode == Mode::Torque {
+            self.torque_command = command;
+        }
+    }
+
     /// One loop period: the measured position goes in, the current command comes out.
     #[inline]
     pub fn tick(&mut self, measured: Position) -> AxisOutput {
@@ -189,6 +202,13 @@ impl Axis {
         let setpoint = match self.mode {
             Mode::Off => {
                 self.velocity_command = velocity;
+                return output;
+            }
+            Mode::Torque => {
+                self.velocity_command = velocity;
+                let result = self.torque(velocity);
+                output.current = result.current;
+                output.current_limited = result.limited;
                 return output;
             }
             Mode::Velocity => {
@@ -223,6 +243,25 @@ impl Axis {
         output.current = result.current;
         output.current_limited = result.limited;
         output
+    }
+
+    /// The torque command, or less where the velocity limit S-0-0091 stands in its way.
+    ///
+    /// The velocity loop runs along towards the limit with its integral part held at the commanded torque: below the limit it would give
+    /// more than the command, above it gives less, and the one passes into the other without a step.
+    #[inline]
+    fn torque(&mut self, measured: Velocity) -> VelocityLoopOutput {
+        let settings = &self.settings;
+        let wanted = settings.velocity_loop.limit_current(self.torque_command);
+        let forwards = wanted.current >= CurrentFraction::ZERO;
+        let limit = if forwards { settings.velocity_limit } else { -settings.velocity_limit };
+        let held = self.velocity_loop.tick(&settings.velocity_loop, limit, measured);
+        let too_fast = if forwards { held.current < wanted.current } else { held.current > wanted.current };
+        if too_fast {
+            return VelocityLoopOutput { limited: true, ..held };
+        }
+        self.velocity_loop.preset(wanted.current);
+        wanted
     }
 
     /// A measured position near that of the last tick (the latch of t4) as cyclic data show it: within `0 ..` modulo value,

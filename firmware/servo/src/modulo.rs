@@ -31,6 +31,32 @@ impl Modulo {
         Ok(Self { whole: (steps >> 32) as i64, fraction: steps as u32 })
     }
 
+    /// Any position brought into `0 ..` modulo value, for values that come from outside. At most 63 shifts and subtractions, no division;
+    /// two compares for a position that is within one range of it.
+    #[must_use]
+    pub const fn reduce(self, position: Position) -> Position {
+        let modulo = self.whole;
+        let mut rest = position.to_bits();
+        let negative = rest < 0;
+        if negative {
+            rest = rest.saturating_neg();
+        }
+        if rest >= modulo {
+            let mut shift = modulo.leading_zeros().saturating_sub(1);
+            loop {
+                let part = modulo.wrapping_shl(shift);
+                if rest >= part {
+                    rest = rest.wrapping_sub(part);
+                }
+                if shift == 0 {
+                    break;
+                }
+                shift = shift.wrapping_sub(1);
+            }
+        }
+        Position::from_bits(if negative && rest != 0 { modulo.wrapping_sub(rest) } else { rest })
+    }
+
     /// The modulo value, cut to whole position steps.
     #[must_use]
     pub const fn value(self) -> Position {
@@ -108,6 +134,21 @@ impl ModuloCounter {
 mod tests {
     use super::*;
     use proptest::prelude::*;
+
+    proptest! {
+        #[test]
+        fn every_position_is_reduced_to_its_place_in_the_range(
+            position in any::<i64>(),
+            numerator in 1_u64..1 << 20,
+            denominator in 1_u64..1 << 10,
+        ) {
+            let Ok(modulo) = Modulo::from_ratio(numerator, denominator) else { return Ok(()) };
+            let reduced = modulo.reduce(Position::from_bits(position)).to_bits();
+            // The most negative position has no counterpart and is one step off.
+            let expected = position.max(-i64::MAX).rem_euclid(modulo.value().to_bits());
+            prop_assert_eq!(reduced, expected);
+        }
+    }
 
     #[test]
     fn impossible_values_are_refused() {

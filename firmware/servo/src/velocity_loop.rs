@@ -56,6 +56,17 @@ impl VelocityLoopSettings {
     }
 }
 
+impl VelocityLoopSettings {
+    /// A current within the limit, and whether it had to be limited. For torque commands, which do not come from the loop.
+    #[must_use]
+    pub fn limit_current(&self, current: CurrentFraction) -> VelocityLoopOutput {
+        let wanted = i64::from(current.to_bits()) << 16;
+        let limit = self.limit;
+        let within = wanted.clamp(limit.wrapping_neg(), limit);
+        VelocityLoopOutput { current: CurrentFraction::from_bits((within >> 16) as i16), limited: within != wanted }
+    }
+}
+
 /// 1 - 2^-15, the largest [`CurrentFraction`], in 2^-31.
 const LARGEST_CURRENT: i64 = (1 << 31) - (1 << 16);
 

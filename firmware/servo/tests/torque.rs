@@ -1,0 +1,85 @@
+//! Torque mode: the command is the current, up to the velocity limit.
+
+mod bench;
+
+use bench::{Bench, largest, parameters, rpm, to_rpm};
+use plant::ReferenceAxis;
+use servo::{AxisParameters, CurrentFraction, Mode};
+
+const LIMIT_RPM: f64 = 30.0;
+
+fn torque_bench(current_limit_fraction: f64) -> Bench {
+    let reference = ReferenceAxis::press();
+    let all = parameters(&reference);
+    let current_limit = (f64::from(all.peak_current) * current_limit_fraction) as u32;
+    let mut bench = Bench::new(&reference, &AxisParameters { velocity_limit: rpm(LIMIT_RPM), current_limit, ..all });
+    bench.axis.set_mode(Mode::Torque);
+    bench
+}
+
+fn fraction(value: f64) -> CurrentFraction {
+    CurrentFraction::from_num(value)
+}
+
+#[test]
+fn the_current_is_the_command_until_the_velocity_limit_takes_over_without_a_step() {
+    for sign in [1.0, -1.0] {
+        let mut bench = torque_bench(1.0);
+        bench.axis.command_torque(fraction(sign * 0.2));
+        let outputs = bench.ticks(24_000);
+        let first_held = outputs.iter().position(|output| output.current_limited).unwrap();
+        assert!(outputs[..first_held].iter().all(|output| output.current == fraction(sign * 0.2)));
+        let at_hand_over = sign * to_rpm(outputs[first_held].velocity);
+        assert!((0.9 * LIMIT_RPM..1.02 * LIMIT_RPM).contains(&at_hand_over), "{at_hand_over} rpm");
+        let last = &outputs[20_000..];
+        let off = largest(last.iter().map(|output| to_rpm(output.velocity) - sign * LIMIT_RPM));
+        assert!(off < 0.02 * LIMIT_RPM, "{off} rpm off the limit");
+        let overshoot = largest(outputs.iter().map(|output| to_rpm(output.velocity))) - LIMIT_RPM;
+        assert!((0.0..5.0).contains(&overshoot), "{overshoot} rpm");
+        let steps =
+            largest(outputs[1..].windows(2).map(|pair| f64::from((pair[1].current - pair[0].current).to_num::<f32>())));
+        assert!(steps < 0.1, "{steps} of the peak current in a tick");
+    }
+}
+
+#[test]
+fn a_command_the_other_way_brakes_at_once_at_the_velocity_limit() {
+    let mut bench = torque_bench(1.0);
+    bench.axis.command_torque(fraction(0.2));
+    bench.ticks(24_000);
+    bench.axis.command_torque(fraction(-0.02));
+    let outputs = bench.ticks(100);
+    assert!(outputs.iter().all(|output| output.current == fraction(-0.02)));
+    assert!(!outputs[99].current_limited);
+}
+
+#[test]
+fn a_torque_command_is_limited_like_every_other_current() {
+    let mut bench = torque_bench(0.25);
+    bench.axis.command_torque(fraction(0.9));
+    let output = bench.tick();
+    assert!(output.current_limited);
+    assert!((0.249..=0.25).contains(&output.current.to_num::<f64>()), "{}", output.current);
+    bench.axis.command_torque(fraction(0.2));
+    assert!(!bench.tick().current_limited);
+}
+
+#[test]
+fn torque_commands_are_ignored_in_other_modes_and_start_at_zero() {
+    let mut bench = torque_bench(1.0);
+    bench.axis.set_mode(Mode::Velocity);
+    bench.axis.command_torque(fraction(0.5));
+    bench.axis.set_mode(Mode::Torque);
+    assert_eq!(bench.tick().current, CurrentFraction::ZERO);
+}
+
+#[test]
+fn the_way_into_velocity_mode_keeps_the_current() {
+    let mut bench = torque_bench(1.0);
+    bench.axis.command_torque(fraction(0.2));
+    let before = *bench.ticks(2_000).last().unwrap();
+    bench.axis.set_mode(Mode::Velocity);
+    let after = bench.tick();
+    let step = (after.current - before.current).to_num::<f64>().abs();
+    assert!(step < 0.02, "{step} of the peak current");
+}
