@@ -54,12 +54,15 @@ pub struct ServiceStep {
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub enum Boundary {
-    /// Not at its end: this step's word was taken from the segment (or there is no segment).
+    /// There is no segment yet.
     #[default]
     None,
-    /// This step took the last word of the segment, and the master has not signalled the end of the element.
-    /// Answer with the next segment ([`ServiceAnswer::Send`]; it begins with the *following* step),
-    /// or with [`ServiceAnswer::Continue`] if the element has no more words.
+    /// The end of the element, with a word of the segment that is certainly not its last.
+    EndInside,
+    /// This step took the last word of the segment. Without the end of the element, answer with the next segment
+    /// ([`ServiceAnswer::Send`]; it begins with the *following* step), or with [`ServiceAnswer::Continue`] if the element has no more
+    /// words. With the end of the element, the word may also be an even number of places before the last: a last segment of one or two words
+    /// leaves no doubt.
     SegmentSent,
     /// The step before took the last word; this step asks for one more.
     /// Answer with the next segment (it begins with *this* step), or with an error if the element has no more words.
@@ -271,14 +274,13 @@ impl<B: Bus> ServicePort<B> {
     fn boundary(&mut self, answer: Answer, request: Request, first: bool, words: u8) -> Boundary {
         let took_last_word = took_last_word(request.handshake(), first, words);
         match (took_last_word, request.end()) {
-            (true, false) => Boundary::SegmentSent,
+            (true, _) => Boundary::SegmentSent,
             (false, false) => Boundary::SegmentExhausted,
-            (true, true) => Boundary::None,
             // The end of the element somewhere within the segment, or one word behind it: only a chip that reports
             // the end of the buffer late gets there, and then it shows the flag or a pointer beyond the last word.
             (false, true) => {
                 let late = answer.end_of_write_buffer() || answer.end_of_read_buffer() || self.ran_past_segment();
-                if late { Boundary::SegmentExhausted } else { Boundary::None }
+                if late { Boundary::SegmentExhausted } else { Boundary::EndInside }
             }
         }
     }

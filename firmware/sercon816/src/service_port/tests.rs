@@ -154,6 +154,8 @@ struct Drive {
     segment: usize,
     written: Vec<u16>,
     complete: Option<Vec<u16>>,
+    /// Where a read ended, as the port told it.
+    end_seen: Option<Boundary>,
 }
 
 const STATUS_OF_DATA: u16 = 0x0107;
@@ -180,7 +182,10 @@ impl Drive {
                 if step.new_transfer {
                     self.cursor = 0;
                 }
-                let wanted = step.new_transfer || step.boundary != Boundary::None;
+                self.end_seen = step.end.then_some(step.boundary);
+                let wanted = step.new_transfer
+                    || step.boundary == Boundary::SegmentExhausted
+                    || (step.boundary == Boundary::SegmentSent && !step.end);
                 let rest = self.data.get(self.cursor..).unwrap_or(&[]);
                 if !wanted || (rest.is_empty() && step.boundary == Boundary::SegmentSent) {
                     ServiceAnswer::Continue
@@ -216,7 +221,8 @@ impl Bench {
         }));
         let mut port = ServicePort::new(ContainerBus(container.clone()));
         port.reset();
-        let drive = Drive { port, data: Vec::new(), cursor: 0, segment, written: Vec::new(), complete: None };
+        let drive =
+            Drive { port, data: Vec::new(), cursor: 0, segment, written: Vec::new(), complete: None, end_seen: None };
         Self { container, drive, handshake: 0, idle_cycles }
     }
 
@@ -430,6 +436,31 @@ fn any_action() -> impl Strategy<Value = Action> {
         (2_u16..8, words()).prop_map(|(element, words)| Action::AbandonWrite { element, words }),
         any::<bool>().prop_map(Action::CommandChange),
     ]
+}
+
+#[test]
+fn an_end_before_the_last_word_of_two_is_told_from_one_with_it_in_every_silicon() {
+    for silicon in Silicon::all() {
+        for idle_cycles in 0..3 {
+            let mut bench = Bench::new(silicon, 16, idle_cycles);
+            // The last segment: two words, and END with the first or with the second of them.
+            for taken in [1, 2] {
+                bench.drive.data = std::vec![1; 18];
+                bench.open();
+                for index in 0..16 + taken {
+                    bench.step(7, false, index + 1 == 16 + taken, 0);
+                }
+                let seen = bench.drive.end_seen.unwrap();
+                // A silicon that stops one step late asks for the second segment with the very step that ends.
+                let early = matches!(seen, Boundary::EndInside | Boundary::SegmentExhausted);
+                assert_eq!(
+                    (early, seen == Boundary::SegmentSent),
+                    (taken == 1, taken == 2),
+                    "{silicon:?} {taken}: {seen:?}"
+                );
+            }
+        }
+    }
 }
 
 proptest! {
