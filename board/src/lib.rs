@@ -88,22 +88,15 @@ impl Board {
         let (int0, int1) = interrupt_pins::set_up(&peripherals.EXTI, &peripherals.SYSCFG, &mut rcc);
         let timestamp = timestamp::Timestamp::new(&peripherals.TIM5, &mut rcc);
         let (loop_timer, loop_tick) = loop_timer::LoopTimer::new(peripherals.TIM6, &mut rcc);
+        let watchdog = watchdog::Watchdog::new(peripherals.IWDG, &mut rcc);
         let motor_side = MotorSide::new(
             encoder::Encoder::new(peripherals.TIM2, &mut rcc),
             current_command::CurrentCommand::new(peripherals.DAC, &mut rcc),
             amplifier::AmplifierPort::new(peripherals.GPIOC),
             loop_timer,
+            watchdog.reset_cause(),
         );
-        Self {
-            bus,
-            motor_side,
-            int0,
-            int1,
-            loop_tick,
-            timestamp,
-            watchdog: watchdog::Watchdog::new(peripherals.IWDG, &mut rcc),
-            settings,
-        }
+        Self { bus, motor_side, int0, int1, loop_tick, timestamp, watchdog, settings }
     }
 }
 

@@ -1,6 +1,6 @@
 //! The motor side of the board as `drive` sees it.
 
-use drive::{Amplifier, Hardware, InterruptLine};
+use drive::{Amplifier, Hardware, InterruptLine, ResetCause};
 use fixed::types::I1F15;
 
 use crate::{
@@ -17,6 +17,7 @@ pub struct MotorSide {
     current_command: CurrentCommand,
     amplifier: AmplifierPort,
     loop_timer: LoopTimer,
+    reset_cause: ResetCause,
 }
 
 impl MotorSide {
@@ -25,8 +26,9 @@ impl MotorSide {
         current_command: CurrentCommand,
         amplifier: AmplifierPort,
         loop_timer: LoopTimer,
+        reset_cause: ResetCause,
     ) -> Self {
-        Self { encoder, current_command, amplifier, loop_timer }
+        Self { encoder, current_command, amplifier, loop_timer, reset_cause }
     }
 }
 
@@ -54,6 +56,10 @@ impl Hardware for MotorSide {
     #[inline(always)]
     fn amplifier(&mut self) -> Amplifier {
         self.amplifier.read()
+    }
+
+    fn reset_cause(&self) -> ResetCause {
+        self.reset_cause
     }
 
     #[inline(always)]

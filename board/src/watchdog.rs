@@ -8,6 +8,7 @@
 
 use core::sync::atomic::{AtomicU8, AtomicU32, Ordering};
 
+use drive::ResetCause;
 use stm32f4xx_hal::{pac, rcc::Rcc};
 
 /// Ticks of the LSI oscillator (32 kHz, 17 to 47 kHz over all parts) divided by four: 100 ms, at least 68 and at most 188 ms.
@@ -61,7 +62,7 @@ impl Default for Progress {
 #[derive(Debug)]
 pub struct Watchdog {
     watchdog: pac::IWDG,
-    caused_reset: bool,
+    reset_cause: ResetCause,
     running: bool,
     fed_at: u32,
 }
@@ -69,15 +70,15 @@ pub struct Watchdog {
 impl Watchdog {
     /// Takes the watchdog over, and the record of the last reset with it.
     pub(crate) fn new(watchdog: pac::IWDG, rcc: &mut Rcc) -> Self {
-        let caused_reset = rcc.csr().read().wdgrstf().is_reset();
+        let reset_cause = cause_in(&rcc.csr().read());
         rcc.csr().modify(|_, w| w.rmvf().clear());
-        Self { watchdog, caused_reset, running: false, fed_at: 0 }
+        Self { watchdog, reset_cause, running: false, fed_at: 0 }
     }
 
-    /// Whether the last reset was the watchdog's work: something in the drive had hung.
+    /// What the last reset was for; the watchdog, if something in the drive had hung.
     #[must_use]
-    pub const fn caused_reset(&self) -> bool {
-        self.caused_reset
+    pub const fn reset_cause(&self) -> ResetCause {
+        self.reset_cause
     }
 
     /// Starts the watchdog and returns `true`; with a debugger attached leaves it off, as a halted core would be reset.
@@ -107,5 +108,23 @@ impl Watchdog {
             self.watchdog.kr().write(|w| w.key().feed());
         }
         true
+    }
+}
+
+/// The cause in RCC_CSR. Every reset pulls the reset pin as well, and a coming supply sets several flags: the most telling one counts
+/// (RM0090, 7.3.21).
+fn cause_in(flags: &pac::rcc::csr::R) -> ResetCause {
+    if flags.wdgrstf().is_reset() || flags.wwdgrstf().is_reset() {
+        ResetCause::Watchdog
+    } else if flags.sftrstf().is_reset() {
+        ResetCause::Software
+    } else if flags.lpwrrstf().is_reset() {
+        ResetCause::LowPower
+    } else if flags.porrstf().is_reset() || flags.borrstf().is_reset() {
+        ResetCause::PowerOn
+    } else if flags.padrstf().is_reset() {
+        ResetCause::ResetPin
+    } else {
+        ResetCause::Unknown
     }
 }

@@ -36,7 +36,7 @@ mod app {
     use board::pac::Interrupt;
     use board::watchdog::{Progress, Watchdog};
     use board::{MotorSide, chip_control, switches};
-    use drive::{Communication, Drive, DriveAddress, Identity, Interrupts, Motion, Work};
+    use drive::{Communication, Drive, DriveAddress, Identity, Interrupts, Motion, ResetCause, Work};
 
     /// What the tasks report to the watchdog.
     static PROGRESS: Progress = Progress::new();
@@ -64,8 +64,9 @@ mod app {
     #[init]
     fn init(context: init::Context) -> (Shared, Local) {
         let Board { bus, motor_side, int0, int1, loop_tick, mut watchdog, settings, .. } = Board::new(context.device);
-        if watchdog.caused_reset() {
-            defmt::error!("restarted by the watchdog");
+        match watchdog.reset_cause() {
+            ResetCause::Watchdog => defmt::error!("restarted by the watchdog"),
+            cause => defmt::info!("started by {}", cause),
         }
         let Some(identity) = identity(&settings) else {
             defmt::error!("{=u8} on the address switches is no drive address", settings.address);

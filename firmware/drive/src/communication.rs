@@ -4,12 +4,16 @@ use core::fmt;
 
 use rtic_core::Mutex;
 use sercon816::{Block, Boundary, Bus, Configuration, InitialiseError, ServiceAnswer, ServicePort, ServiceStep, Slave};
+use sercos::diagnostic::Class1;
 use sercos::parameters::Parameters;
 use sercos::phase::{PhaseChange, PhaseError};
-use sercos::service::{Reply, Server, Step};
+use sercos::service::{Progress, Reply, Server, Step};
+use sercos::transition::OPERATION_MODES;
 use sercos::{Idn, Phase, PhaseMachine};
 
-use crate::diagnosis::diagnose;
+use crate::access::Access;
+use crate::diagnosis::{Diagnosis, diagnose, drive_errors, of_phase_error};
+use crate::error_memory::{ErrorMemory, ErrorRecord};
 use crate::hardware::Hardware;
 use crate::identity::Identity;
 use crate::interrupts::Interrupts;
@@ -58,6 +62,10 @@ pub struct Communication<B> {
     server: Server,
     parameters: Parameters,
     checks: Checks,
+    access: Access,
+    errors: ErrorMemory,
+    /// The bits of C1D that the error memory has already.
+    remembered: Class1,
 }
 
 impl<B: Bus + Clone> Communication<B> {
@@ -71,6 +79,9 @@ impl<B: Bus + Clone> Communication<B> {
             server: Server::new(),
             parameters: Parameters::new(),
             checks: Checks::default(),
+            access: Access::default(),
+            errors: ErrorMemory::new(),
+            remembered: Class1::empty(),
         }
     }
 
@@ -127,6 +138,11 @@ impl<B: Bus + Clone> Communication<B> {
                 PhaseReport { from, to, error: None }
             }
             Err(error) => {
+                if let PhaseError::UninitialisedMode { selected } = error {
+                    self.checks.missing_mode = OPERATION_MODES.get(usize::from(selected)).copied();
+                }
+                let seconds = seconds(motion.lock(|motion| motion.snapshot()).operating_time);
+                self.errors.add(ErrorRecord { number: of_phase_error(error).number, seconds });
                 motion.lock(Motion::communication_fault);
                 self.enter(Phase::Cp0, interrupts, motion);
                 // The master may have gone to CP0 in the same moment: then this is its CP0, and no other change will tell.
@@ -138,7 +154,8 @@ impl<B: Bus + Clone> Communication<B> {
         Some(report)
     }
 
-    /// Task of INT_SC_0: serves every step that waits in the service container.
+    /// Task of INT_SC_0: serves every step that waits in the service container. Also started by the motion side when it has become another
+    /// state, error or warning, to bring diagnosis and error memory up to date.
     ///
     /// Contract: at most 50 us from the end of the MDT to the release; settings that a write has changed, and the checks of
     /// S-0-0127 and S-0-0128, are worked out after the release.
@@ -150,6 +167,8 @@ impl<B: Bus + Clone> Communication<B> {
             phases: &mut self.phases,
             checks: &mut self.checks,
             identity: &self.identity,
+            access: &mut self.access,
+            errors: &self.errors,
             settings_changed: &mut settings_changed,
         };
         if context.checks.waits_for_lock {
@@ -157,9 +176,7 @@ impl<B: Bus + Clone> Communication<B> {
             self.server.command_progress(Idn::CP4_TRANSITION_CHECK, state);
             self.service.set_command_change(self.server.command_change());
         }
-        let mut served = false;
         while let Some(step) = self.service.pending() {
-            served = true;
             if let Some(info) = step.silent {
                 // The controller has accepted this word by itself; an error in it comes back with the next step.
                 let before = Step { info, end: false, ..protocol_step(&step) };
@@ -178,9 +195,7 @@ impl<B: Bus + Clone> Communication<B> {
                 motion.lock(|motion| motion.apply_settings(settings));
             }
         }
-        if served {
-            self.show_diagnosis(motion);
-        }
+        self.show_diagnosis(motion);
     }
 
     fn enter<H: Hardware>(
@@ -214,12 +229,22 @@ impl<B: Bus + Clone> Communication<B> {
         self.service.set_command_change(self.server.command_change());
     }
 
-    fn show_diagnosis<H: Hardware>(&self, motion: &mut impl Mutex<T = Motion<B, H>>) {
+    /// Works the diagnosis out for the AT, and keeps new errors.
+    fn show_diagnosis<H: Hardware>(&mut self, motion: &mut impl Mutex<T = Motion<B, H>>) {
         let interface = self.phases.interface_status();
         let snapshot = motion.lock(|motion| motion.snapshot());
         let number = diagnose(&snapshot, self.phases.current(), interface).number;
         motion.lock(|motion| motion.set_diagnostics(interface.raw_value(), number));
+        for &Diagnosis { number, .. } in drive_errors(snapshot.class_1.difference(self.remembered)) {
+            self.errors.add(ErrorRecord { number, seconds: seconds(snapshot.operating_time) });
+        }
+        self.remembered = snapshot.class_1;
     }
+}
+
+/// Whole seconds of a time in us; after 136 years it stands.
+fn seconds(microseconds: u64) -> u32 {
+    u32::try_from(microseconds / 1_000_000).unwrap_or(u32::MAX)
 }
 
 fn protocol_step(step: &ServiceStep) -> Step {
@@ -229,7 +254,12 @@ fn protocol_step(step: &ServiceStep) -> Step {
         end: step.end,
         info: step.info,
         new_transfer: step.new_transfer,
-        at_boundary: step.boundary != Boundary::None,
+        progress: match step.boundary {
+            Boundary::None => Progress::Within,
+            Boundary::EndInside => Progress::NotLast,
+            Boundary::SegmentSent => Progress::TookLast,
+            Boundary::SegmentExhausted => Progress::Exhausted,
+        },
     }
 }
 
@@ -239,7 +269,7 @@ fn answer<'a>(step: &ServiceStep, reply: &'a Reply) -> ServiceAnswer<'a> {
         Reply::Continue => ServiceAnswer::Continue,
         Reply::Accept { info } => ServiceAnswer::Accept { info: *info },
         // The last word went out with this step; that there is no further one is an error of the next step, if it asks.
-        Reply::Error(_) if step.boundary == Boundary::SegmentSent => ServiceAnswer::Continue,
+        Reply::Error(_) if step.boundary == Boundary::SegmentSent && !step.end => ServiceAnswer::Continue,
         Reply::Error(error) => ServiceAnswer::Error { code: error.code() },
     }
 }

@@ -1,159 +1,313 @@
-//! State and errors of the drive in plain words: S-0-0095 (text), S-0-0390 (number), and for the manual cause and remedy.
+//! States, warnings and errors of the drive in plain words: S-0-0095 (text) and S-0-0390 (number), with cause and remedy for
+//! P-0-0010, P-0-0011 and the manual. One table for all of them.
 
+use bitflags::bitflags;
 use sercos::Phase;
-use sercos::diagnostic::Class1;
-use sercos::phase::InterfaceStatus;
+use sercos::diagnostic::{Class1, Class2};
+use sercos::phase::{InterfaceStatus, PhaseError};
 
 use crate::snapshot::Snapshot;
 use crate::state::DriveState;
 
-/// One diagnosis. Numbers A0xxH are states, F0xxH errors of communication, F1xxH errors of the drive.
+/// One diagnosis. Numbers A0xxH are states, E0xxH warnings, F0xxH errors of communication, F1xxH errors of the drive.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub struct Diagnosis {
     /// S-0-0390.
     pub number: u16,
-    /// S-0-0095, at most 40 characters.
+    /// S-0-0095 in English, at most 40 characters.
     pub text: &'static str,
-    /// What leads to it.
+    /// S-0-0095 in German (S-0-0265 = 0), at most 40 characters, in ASCII.
+    pub german: &'static str,
+    /// What leads to it (P-0-0010).
     pub cause: &'static str,
-    /// What to do about it; empty for a state that needs nothing.
+    /// What to do about it; empty for a state that needs nothing (P-0-0011).
     pub remedy: &'static str,
 }
 
-const fn diagnosis(number: u16, text: &'static str, cause: &'static str, remedy: &'static str) -> Diagnosis {
-    assert!(text.len() <= 40);
-    Diagnosis { number, text, cause, remedy }
+/// What kind a diagnosis is.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
+pub enum Severity {
+    /// Nothing is wrong.
+    State,
+    /// The drive goes on (C2D).
+    Warning,
+    /// The drive has shut down (C1D).
+    Error,
 }
 
-const PHASES: [Diagnosis; 4] = [
-    diagnosis(0xA000, "Communication phase 0", "The master closes the ring.", ""),
-    diagnosis(0xA001, "Communication phase 1", "The master looks for its drives.", ""),
-    diagnosis(0xA002, "Communication phase 2", "The master sets parameters.", ""),
-    diagnosis(0xA003, "Communication phase 3", "Cyclic telegrams run, commands are not valid yet.", ""),
+impl Diagnosis {
+    /// State, warning or error.
+    #[must_use]
+    pub const fn severity(&self) -> Severity {
+        match self.number >> 12 {
+            0xF => Severity::Error,
+            0xE => Severity::Warning,
+            _ => Severity::State,
+        }
+    }
+}
+
+bitflags! {
+    /// S-0-0129: the errors behind C1D bit 15.
+    #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+    pub struct Manufacturer1: u16 {
+        /// The amplifier reported a fault while torque was on.
+        const AMPLIFIER_FAULT = 1 << 0;
+    }
+}
+
+bitflags! {
+    /// S-0-0181: the warnings behind C2D bit 15.
+    #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+    pub struct Manufacturer2: u16 {
+        /// In CP4 the loops do not run in a fixed phase to the ring.
+        const NOT_LOCKED = 1 << 0;
+        /// An MST or an MDT was lost within the last second.
+        const TELEGRAM_LOST = 1 << 1;
+        /// The amplifier reports a fault; torque is off.
+        const AMPLIFIER_NOT_READY = 1 << 2;
+    }
+}
+
+bitflags! {
+    /// S-0-0182: the states behind C3D bit 15.
+    #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+    pub struct Manufacturer3: u16 {
+        /// The loops run in a fixed phase to the ring.
+        const LOCKED = 1 << 0;
+        /// The axis is parked (S-0-0139).
+        const PARKED = 1 << 1;
+        /// The password S-0-0267 locks the stored parameters.
+        const PASSWORD = 1 << 2;
+    }
+}
+
+macro_rules! diagnoses {
+    ($($name:ident = $number:literal $text:literal, $german:literal, $cause:literal, $remedy:literal;)+) => {
+        $(const $name: Diagnosis = Diagnosis {
+            number: $number,
+            text: $text,
+            german: $german,
+            cause: $cause,
+            remedy: $remedy,
+        };)+
+
+        /// Every diagnosis, in ascending order of its number.
+        pub static DIAGNOSES: &[Diagnosis] = &[$($name),+];
+    };
+}
+
+diagnoses! {
+    PHASE_0 = 0xA000 "Communication phase 0", "Kommunikationsphase 0",
+        "The master closes the ring.", "";
+    PHASE_1 = 0xA001 "Communication phase 1", "Kommunikationsphase 1",
+        "The master looks for its drives.", "";
+    PHASE_2 = 0xA002 "Communication phase 2", "Kommunikationsphase 2",
+        "The master sets parameters.", "";
+    PHASE_3 = 0xA003 "Communication phase 3", "Kommunikationsphase 3",
+        "Cyclic telegrams run, commands are not valid yet.", "";
+    NO_POWER = 0xA010 "Ready for main power", "Bereit zur Leistungszuschaltung",
+        "The logic is ready; the DC link is not charged.", "Switch the main power on.";
+    READY = 0xA011 "Power applied, torque-free", "Leistung an, drehmomentfrei",
+        "The drive waits for bits 15 and 14 of the control word.", "";
+    FOLLOWING = 0xA012 "In operation, following commands", "In Betrieb, folgt den Sollwerten",
+        "Torque is on and the command values are followed.", "";
+    HALTED = 0xA013 "Drive halt", "Antrieb Halt",
+        "Bit 13 of the control word is 0.", "";
+    SWITCHING_OFF = 0xA014 "Stopping", "Stillsetzen",
+        "Bit 15 of the control word went to 0, or the master left CP4.", "";
+    PARKED = 0xA015 "Axis parked", "Achse geparkt",
+        "S-0-0139 has taken the axis out: no torque until it is cancelled or the next run-up passes CP2.", "";
+    HOMING = 0xA016 "Homing command active", "Referenzfahrt aktiv",
+        "S-0-0148 has set the reference; the drive holds its position until the command is cancelled.",
+        "Align S-0-0047 with S-0-0051, then cancel S-0-0148.";
+    TELEGRAM_LOST = 0xE001 "Telegram lost", "Telegramm verloren",
+        "An MST or an MDT was lost within the last second; two in a row would have been an error. S-0-0028 and S-0-0029 count them.",
+        "Check fibres and plugs for attenuation, and the supply of the stations before this one.";
+    NOT_LOCKED = 0xE002 "Loops not locked to the ring", "Regelung nicht synchron zum Ring",
+        "The MSTs come too irregularly, or S-0-0002 is not the time between them.",
+        "Check the master's cycle and its jitter against S-0-0002.";
+    AMPLIFIER_NOT_READY = 0xE003 "Amplifier reports a fault", "Leistungsteil meldet Fehler",
+        "The amplifier reports a fault while torque is off.",
+        "Read the amplifier's own display and clear its fault before switching on.";
+    NO_POWER_AT_SWITCH_ON = 0xE009 "Switched on without main power", "Freigabe ohne Leistung",
+        "Bits 15 and 14 of the control word are set, but the DC link is not charged.",
+        "Switch the main power on, then give bit 15 a new edge.";
+    VELOCITY_DEVIATION = 0xE00B "Excessive velocity deviation", "Drehzahlabweichung zu gross",
+        "The velocity differs from its command by more than S-0-0377.",
+        "Check load, torque limit S-0-0092 and the gains S-0-0100 and S-0-0101.";
+    LIGHT_LOSS = 0xF001 "No light: MST and MDT missing", "Kein Licht: MST und MDT fehlen",
+        "Two MSTs and two MDTs in a row were not received.",
+        "Check fibres, plugs and the supply of the station before this one.";
+    MST_FAILURE = 0xF003 "Two MSTs missing", "Zwei MST fehlen",
+        "Two master synchronisation telegrams in a row were missing or not in time.",
+        "Check the fibres, the bit rate, and the cycle time S-0-0002 against the master.";
+    MDT_FAILURE = 0xF004 "Two MDTs missing", "Zwei MDT fehlen",
+        "Two master data telegrams in a row were missing, damaged or not in time.",
+        "Check the fibres, and S-0-0089 and S-0-0010 against the master.";
+    INVALID_PHASE = 0xF005 "Invalid communication phase", "Ungueltige Kommunikationsphase",
+        "An MST announced a phase above 4.",
+        "Check the master; check the fibres for attenuation and distortion.";
+    UPSHIFT = 0xF006 "Phase skipped upwards", "Phase beim Hochlauf uebersprungen",
+        "The master left out a communication phase.",
+        "Run up again; check the master's configuration.";
+    DOWNSHIFT = 0xF007 "Phase step back, not to 0", "Phasenruecksprung nicht auf 0",
+        "The master went back to a phase other than 0.", "Run up again from CP0.";
+    NOT_READY = 0xF008 "Phase switch without transition check", "Phasenwechsel ohne Umschaltpruefung",
+        "CP3 or CP4 came without a positive S-0-0127 or S-0-0128.",
+        "Read S-0-0021 or S-0-0022 and P-0-0003, and correct the data blocks listed there.";
+    UNINITIALISED_MODE = 0xF009 "Operation mode not initialised", "Betriebsart nicht initialisiert",
+        "Control word bits 11, 9, 8 ask for a mode that S-0-0032 to S-0-0035 and S-0-0284 to S-0-0287 do not set; S-0-0023 names it.",
+        "Set the mode in CP2 or CP3, or correct the control word.";
+    MAIN_POWER_LOST = 0xF109 "Main power lost", "Leistung ausgefallen",
+        "The main power went away while torque was on.",
+        "Check mains, contactor and the wire of the main-power input; then S-0-0099.";
+    EXCESSIVE_DEVIATION = 0xF10B "Excessive following distance", "Schleppabstand zu gross",
+        "The position was further from the command than S-0-0159 allows, or the command was, at switching on.",
+        "Check for a blocked axis, torque limit S-0-0092 and gains; align S-0-0047 with S-0-0051 before switching on.";
+    COMMUNICATION = 0xF10C "Communication error", "Kommunikationsfehler",
+        "The ring failed in CP3 or CP4, or the master broke the order of phases; S-0-0014 says which.",
+        "Run up again from CP0, then S-0-0099.";
+    AMPLIFIER_FAULT = 0xF10F "Amplifier fault", "Fehler im Leistungsteil",
+        "The amplifier reported a fault and switched itself off while torque was on.",
+        "Read the amplifier's own display; clear its fault, then S-0-0099.";
+}
+
+const PHASES: [&Diagnosis; 4] = [&PHASE_0, &PHASE_1, &PHASE_2, &PHASE_3];
+
+/// The errors of the drive, the gravest first.
+const ERRORS: [(Class1, &Diagnosis); 4] = [
+    (Class1::MANUFACTURER, &AMPLIFIER_FAULT),
+    (Class1::UNDERVOLTAGE, &MAIN_POWER_LOST),
+    (Class1::EXCESSIVE_DEVIATION, &EXCESSIVE_DEVIATION),
+    (Class1::COMMUNICATION, &COMMUNICATION),
 ];
-const NO_POWER: Diagnosis = diagnosis(
-    0xA010,
-    "Ready for main power",
-    "The logic is ready; the DC link is not charged.",
-    "Switch the main power on.",
-);
-const READY: Diagnosis =
-    diagnosis(0xA011, "Power applied, torque-free", "The drive waits for bits 15 and 14 of the control word.", "");
-const FOLLOWING: Diagnosis =
-    diagnosis(0xA012, "In operation, following commands", "Torque is on and the command values are followed.", "");
-const HALTED: Diagnosis = diagnosis(0xA013, "Drive halt", "Bit 13 of the control word is 0.", "");
-const SWITCHING_OFF: Diagnosis =
-    diagnosis(0xA014, "Stopping", "Bit 15 of the control word went to 0, or the master left CP4.", "");
 
-const INVALID_PHASE: Diagnosis = diagnosis(
-    0xF005,
-    "Invalid communication phase",
-    "An MST announced a phase above 4.",
-    "Check the master; check the fibres for attenuation and distortion.",
-);
-const UPSHIFT: Diagnosis = diagnosis(
-    0xF006,
-    "Phase skipped upwards",
-    "The master left out a communication phase.",
-    "Run up again; check the master's configuration.",
-);
-const DOWNSHIFT: Diagnosis = diagnosis(
-    0xF007,
-    "Phase step back, not to 0",
-    "The master went back to a phase other than 0.",
-    "Run up again from CP0.",
-);
-const NOT_READY: Diagnosis = diagnosis(
-    0xF008,
-    "Phase switch without transition check",
-    "CP3 or CP4 came without a positive S-0-0127 or S-0-0128.",
-    "Read S-0-0021 or S-0-0022 and correct the data blocks listed there.",
-);
-const UNINITIALISED_MODE: Diagnosis = diagnosis(
-    0xF009,
-    "Operation mode not initialised",
-    "Control word bits 11, 9, 8 ask for a mode that S-0-0032 to S-0-0035 do not set.",
-    "Set the mode in CP2 or CP3, or correct the control word.",
-);
-const LIGHT_LOSS: Diagnosis = diagnosis(
-    0xF001,
-    "No light: MST and MDT missing",
-    "Two MSTs and two MDTs in a row were not received.",
-    "Check fibres, plugs and the supply of the station before this one.",
-);
-const MST_FAILURE: Diagnosis = diagnosis(
-    0xF003,
-    "Two MSTs missing",
-    "Two master synchronisation telegrams in a row were missing or not in time.",
-    "Check the fibres, the bit rate, and the cycle time S-0-0002 against the master.",
-);
-const MDT_FAILURE: Diagnosis = diagnosis(
-    0xF004,
-    "Two MDTs missing",
-    "Two master data telegrams in a row were missing, damaged or not in time.",
-    "Check the fibres, and S-0-0089 and S-0-0010 against the master.",
-);
-
-const ERRORS: [(Class1, Diagnosis); 4] = [
-    (
-        Class1::MANUFACTURER,
-        diagnosis(
-            0xF10F,
-            "Amplifier fault",
-            "The amplifier reported a fault and switched itself off while torque was on.",
-            "Read the amplifier's own display; clear its fault, then S-0-0099.",
-        ),
-    ),
-    (
-        Class1::UNDERVOLTAGE,
-        diagnosis(
-            0xF109,
-            "Main power lost",
-            "The main power went away while torque was on.",
-            "Check mains, contactor and the wire of the main-power input; then S-0-0099.",
-        ),
-    ),
-    (
-        Class1::EXCESSIVE_DEVIATION,
-        diagnosis(
-            0xF10B,
-            "Excessive following distance",
-            "The position was further from the command than S-0-0159 allows, or the command was, at switching on.",
-            "Check for a blocked axis, torque limit S-0-0092 and gains; align S-0-0047 with S-0-0051 before switching on.",
-        ),
-    ),
-    (
-        Class1::COMMUNICATION,
-        diagnosis(0xF10C, "Communication error", "See S-0-0014.", "Run up again from CP0, then S-0-0099."),
-    ),
-];
-
-/// The diagnosis to show: an error before a state, the cause of a communication error before the fact.
+/// The diagnosis to show: an error before a warning before a state, the cause of a communication error before the fact.
 #[must_use]
-pub fn diagnose(snapshot: &Snapshot, phase: Phase, interface: InterfaceStatus) -> Diagnosis {
-    let communication = [
-        (interface.mst_failure() && interface.mdt_failure(), LIGHT_LOSS),
-        (interface.mst_failure(), MST_FAILURE),
-        (interface.mdt_failure(), MDT_FAILURE),
-        (interface.invalid_phase(), INVALID_PHASE),
-        (interface.upshift(), UPSHIFT),
-        (interface.downshift(), DOWNSHIFT),
-        (interface.not_ready(), NOT_READY),
-        (interface.uninitialised_mode(), UNINITIALISED_MODE),
-    ];
-    let of_communication = communication.into_iter().find(|(present, _)| *present).map(|(_, diagnosis)| diagnosis);
-    let of_drive = ERRORS.iter().find(|(bit, _)| snapshot.class_1.contains(*bit)).map(|(_, diagnosis)| *diagnosis);
+pub fn diagnose(snapshot: &Snapshot, phase: Phase, interface: InterfaceStatus) -> &'static Diagnosis {
     let only_communication = snapshot.class_1 == Class1::COMMUNICATION || snapshot.class_1.is_empty();
-    let error = if only_communication { of_communication.or(of_drive) } else { of_drive };
-    error.unwrap_or(match snapshot.state {
-        DriveState::Following => FOLLOWING,
-        DriveState::Halted => HALTED,
-        DriveState::SwitchingOff => SWITCHING_OFF,
+    let of_communication = if only_communication { communication_error(interface) } else { None };
+    let of_drive = ERRORS.iter().find(|(bit, _)| snapshot.class_1.contains(*bit)).map(|(_, diagnosis)| *diagnosis);
+    of_communication.or(of_drive).or_else(|| warning(snapshot)).unwrap_or_else(|| state(snapshot, phase))
+}
+
+/// The diagnosis of an error that makes the slave fall back to CP0.
+#[must_use]
+pub const fn of_phase_error(error: PhaseError) -> &'static Diagnosis {
+    match error {
+        PhaseError::MstFailure => &MST_FAILURE,
+        PhaseError::MdtFailure => &MDT_FAILURE,
+        PhaseError::LightLoss => &LIGHT_LOSS,
+        PhaseError::InvalidPhase { .. } => &INVALID_PHASE,
+        PhaseError::Upshift { .. } => &UPSHIFT,
+        PhaseError::Downshift { .. } => &DOWNSHIFT,
+        PhaseError::NotReady { .. } => &NOT_READY,
+        PhaseError::UninitialisedMode { .. } => &UNINITIALISED_MODE,
+    }
+}
+
+/// The diagnoses of the drive's own errors among some bits of C1D; the phase machine tells those of communication.
+pub(crate) fn drive_errors(class_1: Class1) -> impl Iterator<Item = &'static Diagnosis> {
+    let own = class_1.difference(Class1::COMMUNICATION);
+    ERRORS.into_iter().filter(move |(bit, _)| own.contains(*bit)).map(|(_, diagnosis)| diagnosis)
+}
+
+fn communication_error(interface: InterfaceStatus) -> Option<&'static Diagnosis> {
+    let errors: [(bool, &'static Diagnosis); 8] = [
+        (interface.mst_failure() && interface.mdt_failure(), &LIGHT_LOSS),
+        (interface.mst_failure(), &MST_FAILURE),
+        (interface.mdt_failure(), &MDT_FAILURE),
+        (interface.invalid_phase(), &INVALID_PHASE),
+        (interface.upshift(), &UPSHIFT),
+        (interface.downshift(), &DOWNSHIFT),
+        (interface.not_ready(), &NOT_READY),
+        (interface.uninitialised_mode(), &UNINITIALISED_MODE),
+    ];
+    errors.into_iter().find(|(present, _)| *present).map(|(_, diagnosis)| diagnosis)
+}
+
+fn warning(snapshot: &Snapshot) -> Option<&'static Diagnosis> {
+    let own = snapshot.manufacturer_2;
+    let warnings: [(bool, &'static Diagnosis); 5] = [
+        (own.contains(Manufacturer2::AMPLIFIER_NOT_READY), &AMPLIFIER_NOT_READY),
+        (snapshot.class_2.contains(Class2::UNDERVOLTAGE), &NO_POWER_AT_SWITCH_ON),
+        (snapshot.class_2.contains(Class2::VELOCITY_DEVIATION), &VELOCITY_DEVIATION),
+        (own.contains(Manufacturer2::TELEGRAM_LOST), &TELEGRAM_LOST),
+        (own.contains(Manufacturer2::NOT_LOCKED), &NOT_LOCKED),
+    ];
+    warnings.into_iter().find(|(present, _)| *present).map(|(_, diagnosis)| diagnosis)
+}
+
+fn state(snapshot: &Snapshot, phase: Phase) -> &'static Diagnosis {
+    match snapshot.state {
+        DriveState::Following => &FOLLOWING,
+        DriveState::Halted if snapshot.homing => &HOMING,
+        DriveState::Halted => &HALTED,
+        DriveState::SwitchingOff => &SWITCHING_OFF,
         _ => match PHASES.get(usize::from(phase.number())) {
-            Some(diagnosis) => *diagnosis,
-            None if snapshot.conditions.power => READY,
-            None => NO_POWER,
+            Some(diagnosis) => diagnosis,
+            None if snapshot.manufacturer_3.contains(Manufacturer3::PARKED) => &PARKED,
+            None if snapshot.conditions.power => &READY,
+            None => &NO_POWER,
         },
-    })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn numbers_ascend_and_every_text_fits_and_says_something() {
+        assert!(DIAGNOSES.windows(2).all(|pair| pair[0].number < pair[1].number));
+        for diagnosis in DIAGNOSES {
+            let number = diagnosis.number;
+            for text in [diagnosis.text, diagnosis.german] {
+                assert!(!text.is_empty() && text.len() <= 40 && text.is_ascii(), "{number:04X}H: {text}");
+            }
+            assert!(diagnosis.cause.ends_with('.') && diagnosis.cause.is_ascii(), "{number:04X}H");
+            let needs_help = diagnosis.severity() != Severity::State;
+            assert!(!needs_help || diagnosis.remedy.ends_with('.'), "{number:04X}H has no remedy");
+        }
+    }
+
+    #[test]
+    fn every_error_that_can_be_shown_is_in_the_table() {
+        let shown = ERRORS.iter().map(|(_, diagnosis)| *diagnosis);
+        let of_phases = [
+            PhaseError::MstFailure,
+            PhaseError::MdtFailure,
+            PhaseError::LightLoss,
+            PhaseError::InvalidPhase { received: 5 },
+            PhaseError::Upshift { from: Phase::Cp0, to: Phase::Cp2 },
+            PhaseError::Downshift { from: Phase::Cp2, to: Phase::Cp1 },
+            PhaseError::NotReady { to: Phase::Cp3 },
+            PhaseError::UninitialisedMode { selected: 3 },
+        ];
+        let errors = shown.chain(of_phases.into_iter().map(of_phase_error));
+        let errors: std::collections::BTreeSet<u16> = errors.map(|diagnosis| diagnosis.number).collect();
+        let table = DIAGNOSES.iter().filter(|diagnosis| diagnosis.severity() == Severity::Error);
+        assert_eq!(errors, table.map(|diagnosis| diagnosis.number).collect());
+    }
+
+    #[test]
+    fn the_bits_of_s_0_0014_and_the_phase_errors_lead_to_the_same_diagnosis() {
+        for (bit, error) in [
+            (3, PhaseError::MstFailure),
+            (4, PhaseError::MdtFailure),
+            (5, PhaseError::InvalidPhase { received: 5 }),
+            (6, PhaseError::Upshift { from: Phase::Cp0, to: Phase::Cp2 }),
+            (7, PhaseError::Downshift { from: Phase::Cp2, to: Phase::Cp1 }),
+            (8, PhaseError::NotReady { to: Phase::Cp3 }),
+            (9, PhaseError::UninitialisedMode { selected: 3 }),
+        ] {
+            let interface = InterfaceStatus::new_with_raw_value(1 << bit);
+            assert_eq!(communication_error(interface), Some(of_phase_error(error)), "bit {bit}");
+        }
+        let both = InterfaceStatus::new_with_raw_value(0b1_1000);
+        assert_eq!(communication_error(both), Some(&LIGHT_LOSS));
+    }
 }

@@ -13,7 +13,10 @@ pub struct FeedbackValues {
     pub torque: i64,
     /// S-0-0189.
     pub following_distance: i32,
+    /// S-0-0347.
+    pub velocity_error: i32,
     pub(crate) measured_velocity: Velocity,
+    pub(crate) velocity_deviation: Velocity,
     pub(crate) following_error: Position,
     pub(crate) current: CurrentFraction,
 }
@@ -22,6 +25,7 @@ impl FeedbackValues {
     /// Keeps what the loops gave in their last tick; it is weighted when it is asked for.
     pub(crate) fn take_output(&mut self, output: &AxisOutput) {
         self.measured_velocity = output.velocity;
+        self.velocity_deviation = output.velocity_command - output.velocity;
         self.following_error = output.following_error;
         self.current = output.current;
     }

@@ -31,6 +31,9 @@ pub trait Hardware {
     /// Lengthens (positive) or shortens the following loop periods by so many counts, until changed again.
     fn trim_loop_timer(&mut self, counts: i16);
 
+    /// Why the processor was started; read once at start.
+    fn reset_cause(&self) -> ResetCause;
+
     /// Counts of the loop timer's clock in one untrimmed loop period of [`LOOP_PERIOD_MICROSECONDS`].
     const LOOP_TIMER_COUNTS: u16;
 }
@@ -56,4 +59,38 @@ pub struct Amplifier {
     pub main_power: bool,
     /// The amplifier reports a fault and has switched itself off.
     pub fault: bool,
+}
+
+/// Why the processor was started.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
+pub enum ResetCause {
+    /// Nothing tells.
+    #[default]
+    Unknown,
+    /// The supply came on, or broke down for a moment.
+    PowerOn,
+    /// The reset pin.
+    ResetPin,
+    /// The watchdog: the firmware had stopped.
+    Watchdog,
+    /// A reset by software.
+    Software,
+    /// The end of a low-power mode, which this drive never enters by itself.
+    LowPower,
+}
+
+impl ResetCause {
+    /// P-0-0009.
+    #[must_use]
+    pub const fn code(self) -> u16 {
+        match self {
+            Self::Unknown => 0,
+            Self::PowerOn => 1,
+            Self::ResetPin => 2,
+            Self::Watchdog => 3,
+            Self::Software => 4,
+            Self::LowPower => 5,
+        }
+    }
 }

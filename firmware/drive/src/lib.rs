@@ -24,8 +24,11 @@
 #[cfg(test)]
 extern crate std;
 
+mod access;
+mod bits;
 mod communication;
 mod diagnosis;
+mod error_memory;
 mod feedback;
 mod hardware;
 mod identity;
@@ -39,10 +42,15 @@ mod snapshot;
 mod state;
 mod work;
 
+pub use access::{Access, LONGEST_PASSWORD, SHORTEST_PASSWORD};
+pub use bits::{BitSettings, SIGNAL_BITS, Source, SourceBit, Word};
 pub use communication::{Communication, PhaseReport, StartError};
-pub use diagnosis::{Diagnosis, diagnose};
+pub use diagnosis::{
+    DIAGNOSES, Diagnosis, Manufacturer1, Manufacturer2, Manufacturer3, Severity, diagnose, of_phase_error,
+};
+pub use error_memory::{ERRORS, ErrorMemory, ErrorRecord};
 pub use feedback::FeedbackValues;
-pub use hardware::{Amplifier, Hardware, InterruptLine, LOOP_PERIOD_MICROSECONDS};
+pub use hardware::{Amplifier, Hardware, InterruptLine, LOOP_PERIOD_MICROSECONDS, ResetCause};
 pub use identity::{DriveAddress, Identity};
 pub use interrupts::Interrupts;
 pub use motion::{CommandValues, Motion};

@@ -1,16 +1,21 @@
 //! The data blocks and procedure commands that live in the drive, as the service channel asks for them.
 
+use core::fmt::Write;
+
 use heapless::{String, Vec};
 use rtic_core::Mutex;
 use sercon816::{Bus, Slave};
 use sercos::command::{CommandAction, CommandState};
 use sercos::data_block::NeededFor;
 use sercos::parameters::Parameters;
-use sercos::service::{LIVE_LIST_ENTRIES, LIVE_TEXT_BYTES, Live, ServiceError};
-use sercos::transition::{self, Capabilities, CyclicConfiguration, InvalidData};
+use sercos::service::{LIVE_LIST_ENTRIES, LIVE_LONG_ENTRIES, LIVE_TEXT_BYTES, Live, ServiceError};
+use sercos::transition::{self, Capabilities, CyclicConfiguration, Invalid, InvalidData, Reason};
 use sercos::{Idn, Phase, PhaseMachine, dictionary};
 
-use crate::diagnosis::diagnose;
+use crate::access::Access;
+use crate::bits::Source;
+use crate::diagnosis::{Diagnosis, diagnose};
+use crate::error_memory::ErrorMemory;
 use crate::hardware::Hardware;
 use crate::identity::Identity;
 use crate::motion::Motion;
@@ -20,6 +25,21 @@ use crate::settings::{MotionSettings, OperationMode};
 /// So long S-0-0128 waits for the loops to lock to the ring: 200 ms in loop ticks, twice what a lock takes.
 const LOCK_PATIENCE_TICKS: u16 = 1_600;
 
+const CLASS_2: Idn = Idn::standard(12);
+const CLASS_3: Idn = Idn::standard(13);
+const INTERFACE_STATUS: Idn = Idn::standard(14);
+const PARK_AXIS: Idn = Idn::standard(139);
+const HOMING: Idn = Idn::standard(148);
+const CANCEL_REFERENCE: Idn = Idn::standard(191);
+const LOAD_DEFAULTS: Idn = Idn::standard(262);
+const CHECKSUM: Idn = Idn::standard(326);
+const DIAGNOSTIC_NUMBER: Idn = Idn::standard(390);
+const SET_ABSOLUTE_POSITION: Idn = Idn::standard(447);
+const ERROR_TIMES: Idn = Idn::product(4);
+const OPERATING_TIME: Idn = Idn::product(6);
+const RESET_CAUSE: Idn = Idn::product(9);
+const APPLICATION_WORD: Idn = Idn::product(19);
+
 /// What the transition checks have found and prepared.
 #[derive(Debug, Default)]
 pub(crate) struct Checks {
@@ -27,13 +47,27 @@ pub(crate) struct Checks {
     pub(crate) cyclic: Option<CyclicConfiguration>,
     /// S-0-0021.
     pub(crate) invalid_for_cp3: InvalidData,
-    /// S-0-0022: culprits of the protocol, and one of the motion side.
+    /// S-0-0022.
     pub(crate) invalid_for_cp4: InvalidData,
-    pub(crate) invalid_setting: Option<Idn>,
+    /// S-0-0023: the operation mode parameter that CP4 asked for in vain.
+    pub(crate) missing_mode: Option<Idn>,
+    /// P-0-0003: what the last check that failed found first.
+    pub(crate) finding: Option<Finding>,
     /// S-0-0128 waits for the loop clock.
     pub(crate) waits_for_lock: bool,
     /// A check that was started and is carried out once the step that started it is released.
     pub(crate) started: Option<Idn>,
+}
+
+/// What keeps a transition check from passing.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Finding {
+    /// A data block is to blame.
+    DataBlock(Invalid),
+    /// The loops have not locked to the ring (S-0-0128).
+    NotSynchronised,
+    /// The ring controller refuses the configuration.
+    Controller,
 }
 
 /// What a service step works with: the drive without its service server and parameters.
@@ -43,6 +77,8 @@ pub(crate) struct Context<'a, B, M> {
     pub(crate) phases: &'a mut PhaseMachine,
     pub(crate) checks: &'a mut Checks,
     pub(crate) identity: &'a Identity,
+    pub(crate) access: &'a mut Access,
+    pub(crate) errors: &'a ErrorMemory,
     /// A parameter of the loops has changed; they get it once the step is released.
     pub(crate) settings_changed: &'a mut bool,
 }
@@ -75,11 +111,13 @@ where
         let (cyclic, ready) = match transition::check_cp3(parameters, &self.capabilities()) {
             Ok(passed) => passed,
             Err(invalid) => {
+                self.checks.finding = invalid.findings().first().copied().map(Finding::DataBlock);
                 self.checks.invalid_for_cp3 = invalid;
                 return CommandState::Failed;
             }
         };
         self.checks.invalid_for_cp3 = InvalidData::default();
+        self.checks.finding = Some(Finding::Controller);
         let mdt = cyclic.mdt.iter().map(|datum| datum.idn);
         let at = cyclic.at.iter().map(|datum| datum.idn);
         let Some(records) = Records::new(mdt, at) else { return CommandState::Failed };
@@ -88,6 +126,7 @@ where
         }
         self.motion.lock(|motion| motion.set_records(records));
         self.checks.cyclic = Some(cyclic);
+        self.checks.finding = None;
         self.phases.permit_cp3(ready);
         CommandState::Executed
     }
@@ -99,28 +138,28 @@ where
         let Some(cyclic) = &self.checks.cyclic else { return CommandState::Failed };
         let synchronised = self.motion.lock(|motion| motion.is_synchronised());
         let settings = MotionSettings::new(parameters, H::LOOP_TIMER_COUNTS);
-        self.checks.invalid_setting = settings.err().map(|invalid| invalid.idn);
-        match (transition::check_cp4(parameters, &capabilities, cyclic, synchronised), settings) {
+        let mut invalid = match (transition::check_cp4(parameters, &capabilities, cyclic, synchronised), settings) {
             (Ok(ready), Ok(settings)) => {
                 self.checks.invalid_for_cp4 = InvalidData::default();
+                self.checks.finding = None;
                 self.motion.lock(|motion| motion.apply_settings(settings));
                 self.phases.permit_cp4(ready);
-                CommandState::Executed
+                return CommandState::Executed;
             }
-            (Err(invalid), Ok(_)) if patient && invalid.not_synchronised && invalid.findings().is_empty() => {
-                self.checks.waits_for_lock = true;
-                self.motion.lock(|motion| motion.wait_for_lock(LOCK_PATIENCE_TICKS));
-                CommandState::Executing
-            }
-            (Err(invalid), _) => {
-                self.checks.invalid_for_cp4 = invalid;
-                CommandState::Failed
-            }
-            (Ok(_), Err(_)) => {
-                self.checks.invalid_for_cp4 = InvalidData::default();
-                CommandState::Failed
-            }
+            (Ok(_), Err(_)) => InvalidData::default(),
+            (Err(invalid), _) => invalid,
+        };
+        if let Err(setting) = settings {
+            invalid.add(setting.idn, Reason::NotSupported);
+        } else if patient && invalid.not_synchronised && invalid.findings().is_empty() {
+            self.checks.waits_for_lock = true;
+            self.motion.lock(|motion| motion.wait_for_lock(LOCK_PATIENCE_TICKS));
+            return CommandState::Executing;
         }
+        let first = invalid.findings().first().copied();
+        self.checks.finding = Some(first.map_or(Finding::NotSynchronised, Finding::DataBlock));
+        self.checks.invalid_for_cp4 = invalid;
+        CommandState::Failed
     }
 
     fn reset_class_1(&mut self) -> CommandState {
@@ -129,7 +168,61 @@ where
             return CommandState::Failed;
         }
         self.phases.clear_error();
+        self.checks.missing_mode = None;
         CommandState::Executed
+    }
+
+    /// S-0-0148. The way of S-0-0147 that is built: neither switch nor marker, at the motor's encoder, anywhere.
+    fn home(&mut self, parameters: &Parameters) -> Result<CommandState, ServiceError> {
+        const FEEDBACK_2: u16 = 1 << 3;
+        const NO_SWITCH_NO_MARKER: u16 = 1 << 5 | 1 << 6;
+        const STOP_AT_REFERENCE: u16 = 1 << 7;
+        const DISTANCE_CODED: u16 = 1 << 8;
+        let way = parameters.get_word(Idn::standard(147));
+        if way & (FEEDBACK_2 | NO_SWITCH_NO_MARKER | STOP_AT_REFERENCE | DISTANCE_CODED) != NO_SWITCH_NO_MARKER {
+            return Err(ServiceError::CommandInvalidParameters);
+        }
+        let reference = reference_distance(parameters);
+        self.motion.lock(|motion| {
+            if !motion.is_standing() {
+                return Err(ServiceError::CommandNotExecutableNow);
+            }
+            motion.hold_for_homing(true);
+            motion.set_reference(reference);
+            Ok(CommandState::Executed)
+        })
+    }
+
+    /// S-0-0447.
+    fn set_absolute_position(&mut self, parameters: &Parameters) -> Result<CommandState, ServiceError> {
+        let reference = reference_distance(parameters);
+        self.without_torque(|context| context.motion.lock(|motion| motion.set_reference(reference)))
+    }
+
+    fn load_defaults(&mut self, parameters: &mut Parameters) -> Result<CommandState, ServiceError> {
+        if self.access.is_locked() {
+            return Err(ServiceError::ProtectedByPassword);
+        }
+        self.without_torque(|context| {
+            parameters.load_defaults();
+            if context.phases.current() == Phase::Cp3 {
+                context.phases.withdraw();
+            }
+            *context.settings_changed = true;
+        })
+    }
+
+    fn without_torque(&mut self, act: impl FnOnce(&mut Self)) -> Result<CommandState, ServiceError> {
+        if self.motion.lock(|motion| motion.has_torque()) {
+            return Err(ServiceError::CommandNotExecutableNow);
+        }
+        act(self);
+        Ok(CommandState::Executed)
+    }
+
+    fn diagnosis(&mut self) -> &'static Diagnosis {
+        let snapshot = self.motion.lock(|motion| motion.snapshot());
+        diagnose(&snapshot, self.phases.current(), self.phases.interface_status())
     }
 }
 
@@ -139,70 +232,118 @@ where
     H: Hardware,
     M: Mutex<T = Motion<B, H>>,
 {
-    fn read(&mut self, idn: Idn) -> u32 {
-        let interface = self.phases.interface_status();
-        let snapshot = self.motion.lock(|motion| {
-            if idn == Idn::standard(13) {
-                motion.clear_class_3_change();
-            }
-            motion.snapshot()
-        });
+    fn read(&mut self, idn: Idn, parameters: &Parameters) -> u64 {
+        match idn {
+            OPERATING_TIME => return self.motion.lock(|motion| motion.snapshot()).operating_time,
+            RESET_CAUSE => return self.motion.lock(|motion| motion.reset_cause()).code().into(),
+            INTERFACE_STATUS => return self.phases.interface_status().raw_value().into(),
+            CHECKSUM => return parameters.checksum().into(),
+            _ => {}
+        }
+        if let Some(source) = Source::from_idn(idn) {
+            return self.motion.lock(|motion| {
+                let value = motion.source_value(source);
+                match idn {
+                    CLASS_2 => motion.clear_class_2_change(),
+                    CLASS_3 => motion.clear_class_3_change(),
+                    _ => {}
+                }
+                value.into()
+            });
+        }
+        if idn == DIAGNOSTIC_NUMBER {
+            return self.diagnosis().number.into();
+        }
+        if let Some(feedback) = Feedback::from_idn(idn) {
+            return self.motion.lock(|motion| motion.feedback(feedback)).into();
+        }
+        let snapshot = self.motion.lock(|motion| motion.snapshot());
+        let commands = snapshot.commands;
         match idn.number() {
-            28 => u32::from(snapshot.mst_errors),
-            29 => u32::from(snapshot.mdt_errors),
-            36 => snapshot.commands.velocity.cast_unsigned(),
-            47 => snapshot.commands.position.cast_unsigned(),
-            96 => u32::from(u16::from_le_bytes([self.identity.address.get(); 2])),
-            134 => u32::from(snapshot.commands.control_word),
-            135 => u32::from(snapshot.status_word),
-            390 => u32::from(diagnose(&snapshot, self.phases.current(), interface).number),
-            _ => match Feedback::from_idn(idn) {
-                Some(Feedback::Class1) => u32::from(snapshot.class_1.bits()),
-                Some(Feedback::Class3) => u32::from(snapshot.class_3.bits()),
-                Some(Feedback::InterfaceStatus) => u32::from(interface.raw_value()),
-                Some(Feedback::Velocity) => snapshot.values.velocity.cast_unsigned(),
-                Some(Feedback::Position) => snapshot.values.position.cast_unsigned(),
-                Some(Feedback::Torque) => snapshot.values.torque_word(),
-                Some(Feedback::FollowingDistance) => snapshot.values.following_distance.cast_unsigned(),
-                // No warning of class 2 exists yet; parameters and unknown IDNs are not asked for here.
-                _ => 0,
-            },
+            28 => u64::from(snapshot.mst_errors),
+            29 => u64::from(snapshot.mdt_errors),
+            36 => commands.velocity.cast_unsigned().into(),
+            37 => commands.additive_velocity.cast_unsigned().into(),
+            47 => commands.position.cast_unsigned().into(),
+            48 => commands.additive_position.cast_unsigned().into(),
+            80 => commands.torque.cast_unsigned().into(),
+            81 => commands.additive_torque.cast_unsigned().into(),
+            96 => u64::from(u16::from_le_bytes([self.identity.address.get(); 2])),
+            145 => commands.signal_control.into(),
+            304 => u64::from(snapshot.status_word >> 6 & 1),
+            306 => u64::from(snapshot.status_word >> 7 & 1),
+            // Parameters and unknown IDNs are not asked for here.
+            _ => 0,
         }
     }
 
-    fn read_text(&mut self, idn: Idn, text: &mut String<LIVE_TEXT_BYTES>) {
-        let interface = self.phases.interface_status();
-        let content = match idn.number() {
-            30 => concat!("sercos-drive ", env!("CARGO_PKG_VERSION")),
-            95 => {
-                let snapshot = self.motion.lock(|motion| motion.snapshot());
-                diagnose(&snapshot, self.phases.current(), interface).text
+    fn read_text(
+        &mut self,
+        idn: Idn,
+        parameters: &Parameters,
+        text: &mut String<LIVE_TEXT_BYTES>,
+    ) -> Option<&'static str> {
+        const GERMAN: u32 = 0;
+        match (idn.is_product(), idn.number()) {
+            (false, 30) => Some(concat!("sercos-drive ", env!("CARGO_PKG_VERSION"))),
+            (false, 95) if parameters.get(Idn::standard(265)) == GERMAN => Some(self.diagnosis().german),
+            (false, 95) => Some(self.diagnosis().text),
+            (false, 140) => Some("STM32F407 + SERCON816"),
+            (false, 143) => Some("V02.04"),
+            (false, 267) => Some(self.access.shown()),
+            (true, 3) => {
+                // Longer than the longest finding; a test looks.
+                let _ = match self.checks.finding {
+                    None => Ok(()),
+                    Some(Finding::DataBlock(invalid)) => write!(text, "{invalid}"),
+                    Some(Finding::NotSynchronised) => write!(text, "the loops have not locked to the ring"),
+                    Some(Finding::Controller) => write!(text, "the ring controller refuses the configuration"),
+                };
+                None
             }
-            140 => "STM32F407 + SERCON816",
-            143 => "V02.04",
-            _ => "",
-        };
-        // The longest of these is shorter than the buffer; a text that is not would arrive empty.
-        let _ = text.push_str(content);
+            (true, 10) => Some(self.diagnosis().cause),
+            (true, 11) => Some(self.diagnosis().remedy),
+            _ => None,
+        }
     }
 
     fn read_list(&mut self, idn: Idn, list: &mut Vec<u16, LIVE_LIST_ENTRIES>) {
-        match idn.number() {
-            21 => fill(list, self.checks.invalid_for_cp3.idns().map(|idn| idn.0)),
-            22 => {
-                fill(list, self.checks.invalid_for_cp4.idns().map(|idn| idn.0));
-                let setting = self.checks.invalid_setting.map(|idn| idn.0).filter(|idn| !list.contains(idn));
-                fill(list, setting.into_iter());
-            }
-            292 => fill(list, OperationMode::SUPPORTED.into_iter()),
+        match (idn.is_product(), idn.number()) {
+            (false, 21) => fill(list, self.checks.invalid_for_cp3.idns().map(|idn| idn.0)),
+            (false, 22) => fill(list, self.checks.invalid_for_cp4.idns().map(|idn| idn.0)),
+            (false, 23) => fill(list, self.checks.missing_mode.into_iter().map(|idn| idn.0)),
+            (false, 266) => fill(list, [0, 1].into_iter()),
+            (false, 292) => fill(list, OperationMode::SUPPORTED.into_iter()),
+            (false, 375) => fill(list, self.errors.newest_first().map(|error| error.number)),
+            (true, 1) => fill(list, self.checks.invalid_for_cp3.codes()),
+            (true, 2) => fill(list, self.checks.invalid_for_cp4.codes()),
             _ => {}
         }
     }
 
-    fn write(&mut self, idn: Idn, value: u32) {
-        if let Some(command) = Command::from_idn(idn) {
-            self.motion.lock(|motion| motion.set_command(command, value.cast_signed()));
+    fn read_longs(&mut self, idn: Idn, list: &mut Vec<u32, LIVE_LONG_ENTRIES>) {
+        if idn == ERROR_TIMES {
+            fill(list, self.errors.newest_first().map(|error| error.seconds));
         }
+    }
+
+    fn write(&mut self, idn: Idn, value: u64) {
+        let raw = (value & 0xFFFF_FFFF) as u32;
+        if let Some(command) = Command::from_idn(idn) {
+            self.motion.lock(|motion| motion.set_command(command, raw));
+        } else if idn == APPLICATION_WORD {
+            self.motion.lock(|motion| motion.set_application_word((raw & 0xFFFF) as u16));
+        }
+    }
+
+    fn write_text(&mut self, idn: Idn, text: &[u8]) -> Result<(), ServiceError> {
+        if idn != Idn::standard(267) {
+            return Err(ServiceError::IdnNotAvailable);
+        }
+        self.access.write(text)?;
+        let locked = self.access.is_locked();
+        self.motion.lock(|motion| motion.show_lock(locked));
+        Ok(())
     }
 
     fn written(&mut self, idn: Idn, _parameters: &mut Parameters) {
@@ -222,21 +363,45 @@ where
         &mut self,
         idn: Idn,
         action: CommandAction,
-        _parameters: &mut Parameters,
+        parameters: &mut Parameters,
     ) -> Result<CommandState, ServiceError> {
+        const START: CommandAction = CommandAction::Start;
         match (idn, action) {
-            (Idn::RESET_CLASS_1_DIAGNOSTIC, CommandAction::Start) => Ok(self.reset_class_1()),
-            (Idn::CP3_TRANSITION_CHECK | Idn::CP4_TRANSITION_CHECK, CommandAction::Start) => {
+            (Idn::RESET_CLASS_1_DIAGNOSTIC, START) => Ok(self.reset_class_1()),
+            (Idn::CP3_TRANSITION_CHECK | Idn::CP4_TRANSITION_CHECK, START) => {
                 self.checks.started = Some(idn);
                 Ok(CommandState::Executing)
             }
-            (Idn::CP3_TRANSITION_CHECK | Idn::CP4_TRANSITION_CHECK, CommandAction::Cancel) => {
+            // The wait for the loops' lock can be given up and taken up again; the check itself is over in an instant.
+            (Idn::CP3_TRANSITION_CHECK | Idn::CP4_TRANSITION_CHECK, _) => {
                 self.checks.started = None;
                 self.checks.waits_for_lock = false;
                 Ok(CommandState::Interrupted)
             }
+            (PARK_AXIS, CommandAction::Cancel) => {
+                self.motion.lock(|motion| motion.park(false));
+                Ok(CommandState::Executed)
+            }
+            (HOMING, CommandAction::Cancel) => {
+                self.motion.lock(|motion| motion.hold_for_homing(false));
+                Ok(CommandState::Executed)
+            }
+            // Over in an instant: there is nothing left to undo.
+            (_, CommandAction::Cancel) => Ok(CommandState::Executed),
+            (PARK_AXIS, START) => self.without_torque(|context| context.motion.lock(|motion| motion.park(true))),
+            (HOMING, START) => self.home(parameters),
+            (CANCEL_REFERENCE, START) => {
+                self.motion.lock(|motion| motion.cancel_reference());
+                Ok(CommandState::Executed)
+            }
+            (LOAD_DEFAULTS, START) => self.load_defaults(parameters),
+            (SET_ABSOLUTE_POSITION, START) => self.set_absolute_position(parameters),
             _ => Err(ServiceError::CommandNotInterruptible),
         }
+    }
+
+    fn is_locked(&self) -> bool {
+        self.access.is_locked()
     }
 
     fn phase(&self) -> Phase {
@@ -245,12 +410,17 @@ where
 }
 
 /// As many entries as there is room for; `extend` would panic on one more.
-fn fill(list: &mut Vec<u16, LIVE_LIST_ENTRIES>, entries: impl Iterator<Item = u16>) {
+fn fill<T, const N: usize>(list: &mut Vec<T, N>, entries: impl Iterator<Item = T>) {
     for entry in entries {
         if list.push(entry).is_err() {
             break;
         }
     }
+}
+
+/// S-0-0052, in the weight of the position data.
+fn reference_distance(parameters: &Parameters) -> i32 {
+    parameters.get(Idn::standard(52)).cast_signed()
 }
 
 const fn protocol_bit_rate(rate: sercon816::BitRate) -> sercos::duration::BitRate {

@@ -5,34 +5,50 @@
 
 use sercon816::{Bus, CommandPort, FeedbackPort};
 use sercos::Phase;
-use sercos::diagnostic::{Class1, Class3};
+use sercos::diagnostic::{Class1, Class2, Class3};
 use sercos::phase::PhaseError;
 use sercos::supervision::Supervision;
-use servo::{Axis, CurrentFraction, Encoder, LoopClock, Mode, Position};
+use servo::{Axis, CurrentFraction, Encoder, LoopClock, Mode};
 
 mod background;
 mod cycle;
+mod words;
 
+use crate::diagnosis::{Manufacturer1, Manufacturer2, Manufacturer3};
 use crate::feedback::FeedbackValues;
 use crate::hardware::{Amplifier, Hardware, InterruptLine};
 use crate::mst::MstMonitor;
-use crate::record::{Feedback, Records};
+use crate::record::Records;
 use crate::settings::{MotionSettings, OperationMode};
-use crate::state::{Conditions, DriveState, StateMachine, Switches, status_bits};
+use crate::state::{Conditions, DriveState, StateMachine, Switches};
 use crate::work::Work;
 
-/// C3D change bit of the status word (sercos2.md 1.7). C2D has no bits yet, so bit 12 never changes.
-const CLASS_3_CHANGE: u16 = 1 << 11;
-
-/// The cyclic command values as they came last.
+/// The cyclic command values as they came last, each in the weight of its IDN.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct CommandValues {
     /// S-0-0134, the control word with its service bits.
     pub control_word: u16,
-    /// S-0-0036 in its own weight.
+    /// S-0-0036.
     pub velocity: i32,
-    /// S-0-0047 in its own weight.
+    /// S-0-0037.
+    pub additive_velocity: i32,
+    /// S-0-0047.
     pub position: i32,
+    /// S-0-0048.
+    pub additive_position: i32,
+    /// S-0-0080 in 0.1 % of S-0-0111.
+    pub torque: i16,
+    /// S-0-0081 in 0.1 % of S-0-0111.
+    pub additive_torque: i16,
+    /// S-0-0145.
+    pub signal_control: u16,
+}
+
+impl CommandValues {
+    /// The values that make a point of a path: with one of them changed, the control unit has given a new one.
+    const fn path(&self) -> (i32, i32, i32, i32) {
+        (self.velocity, self.additive_velocity, self.position, self.additive_position)
+    }
 }
 
 /// The motor side of the drive and the cyclic half of the bus.
@@ -58,8 +74,27 @@ pub struct Motion<B, H> {
     lost: Option<PhaseError>,
     uninitialised_mode: bool,
     class_1: Class1,
+    class_2: Class2,
     class_3: Class3,
+    manufacturer_1: Manufacturer1,
+    manufacturer_2: Manufacturer2,
+    manufacturer_3: Manufacturer3,
+    class_2_change: bool,
     class_3_change: bool,
+    /// State and diagnostic words that the background has been told of.
+    told: (DriveState, Class1, Class2),
+    /// P-0-0019.
+    application_word: u16,
+    /// S-0-0403 bit 0.
+    referenced: bool,
+    /// S-0-0148 holds the position until it is cancelled.
+    homing: bool,
+    /// Homing has just ended with torque on: the next command is looked at before it is followed.
+    resuming: bool,
+    /// Loop ticks for which a lost telegram is still a warning.
+    loss_shown: u16,
+    /// Loop ticks since the start.
+    ticks: u64,
     diagnostic_number: u16,
     interface_status: u16,
     latch: u32,
@@ -103,8 +138,20 @@ impl<B: Bus + Clone, H: Hardware> Motion<B, H> {
             lost: None,
             uninitialised_mode: false,
             class_1: Class1::empty(),
+            class_2: Class2::empty(),
             class_3: Class3::empty(),
+            manufacturer_1: Manufacturer1::empty(),
+            manufacturer_2: Manufacturer2::empty(),
+            manufacturer_3: Manufacturer3::empty(),
+            class_2_change: false,
             class_3_change: false,
+            told: (DriveState::Off, Class1::empty(), Class2::empty()),
+            application_word: 0,
+            referenced: false,
+            homing: false,
+            resuming: false,
+            loss_shown: 0,
+            ticks: 0,
             diagnostic_number: 0,
             interface_status: 0,
             latch: 0,
@@ -147,7 +194,7 @@ impl<B: Bus + Clone, H: Hardware> Motion<B, H> {
     /// Contract: within t5 (S-0-0005, 30 us) from the interrupt to the last word written, with the task of t3 in between; 2 to 18
     /// bus accesses. The emulator measures it.
     pub fn capture_feedback(&mut self) {
-        let position = self.encoder.position_of(self.latch);
+        let position = self.encoder.position_of(self.counted(self.latch));
         self.refresh_values(position);
         let status = self.status_word();
         self.feedback_port.set_status(status);
@@ -167,7 +214,9 @@ impl<B: Bus + Clone, H: Hardware> Motion<B, H> {
     ///
     /// Contract: done before the next tick with the tasks of t3 and t4 in between; no bus access but when a t3 event is overdue.
     pub fn control_loop(&mut self) -> Work {
-        let position = self.encoder.update(self.hardware.encoder_count());
+        self.ticks = self.ticks.wrapping_add(1);
+        let count = self.hardware.encoder_count();
+        let position = self.encoder.update(self.counted(count));
         self.amplifier = self.hardware.amplifier();
         self.update_state();
         let output = self.axis.tick(position);
@@ -176,10 +225,10 @@ impl<B: Bus + Clone, H: Hardware> Motion<B, H> {
         }
         self.hardware.set_current(output.current);
         self.values.take_output(&output);
-        self.class_3 = self.class_3_of(&output);
+        self.refresh_words(&output);
         let trim = self.clock.on_tick();
         self.hardware.trim_loop_timer(trim);
-        self.flywheel() | self.tell_lock()
+        self.flywheel() | self.tell_lock() | self.tell_news()
     }
 
     /// The encoder position that the hardware latched at an edge of this interrupt line; to be read before the interrupt is
@@ -200,7 +249,9 @@ impl<B: Bus + Clone, H: Hardware> Motion<B, H> {
 
     fn conditions(&self) -> Conditions {
         Conditions {
-            operating_phase: self.phase == Phase::Cp4 && self.lost.is_none(),
+            operating_phase: self.phase == Phase::Cp4
+                && self.lost.is_none()
+                && !self.manufacturer_3.contains(Manufacturer3::PARKED),
             power: self.amplifier.main_power && !self.amplifier.fault,
             fault: !self.class_1.is_empty(),
             fatal: self.fatal,
@@ -213,6 +264,7 @@ impl<B: Bus + Clone, H: Hardware> Motion<B, H> {
         if self.machine.state().has_torque() {
             if self.amplifier.fault {
                 self.class_1 |= Class1::MANUFACTURER;
+                self.manufacturer_1 |= Manufacturer1::AMPLIFIER_FAULT;
                 self.fatal = true;
             } else if !self.amplifier.main_power {
                 self.class_1 |= Class1::UNDERVOLTAGE;
@@ -220,11 +272,14 @@ impl<B: Bus + Clone, H: Hardware> Motion<B, H> {
         }
         let before = self.machine.state();
         let conditions = self.conditions();
-        let state = self.machine.update(self.switches, conditions);
+        // A homing that is not cancelled holds the drive as HALT does.
+        let switches = Switches { run: self.switches.run && !self.homing, ..self.switches };
+        let state = self.machine.update(switches, conditions);
         let mode = match (state, self.mode) {
             (DriveState::Off | DriveState::Fault, _) => Mode::Off,
             (DriveState::SwitchingOff | DriveState::FaultReaction, _) => Mode::Stopping,
             (DriveState::Halted, _) => Mode::Halt,
+            (DriveState::Following, Some(OperationMode::Torque)) => Mode::Torque,
             (DriveState::Following, Some(OperationMode::Velocity)) => Mode::Velocity,
             (DriveState::Following, _) => Mode::Position,
         };
@@ -242,48 +297,9 @@ impl<B: Bus + Clone, H: Hardware> Motion<B, H> {
         }
     }
 
-    fn class_3_of(&mut self, output: &servo::AxisOutput) -> Class3 {
-        let mut class_3 = Class3::empty();
-        let velocity_error = output.velocity_command - output.velocity;
-        class_3.set(Class3::VELOCITY_REACHED, velocity_error.abs() <= self.settings.velocity_window);
-        class_3.set(Class3::STANDSTILL, output.standstill);
-        class_3.set(Class3::TORQUE_LIMIT, output.current_limited);
-        class_3.set(Class3::VELOCITY_LIMIT, output.velocity_command.abs() >= self.settings.velocity_limit);
-        let positioned = matches!(self.axis.mode(), Mode::Position | Mode::Halt);
-        class_3.set(Class3::IN_POSITION, positioned && output.following_error.abs() <= self.settings.position_window);
-        self.class_3_change |= (class_3 ^ self.class_3).bits() & self.settings.class_3_mask != 0;
-        class_3
-    }
-
-    fn refresh_values(&mut self, position: Position) {
-        let settings = &self.settings;
-        let within = self.axis.cyclic_position(position);
-        let within = match (settings.position_polarity.feedback, self.axis.settings().interpolator().modulo()) {
-            (false, _) => within,
-            (true, Some(modulo)) if within != Position::ZERO => modulo.value() - within,
-            (true, _) => -within,
-        };
-        self.values.position = settings.position.from_position(within);
-        let velocity = self.values.measured_velocity;
-        let velocity = if settings.velocity_polarity.feedback { -velocity } else { velocity };
-        self.values.velocity = settings.velocity.from_velocity(velocity);
-        self.values.following_distance = settings.position.from_position(self.values.following_error);
-        self.values.torque = settings.torque.apply(i64::from(self.values.current.to_bits()));
-    }
-
-    fn signal(&self, signal: Feedback) -> u32 {
-        match signal {
-            Feedback::Class1 => u32::from(self.class_1.bits()),
-            Feedback::Class2 => 0,
-            Feedback::Class3 => u32::from(self.class_3.bits()),
-            Feedback::InterfaceStatus => u32::from(self.interface_status),
-            Feedback::Velocity => self.values.velocity.cast_unsigned(),
-            Feedback::Position => self.values.position.cast_unsigned(),
-            Feedback::Torque => self.values.torque_word(),
-            Feedback::FollowingDistance => self.values.following_distance.cast_unsigned(),
-            Feedback::DiagnosticNumber => u32::from(self.diagnostic_number),
-            Feedback::ApplicationWord => u32::from(self.settings.application_word),
-        }
+    /// A count in the direction of positive current (S-0-0277).
+    const fn counted(&self, count: u32) -> u32 {
+        if self.settings.encoder_reversed { count.wrapping_neg() } else { count }
     }
 
     fn apply_axis_settings(&mut self) {
@@ -298,11 +314,13 @@ impl<B: Bus + Clone, H: Hardware> Motion<B, H> {
         if self.lock_patience == 0 { Work::SERVICE_CHANNEL } else { Work::empty() }
     }
 
-    /// Bits 15 to 8 and 3 of the status word.
-    fn status_word(&self) -> u16 {
-        let mode = (self.commands.control_word & 0x0300) | ((self.commands.control_word & 0x0800) >> 1);
-        let mode = if self.phase == Phase::Cp4 { mode } else { 0 };
-        let change = if self.class_3_change { CLASS_3_CHANGE } else { 0 };
-        status_bits(self.machine.state(), self.conditions()) | mode | change
+    /// Asks the background to look at what has become of the drive: its diagnosis and its error memory.
+    fn tell_news(&mut self) -> Work {
+        let now = (self.machine.state(), self.class_1, self.class_2);
+        if now == self.told {
+            return Work::empty();
+        }
+        self.told = now;
+        Work::SERVICE_CHANNEL
     }
 }

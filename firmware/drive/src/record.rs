@@ -3,6 +3,8 @@
 use heapless::Vec;
 use sercos::Idn;
 
+use crate::bits::{Source, Word};
+
 /// Most data blocks in a record (S-0-0016, S-0-0024).
 pub const MOST_SIGNALS: usize = 16;
 
@@ -12,71 +14,34 @@ pub const MOST_SIGNALS: usize = 16;
 pub enum Command {
     /// S-0-0036, 4 bytes.
     Velocity,
+    /// S-0-0037, 4 bytes.
+    AdditiveVelocity,
     /// S-0-0047, 4 bytes.
     Position,
+    /// S-0-0048, 4 bytes.
+    AdditivePosition,
+    /// S-0-0080, 2 bytes.
+    Torque,
+    /// S-0-0081, 2 bytes.
+    AdditiveTorque,
+    /// S-0-0145, 2 bytes.
+    SignalControl,
 }
 
 impl Command {
     /// The command value of an IDN; `None` if the MDT cannot carry it.
     #[must_use]
     pub const fn from_idn(idn: Idn) -> Option<Self> {
+        const SIGNAL_CONTROL: Idn = Idn::standard(145);
+        const ADDITIVE_TORQUE: Idn = Idn::standard(81);
         match idn {
             Idn::VELOCITY_COMMAND => Some(Self::Velocity),
+            Idn::ADDITIVE_VELOCITY_COMMAND => Some(Self::AdditiveVelocity),
             Idn::POSITION_COMMAND => Some(Self::Position),
-            _ => None,
-        }
-    }
-}
-
-/// A value that the AT carries.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-#[cfg_attr(feature = "defmt", derive(defmt::Format))]
-pub enum Feedback {
-    /// S-0-0011.
-    Class1,
-    /// S-0-0012.
-    Class2,
-    /// S-0-0013.
-    Class3,
-    /// S-0-0014.
-    InterfaceStatus,
-    /// S-0-0040, 4 bytes.
-    Velocity,
-    /// S-0-0051, 4 bytes.
-    Position,
-    /// S-0-0084.
-    Torque,
-    /// S-0-0189, 4 bytes.
-    FollowingDistance,
-    /// S-0-0390.
-    DiagnosticNumber,
-    /// P-0-0019.
-    ApplicationWord,
-}
-
-impl Feedback {
-    /// The value of an IDN; `None` if the AT cannot carry it.
-    #[must_use]
-    pub const fn from_idn(idn: Idn) -> Option<Self> {
-        const CLASS_1: Idn = Idn::standard(11);
-        const CLASS_2: Idn = Idn::standard(12);
-        const CLASS_3: Idn = Idn::standard(13);
-        const INTERFACE_STATUS: Idn = Idn::standard(14);
-        const TORQUE: Idn = Idn::standard(84);
-        const FOLLOWING_DISTANCE: Idn = Idn::standard(189);
-        const DIAGNOSTIC_NUMBER: Idn = Idn::standard(390);
-        const APPLICATION_WORD: Idn = Idn::product(19);
-        match idn {
-            CLASS_1 => Some(Self::Class1),
-            CLASS_2 => Some(Self::Class2),
-            CLASS_3 => Some(Self::Class3),
-            INTERFACE_STATUS => Some(Self::InterfaceStatus),
-            Idn::VELOCITY_FEEDBACK => Some(Self::Velocity),
-            Idn::POSITION_FEEDBACK => Some(Self::Position),
-            TORQUE => Some(Self::Torque),
-            FOLLOWING_DISTANCE => Some(Self::FollowingDistance),
-            DIAGNOSTIC_NUMBER => Some(Self::DiagnosticNumber),
-            APPLICATION_WORD => Some(Self::ApplicationWord),
+            Idn::ADDITIVE_POSITION_COMMAND => Some(Self::AdditivePosition),
+            Idn::TORQUE_COMMAND => Some(Self::Torque),
+            ADDITIVE_TORQUE => Some(Self::AdditiveTorque),
+            SIGNAL_CONTROL => Some(Self::SignalControl),
             _ => None,
         }
     }
@@ -85,7 +50,64 @@ impl Feedback {
     #[must_use]
     pub const fn words(self) -> u16 {
         match self {
-            Self::Velocity | Self::Position | Self::FollowingDistance => 2,
+            Self::Torque | Self::AdditiveTorque | Self::SignalControl => 1,
+            _ => 2,
+        }
+    }
+}
+
+/// A value that the AT carries.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
+pub enum Feedback {
+    /// S-0-0040, 4 bytes.
+    Velocity,
+    /// S-0-0051, 4 bytes.
+    Position,
+    /// S-0-0053, 4 bytes.
+    Position2,
+    /// S-0-0084.
+    Torque,
+    /// S-0-0144.
+    SignalStatus,
+    /// S-0-0189, 4 bytes.
+    FollowingDistance,
+    /// S-0-0347, 4 bytes.
+    VelocityError,
+    /// S-0-0390.
+    DiagnosticNumber,
+    /// A word of single bits: S-0-0011 to S-0-0014, S-0-0129, S-0-0181, S-0-0182, S-0-0403, P-0-0019.
+    Bits(Word),
+}
+
+impl Feedback {
+    /// The value of an IDN; `None` if the AT cannot carry it.
+    #[must_use]
+    pub fn from_idn(idn: Idn) -> Option<Self> {
+        if let Some(source) = Source::from_idn(idn) {
+            return Some(Self::Bits(source.word()));
+        }
+        if idn.is_product() {
+            return None;
+        }
+        Some(match idn.0 {
+            40 => Self::Velocity,
+            51 => Self::Position,
+            53 => Self::Position2,
+            84 => Self::Torque,
+            144 => Self::SignalStatus,
+            189 => Self::FollowingDistance,
+            347 => Self::VelocityError,
+            390 => Self::DiagnosticNumber,
+            _ => return None,
+        })
+    }
+
+    /// Words in the record.
+    #[must_use]
+    pub const fn words(self) -> u16 {
+        match self {
+            Self::Velocity | Self::Position | Self::Position2 | Self::FollowingDistance | Self::VelocityError => 2,
             _ => 1,
         }
     }
@@ -94,7 +116,7 @@ impl Feedback {
 /// The two records of this drive, in their order.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct Records {
-    /// Behind control word and service info of the MDT; every command takes two words.
+    /// Behind control word and service info of the MDT.
     pub commands: Vec<Command, MOST_SIGNALS>,
     /// Behind status word and service info of the AT.
     pub feedback: Vec<Feedback, MOST_SIGNALS>,
@@ -128,8 +150,8 @@ mod tests {
             assert_eq!(Some(feedback.words() * 2), block.fixed_bytes(), "{}", block.idn);
         }
         for block in dictionary::select(Selection::ConfigurableInMdt) {
-            assert!(Command::from_idn(block.idn).is_some(), "{} in the MDT", block.idn);
-            assert_eq!(block.fixed_bytes(), Some(4));
+            let command = Command::from_idn(block.idn).unwrap_or_else(|| panic!("{} in the MDT", block.idn));
+            assert_eq!(Some(command.words() * 2), block.fixed_bytes(), "{}", block.idn);
         }
     }
 }

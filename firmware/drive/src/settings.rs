@@ -2,11 +2,13 @@
 
 use sercos::Idn;
 use sercos::parameters::Parameters;
+use sercos::transition::OPERATION_MODES;
 use servo::{
     Acceleration, AxisParameters, AxisSettings, EncoderSettings, Gain, LoopClockSettings, Modulo, Position,
     PositionScale, SettingsError, Velocity, VelocityScale,
 };
 
+use crate::bits::BitSettings;
 use crate::hardware::LOOP_PERIOD_MICROSECONDS;
 
 /// A parameter that the drive cannot work with; S-0-0128 lists it in S-0-0022.
@@ -23,6 +25,8 @@ pub struct InvalidSetting {
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub enum OperationMode {
+    /// 1: torque commands S-0-0080.
+    Torque,
     /// 2: velocity commands S-0-0036.
     Velocity,
     /// 3: position commands S-0-0047 with following distance.
@@ -32,13 +36,14 @@ pub enum OperationMode {
 }
 
 impl OperationMode {
-    /// The value of S-0-0032 to S-0-0035 and of S-0-0292.
-    pub const SUPPORTED: [u16; 3] = [2, 3, 11];
+    /// The values of S-0-0032 to S-0-0035 and S-0-0284 to S-0-0287, and of S-0-0292.
+    pub const SUPPORTED: [u16; 4] = [1, 2, 3, 11];
 
     /// The mode of an operation-mode parameter, `None` for 0 (none) and for everything this drive does not have.
     #[must_use]
     pub const fn from_parameter(value: u16) -> Option<Self> {
         match value {
+            1 => Some(Self::Torque),
             2 => Some(Self::Velocity),
             3 => Some(Self::PositionWithLag),
             11 => Some(Self::PositionWithoutLag),
@@ -53,13 +58,15 @@ impl OperationMode {
 pub struct Polarity {
     /// Bit 0: the command value.
     pub command: bool,
+    /// Bit 1: the additive command value.
+    pub additive: bool,
     /// Bit 2: the feedback value.
     pub feedback: bool,
 }
 
 impl Polarity {
     const fn from_parameter(value: u16) -> Self {
-        Self { command: value & 1 != 0, feedback: value & 4 != 0 }
+        Self { command: value & 1 != 0, additive: value & 2 != 0, feedback: value & 4 != 0 }
     }
 }
 
@@ -71,20 +78,28 @@ pub struct MotionSettings {
     pub with_lag: AxisSettings,
     /// Loops with feed-forward S-0-0296.
     pub without_lag: AxisSettings,
-    /// Modes of control word bits 11, 9, 8 = 000 to 011 (S-0-0032 to S-0-0035).
-    pub modes: [Option<OperationMode>; 4],
+    /// Modes of control word bits 11, 9, 8 = 000 to 111 (S-0-0032 to S-0-0035, S-0-0284 to S-0-0287).
+    pub modes: [Option<OperationMode>; 8],
     /// Position data.
     pub position: PositionScale,
     /// Velocity data.
     pub velocity: VelocityScale,
     /// From a fraction of the peak current (2^-15) to S-0-0084 in 0.1 % of S-0-0111.
     pub torque: Gain,
+    /// From S-0-0080 in 0.1 % of S-0-0111 to a fraction of the peak current (2^-15).
+    pub torque_command: Gain,
+    /// S-0-0126 as a fraction of the peak current (2^-15).
+    pub torque_threshold: u32,
     /// S-0-0055.
     pub position_polarity: Polarity,
     /// S-0-0043.
     pub velocity_polarity: Polarity,
     /// The encoder.
     pub encoder: EncoderSettings,
+    /// S-0-0277 bit 3: the encoder counts against the direction of positive current.
+    pub encoder_reversed: bool,
+    /// P-0-0005: S-0-0053 shows the motor encoder.
+    pub has_feedback_2: bool,
     /// The loop timer's clock on the ring's clock.
     pub clock: LoopClockSettings,
     /// Loop ticks in a communication cycle (S-0-0002).
@@ -99,10 +114,16 @@ pub struct MotionSettings {
     pub velocity_limit: Velocity,
     /// S-0-0159; zero: not monitored.
     pub monitoring_window: Position,
-    /// S-0-0098: which bits of C3D set their change bit. C2D has no bits yet, so S-0-0097 masks nothing.
+    /// S-0-0125.
+    pub velocity_threshold: Velocity,
+    /// S-0-0377; zero: not monitored.
+    pub velocity_monitoring_window: Velocity,
+    /// S-0-0097: which bits of C2D set their change bit.
+    pub class_2_mask: u16,
+    /// S-0-0098: which bits of C3D set their change bit.
     pub class_3_mask: u16,
-    /// P-0-0019.
-    pub application_word: u16,
+    /// Real-time bits and signal words.
+    pub bits: BitSettings,
 }
 
 impl MotionSettings {
@@ -134,7 +155,7 @@ impl MotionSettings {
             feed_forward: 0,
             velocity_gain: parameters.get(Idn::standard(100)),
             integral_time: parameters.get_word(Idn::standard(101)),
-            velocity_filter: VELOCITY_FILTER_MICROSECONDS,
+            velocity_filter: parameters.get_word(Idn::standard(392)),
             peak_current,
             current_limit: current_limit(parameters),
             velocity_limit,
@@ -143,20 +164,30 @@ impl MotionSettings {
             monitoring_window,
         };
         let feed_forward = parameters.get_word(Idn::standard(296)).saturating_mul(10).min(10_000);
+        let increments = parameters.get(Idn::standard(116)).saturating_mul(parameters.get(Idn::standard(256)));
+        let feedback_type = parameters.get_word(Idn::standard(277));
+        if feedback_type & !REVERSED != 0 {
+            return Err(unsupported(277));
+        }
         let torque_ratio = u128::from(peak_current).saturating_mul(1_000);
         let stall_current = u128::from(parameters.get(Idn::standard(111)));
+        let torque_command =
+            Gain::from_ratio(stall_current.saturating_mul(1 << 15), torque_ratio).ok_or(unsupported(110))?;
+        let torque_threshold = torque_command.apply(parameters.get(Idn::standard(126)).into());
         Ok(Self {
             with_lag: AxisSettings::new(&axis).map_err(invalid(100))?,
             without_lag: AxisSettings::new(&AxisParameters { feed_forward, ..axis }).map_err(invalid(296))?,
             modes: modes(parameters)?,
             position,
             velocity,
-            torque: Gain::from_ratio(torque_ratio, stall_current.saturating_mul(1 << 15))
-                .ok_or(InvalidSetting { idn: Idn::standard(111), reason: None })?,
+            torque: Gain::from_ratio(torque_ratio, stall_current.saturating_mul(1 << 15)).ok_or(unsupported(111))?,
+            torque_command,
+            torque_threshold: u32::try_from(torque_threshold).unwrap_or(u32::MAX),
             position_polarity: Polarity::from_parameter(parameters.get_word(Idn::standard(55))),
             velocity_polarity: Polarity::from_parameter(parameters.get_word(Idn::standard(43))),
-            encoder: EncoderSettings::new(parameters.get(Idn::standard(116)).saturating_mul(INCREMENTS_PER_LINE))
-                .map_err(invalid(116))?,
+            encoder: EncoderSettings::new(increments).map_err(invalid(116))?,
+            encoder_reversed: feedback_type & REVERSED != 0,
+            has_feedback_2: parameters.get_word(Idn::POSITION_FEEDBACK_2_SOURCE) != 0,
             clock,
             ticks_per_cycle,
             cycles_per_command,
@@ -164,17 +195,17 @@ impl MotionSettings {
             velocity_window: velocity.to_velocity(signed(parameters, 157)),
             velocity_limit,
             monitoring_window,
+            velocity_threshold: velocity.to_velocity(signed(parameters, 125)),
+            velocity_monitoring_window: velocity.to_velocity(signed(parameters, 377)),
+            class_2_mask: parameters.get_word(Idn::standard(97)),
             class_3_mask: parameters.get_word(Idn::standard(98)),
-            application_word: parameters.get_word(Idn::product(19)),
+            bits: BitSettings::new(parameters),
         })
     }
 }
 
-/// An encoder line gives four edges.
-const INCREMENTS_PER_LINE: u32 = 4;
-
-/// Time constant of the velocity feedback of the loop: four ticks, well above the velocity loop's bandwidth.
-const VELOCITY_FILTER_MICROSECONDS: u16 = 500;
+/// Bit 3 of S-0-0277.
+const REVERSED: u16 = 1 << 3;
 
 /// Preferred rotary position scaling: 0.0001 degree (sercos2.md 6.5).
 const PREFERRED_INCREMENTS: u32 = 3_600_000;
@@ -262,13 +293,13 @@ fn current_limit(parameters: &Parameters) -> u32 {
     u32::try_from(bipolar).unwrap_or(u32::MAX).min(peak)
 }
 
-fn modes(parameters: &Parameters) -> Result<[Option<OperationMode>; 4], InvalidSetting> {
-    let mut modes = [None; 4];
-    for (slot, number) in modes.iter_mut().zip(32..) {
-        let value = parameters.get_word(Idn::standard(number));
+fn modes(parameters: &Parameters) -> Result<[Option<OperationMode>; 8], InvalidSetting> {
+    let mut modes = [None; 8];
+    for (slot, (number, idn)) in modes.iter_mut().zip(OPERATION_MODES.into_iter().enumerate()) {
+        let value = parameters.get_word(idn);
         *slot = OperationMode::from_parameter(value);
-        if slot.is_none() && (value != 0 || number == 32) {
-            return Err(unsupported(number));
+        if slot.is_none() && (value != 0 || number == 0) {
+            return Err(InvalidSetting { idn, reason: None });
         }
     }
     Ok(modes)
@@ -283,7 +314,7 @@ mod tests {
     fn with(changes: &[(u16, u32)]) -> Parameters {
         let mut parameters = Parameters::new();
         for &(number, value) in changes {
-            parameters.set(Idn::standard(number), value).unwrap();
+            parameters.set(Idn::standard(number), value.into()).unwrap();
         }
         parameters
     }
@@ -292,7 +323,8 @@ mod tests {
     fn the_defaults_of_the_table_make_a_drive() {
         let settings = MotionSettings::new(&Parameters::new(), TIMER).unwrap();
         assert_eq!(settings.ticks_per_cycle, 16);
-        assert_eq!(settings.modes, [Some(OperationMode::Velocity), None, None, None]);
+        assert_eq!(settings.modes[0], Some(OperationMode::Velocity));
+        assert_eq!(settings.modes[1..], [None; 7]);
         // Preferred scaling: 3 600 000 increments and 10 000 increments per rpm.
         assert_eq!(settings.position.to_position(3_600_000), Position::REVOLUTION);
         assert_eq!(settings.velocity.to_velocity(10_000), Velocity::from_ten_thousandths_rpm(10_000));
@@ -306,6 +338,8 @@ mod tests {
             (&[(44, 1)], 44),
             (&[(32, 0)], 32),
             (&[(33, 7)], 33),
+            (&[(287, 4)], 287),
+            (&[(277, 1)], 277),
             (&[(76, 0x82), (103, 0)], 103),
             (&[(44, 0x0A), (46, 32)], 46),
             (&[(76, 0x0A), (79, 1)], 79),
@@ -331,6 +365,16 @@ mod tests {
         assert_eq!(current_limit(&Parameters::new()), 10_000);
         assert_eq!(current_limit(&with(&[(92, 5_000)])), 20_000);
         assert_eq!(current_limit(&with(&[(109, 3_000)])), 3_000);
+    }
+
+    #[test]
+    fn a_torque_command_is_the_inverse_of_the_torque_feedback() {
+        let settings = MotionSettings::new(&Parameters::new(), TIMER).unwrap();
+        for command in [-4_000_i64, -1, 0, 1, 1_000, 4_000] {
+            let fraction = settings.torque_command.apply(command);
+            assert!((settings.torque.apply(fraction) - command).abs() <= 1, "{command}");
+        }
+        assert_eq!(settings.torque_command.apply(1_000), 1 << 13, "100 % of 5 A is a quarter of 20 A");
     }
 
     #[test]

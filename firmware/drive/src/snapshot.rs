@@ -1,7 +1,8 @@
 //! The state of the hot tasks at one instant, for the tasks that may take their time.
 
-use sercos::diagnostic::{Class1, Class3};
+use sercos::diagnostic::{Class1, Class2, Class3};
 
+use crate::diagnosis::{Manufacturer2, Manufacturer3};
 use crate::feedback::FeedbackValues;
 use crate::motion::CommandValues;
 use crate::state::{Conditions, DriveState};
@@ -15,16 +16,26 @@ pub struct Snapshot {
     pub conditions: Conditions,
     /// S-0-0011.
     pub class_1: Class1,
+    /// S-0-0012.
+    pub class_2: Class2,
     /// S-0-0013.
     pub class_3: Class3,
+    /// S-0-0181.
+    pub manufacturer_2: Manufacturer2,
+    /// S-0-0182.
+    pub manufacturer_3: Manufacturer3,
+    /// S-0-0148 has set the reference and is not cancelled yet.
+    pub homing: bool,
     /// S-0-0135 without the bits of the service channel.
     pub status_word: u16,
-    /// S-0-0134, S-0-0036, S-0-0047.
+    /// S-0-0134 and the command values.
     pub commands: CommandValues,
-    /// S-0-0051, S-0-0040, S-0-0084, S-0-0189.
+    /// Feedback values.
     pub values: FeedbackValues,
     /// S-0-0028.
     pub mst_errors: u16,
     /// S-0-0029.
     pub mdt_errors: u16,
+    /// P-0-0006: time since the processor was started, in us.
+    pub operating_time: u64,
 }

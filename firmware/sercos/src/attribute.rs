@@ -67,6 +67,17 @@ impl Length {
             _ => None,
         }
     }
+
+    /// Length of an item in bytes if it is a list (1, 2, 4 or 8), `None` for data of fixed length.
+    pub const fn item_bytes(self) -> Option<u16> {
+        match self {
+            Length::ListOfBytes => Some(1),
+            Length::ListOfTwo => Some(2),
+            Length::ListOfFour => Some(4),
+            Length::ListOfEight => Some(8),
+            _ => None,
+        }
+    }
 }
 
 /// Display format of the operation data; also says whether a number has a sign.
@@ -107,13 +118,15 @@ impl Attribute {
         }
     }
 
-    /// The value of a two- or four-byte datum with the sign that the format gives it.
-    pub const fn value_of(self, raw: u32) -> i64 {
+    /// The value of a datum of fixed length with the sign that the format gives it. Unsigned data of eight bytes must stay
+    /// below 2^63; those of this drive have no limits and are never asked for as a number.
+    pub const fn value_of(self, raw: u64) -> i64 {
         match (self.format(), self.length()) {
             (Format::Signed, Length::Two) => raw as u16 as i16 as i64,
-            (Format::Signed, _) => raw as i32 as i64,
+            (Format::Signed, Length::Four) => raw as u32 as i32 as i64,
             (_, Length::Two) => raw as u16 as i64,
-            _ => raw as i64,
+            (_, Length::Eight) => raw as i64,
+            _ => raw as u32 as i64,
         }
     }
 }
@@ -147,7 +160,9 @@ mod tests {
         let unsigned = Attribute::new_with_raw_value(0x0011_0001);
         assert_eq!(signed.value_of(0xFFFF), -1);
         assert_eq!(unsigned.value_of(0xFFFF), 65_535);
-        assert_eq!(Attribute::new_with_raw_value(0x0022_0001).value_of(u32::MAX), -1);
-        assert_eq!(Attribute::new_with_raw_value(0x0012_0001).value_of(u32::MAX), 4_294_967_295);
+        let four = u64::from(u32::MAX);
+        assert_eq!(Attribute::new_with_raw_value(0x0022_0001).value_of(four), -1);
+        assert_eq!(Attribute::new_with_raw_value(0x0012_0001).value_of(four), 4_294_967_295);
+        assert_eq!(Attribute::new_with_raw_value(0x0023_0001).value_of(u64::MAX), -1);
     }
 }

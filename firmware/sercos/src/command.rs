@@ -15,7 +15,7 @@ pub enum CommandAction {
     Start,
     /// Pause.
     Interrupt,
-    /// Stop for good. Only asked for while the command is executing or interrupted.
+    /// Stop for good, or, after the end, give up what the command holds. Asked for whenever the master cancels a command that is set.
     Cancel,
 }
 
@@ -102,7 +102,7 @@ impl Commands {
         use CommandStatus::{Executed, Executing, Failed, Interrupted, NotSet, Set};
         match (value, slot.status) {
             (0, status) => {
-                if matches!(status, Executing | Interrupted) {
+                if status != NotSet {
                     act(CommandAction::Cancel)?;
                 }
                 *slot = Slot { status: NotSet, change: false };
@@ -186,9 +186,15 @@ mod tests {
         commands.write(RESET, 3, ends_with(CommandState::Executed)).unwrap();
         assert_eq!(commands.status(RESET) as u16, 3);
         assert!(commands.change());
-        commands.write(RESET, 0, |_| panic!("nothing is running")).unwrap();
+        let mut asked = None;
+        let cancelled = commands.write(RESET, 0, |action| {
+            asked = Some(action);
+            Ok(CommandState::Executed)
+        });
+        assert_eq!((cancelled, asked), (Ok(()), Some(CommandAction::Cancel)));
         assert_eq!(commands.status(RESET) as u16, 0);
         assert!(!commands.change());
+        commands.write(RESET, 0, |_| panic!("the command is not set")).unwrap();
     }
 
     #[test]

@@ -28,6 +28,11 @@ pub struct DataBlock {
     pub needed_for: NeededFor,
     /// Cyclic telegrams in which the data can be configured.
     pub cyclic: Cyclic,
+    /// What a real-time bit or a bit of a signal word can do with it.
+    pub bits: Bits,
+    /// Not every value within the limits is taken: the drive refuses some with 7008H, 700CH, or 1001H for an allocation to
+    /// an unknown IDN.
+    pub restricted: bool,
     /// One line for the reader of the manual.
     pub documentation: &'static str,
 }
@@ -56,14 +61,20 @@ pub enum Selection {
     NeededForCp3,
     /// S-0-0019.
     NeededForCp4,
+    /// S-0-0020.
+    ChangeableInCp4,
     /// S-0-0025.
     Commands,
     /// S-0-0187.
     ConfigurableInAt,
     /// S-0-0188.
     ConfigurableInMdt,
-    /// S-0-0192.
+    /// S-0-0192, and what the password protects (S-0-0279) and the checksum covers (S-0-0327).
     Backup,
+    /// S-0-0398.
+    BitSources,
+    /// S-0-0399.
+    BitTargets,
 }
 
 /// The transition check that needs a data block.
@@ -90,6 +101,18 @@ pub enum Cyclic {
     Mdt,
 }
 
+/// What a real-time bit (S-0-0300 to S-0-0307) or a bit of a signal word (S-0-0144, S-0-0145) can do with a data block.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
+pub enum Bits {
+    /// Nothing.
+    Never,
+    /// Be shown: in the list S-0-0398.
+    Source,
+    /// Be shown and be set: in the lists S-0-0398 and S-0-0399.
+    Target,
+}
+
 impl DataBlock {
     /// True if the data block belongs to the selection.
     pub const fn is_in(&self, selection: Selection) -> bool {
@@ -97,14 +120,17 @@ impl DataBlock {
             Selection::All => true,
             Selection::NeededForCp3 => matches!(self.needed_for, NeededFor::Cp3),
             Selection::NeededForCp4 => matches!(self.needed_for, NeededFor::Cp4),
+            Selection::ChangeableInCp4 => !self.attribute.protected_in_cp4(),
             Selection::Commands => self.attribute.command(),
             Selection::ConfigurableInAt => matches!(self.cyclic, Cyclic::At),
             Selection::ConfigurableInMdt => matches!(self.cyclic, Cyclic::Mdt),
             Selection::Backup => self.stored,
+            Selection::BitSources => !matches!(self.bits, Bits::Never),
+            Selection::BitTargets => matches!(self.bits, Bits::Target),
         }
     }
 
-    /// Length of the operation data in bytes if it is fixed: 2 or 4.
+    /// Length of the operation data in bytes if it is fixed: 2, 4 or 8.
     pub const fn fixed_bytes(&self) -> Option<u16> {
         self.attribute.length().fixed_bytes()
     }
@@ -133,6 +159,21 @@ impl DataBlock {
 
     pub(crate) const fn in_mdt(mut self) -> Self {
         self.cyclic = Cyclic::Mdt;
+        self
+    }
+
+    pub(crate) const fn bit_source(mut self) -> Self {
+        self.bits = Bits::Source;
+        self
+    }
+
+    pub(crate) const fn bit_target(mut self) -> Self {
+        self.bits = Bits::Target;
+        self
+    }
+
+    pub(crate) const fn restricted(mut self) -> Self {
+        self.restricted = true;
         self
     }
 

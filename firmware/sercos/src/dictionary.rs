@@ -6,7 +6,7 @@
 
 use crate::attribute::Attribute;
 use crate::data_block::Location::{Command, Dictionary, Live, Parameter};
-use crate::data_block::{Cyclic, DataBlock, NeededFor, Selection};
+use crate::data_block::{Bits, Cyclic, DataBlock, NeededFor, Selection};
 use crate::idn::Idn;
 
 /// The data block of an IDN.
@@ -30,10 +30,15 @@ const U16: u32 = 0x0011_0001;
 const I16: u32 = 0x0021_0001;
 const HEX: u32 = 0x0031_0001;
 const U32: u32 = 0x0012_0001;
+const HEX32: u32 = 0x0032_0001;
+const U64: u32 = 0x0013_0001;
+const HEX64: u32 = 0x0033_0001;
 const I32: u32 = 0x0022_0001;
 const TEXT: u32 = 0x0044_0001;
 const IDNS: u32 = 0x0055_0001;
 const HEXES: u32 = 0x0035_0001;
+const NUMBERS: u32 = 0x0015_0001;
+const LONGS: u32 = 0x0016_0001;
 const COMMAND: u32 = 0x0009_0001;
 
 // Phases in which the master may write.
@@ -41,6 +46,7 @@ const ALWAYS: u32 = 0;
 const IN_CP2: u32 = 0x6000_0000;
 const IN_CP3: u32 = 0x5000_0000;
 const IN_CP2_CP3: u32 = 0x4000_0000;
+const IN_CP4: u32 = 0x3000_0000;
 const NEVER: u32 = 0x7000_0000;
 
 macro_rules! limits {
@@ -75,6 +81,8 @@ macro_rules! dictionary {
                 stored: false,
                 needed_for: NeededFor::Neither,
                 cyclic: Cyclic::Never,
+                bits: Bits::Never,
+                restricted: false,
                 documentation: concat!($($documentation),+).trim_ascii(),
             }
             $(.$property())*
@@ -116,38 +124,46 @@ dictionary! {
     /// Bytes of all data records of the MDT; even.
     S 10 "Length of MDT" [""] U16/0 written IN_CP2 (4 to 65_534) = 4 => Parameter, needed_for_cp3;
     /// Errors that shut the drive down, until S-0-0099 clears them.
-    S 11 "Class 1 diagnostic (C1D)" [""] BITS/0 written NEVER () = 0 => Live, in_at;
-    /// Warnings. Reading it over the service channel clears bit 12 of the status word.
-    S 12 "Class 2 diagnostic (C2D)" [""] BITS/0 written NEVER () = 0 => Live, in_at;
+    S 11 "Class 1 diagnostic (C1D)" [""] BITS/0 written NEVER () = 0 => Live, in_at, bit_source;
+    /// Warnings: bit 9 switched on without main power, 11 velocity deviation (S-0-0377), 15 see S-0-0181. Reading it over the service channel clears bit 12 of the status word.
+    S 12 "Class 2 diagnostic (C2D)" [""] BITS/0 written NEVER () = 0 => Live, in_at, bit_source;
     /// Operation status. Reading it over the service channel clears bit 11 of the status word.
-    S 13 "Class 3 diagnostic (C3D)" [""] BITS/0 written NEVER () = 0 => Live, in_at;
-    /// Phase in bits 2 to 0; communication errors in bits 3 to 9, until S-0-0099 clears them.
-    S 14 "Interface status" [""] BITS/0 written NEVER () = 0 => Live, in_at;
-    /// 0 to 7: contents of the cyclic telegrams; 7 takes them from S-0-0016 and S-0-0024.
+    S 13 "Class 3 diagnostic (C3D)" [""] BITS/0 written NEVER () = 0 => Live, in_at, bit_source;
+    /// Phase in bits 2 to 0; communication errors in bits 3 to 9 (10, duplicate address, cannot be seen by a slave), until S-0-0099 clears them.
+    S 14 "Interface status" [""] BITS/0 written NEVER () = 0 => Live, in_at, bit_source;
+    /// 0 to 7: contents of the cyclic telegrams; 7 takes them from S-0-0016 and S-0-0024. 11 to 13: as 3 to 5 with S-0-0053.
     S 15 "Telegram type parameter" [""] BITS/0 written IN_CP2 () = 4 => Parameter, needed_for_cp3;
     /// IDNs in the AT if the telegram type is 7, in this order.
-    S 16 "Configuration list of AT" [""] IDNS/0 written IN_CP2 () = 0 => Parameter, needed_for_cp3;
+    S 16 "Configuration list of AT" [""] IDNS/0 written IN_CP2 () = 0 => Parameter, needed_for_cp3, restricted;
     /// Every IDN of the drive.
     S 17 "IDN list of all operation data" [""] IDNS/0 written NEVER () = 0 => Dictionary(Selection::All);
     /// IDNs that S-0-0127 checks.
     S 18 "IDN list of operation data for CP2" [""] IDNS/0 written NEVER () = 0 => Dictionary(Selection::NeededForCp3);
     /// IDNs that S-0-0128 checks.
     S 19 "IDN list of operation data for CP3" [""] IDNS/0 written NEVER () = 0 => Dictionary(Selection::NeededForCp4);
+    /// IDNs that can be written in CP4.
+    S 20 "IDN list of operation data for CP4" [""] IDNS/0 written NEVER () = 0 => Dictionary(Selection::ChangeableInCp4);
     /// IDNs that S-0-0127 found invalid; empty after a positive check.
     S 21 "IDN list of invalid operation data for CP2" [""] IDNS/0 written NEVER () = 0 => Live;
     /// IDNs that S-0-0128 found invalid; empty after a positive check.
     S 22 "IDN list of invalid operation data for CP3" [""] IDNS/0 written NEVER () = 0 => Live;
+    /// The operation mode parameter that control word bits 11, 9, 8 asked for in CP4 and that was not initialised; empty again after S-0-0099.
+    S 23 "IDN list of invalid operation data for CP4" [""] IDNS/0 written NEVER () = 0 => Live;
     /// IDNs in this drive's MDT record if the telegram type is 7, in this order.
-    S 24 "Configuration list of MDT" [""] IDNS/0 written IN_CP2 () = 0 => Parameter, needed_for_cp3;
+    S 24 "Configuration list of MDT" [""] IDNS/0 written IN_CP2 () = 0 => Parameter, needed_for_cp3, restricted;
     /// All procedure commands.
     S 25 "IDN list of all procedure commands" [""] IDNS/0 written NEVER () = 0 => Dictionary(Selection::Commands);
+    /// What the bits of S-0-0144 show, from bit 0 up; which bit of it says S-0-0328.
+    S 26 "Configuration list for signal status word" [""] IDNS/0 written ALWAYS () = 0 => Parameter, stored, restricted;
+    /// What the bits of S-0-0145 set, from bit 0 up; which bit of it says S-0-0329.
+    S 27 "Configuration list for signal control word" [""] IDNS/0 written ALWAYS () = 0 => Parameter, stored, restricted;
     /// Invalid MSTs in CP3 and CP4; two of a burst count; cleared on the way to CP3.
     S 28 "MST error counter" [""] U16/0 written NEVER () = 0 => Live;
     /// Invalid MDTs in CP3 and CP4; two of a burst count; cleared on the way to CP3.
     S 29 "MDT error counter" [""] U16/0 written NEVER () = 0 => Live;
     /// Firmware and its version.
     S 30 "Manufacturer version" [""] TEXT/0 written NEVER () = 0 => Live;
-    /// Operation mode of control word bits 11, 9, 8 = 000: 2 velocity, 3 position, 11 position without lag.
+    /// Operation mode of control word bits 11, 9, 8 = 000: 1 torque, 2 velocity, 3 position, 11 position without lag.
     S 32 "Primary operation mode" [""] BITS/0 written IN_CP2_CP3 () = 2 => Parameter, stored, needed_for_cp4;
     /// Operation mode of control word bits 11, 9, 8 = 001; 0: none.
     S 33 "Secondary operation mode 1" [""] BITS/0 written IN_CP2_CP3 () = 0 => Parameter, stored, needed_for_cp4;
@@ -157,6 +173,8 @@ dictionary! {
     S 35 "Secondary operation mode 3" [""] BITS/0 written IN_CP2_CP3 () = 0 => Parameter, stored, needed_for_cp4;
     /// Velocity command of the control unit.
     S 36 "Velocity command value" ["rpm"] I32/4 written ALWAYS (-2_147_483_648 to 2_147_483_647) = 0 => Live, in_mdt;
+    /// Added to S-0-0036.
+    S 37 "Additive velocity command value" ["rpm"] I32/4 written ALWAYS (-2_147_483_648 to 2_147_483_647) = 0 => Live, in_mdt;
     /// Velocity of the motor encoder.
     S 40 "Velocity feedback value 1" ["rpm"] I32/4 written NEVER () = 0 => Live, in_at;
     /// Bit 0 inverts the velocity command, bit 2 the velocity feedback.
@@ -169,8 +187,14 @@ dictionary! {
     S 46 "Velocity data scaling exponent" [""] I16/0 written IN_CP2_CP3 (-32 to 32) = -4 => Parameter, stored, needed_for_cp4;
     /// Position command of the control unit.
     S 47 "Position command value" ["deg"] I32/4 written ALWAYS (-2_147_483_648 to 2_147_483_647) = 0 => Live, in_mdt;
+    /// Added to S-0-0047: the angle of this axis against the line shaft.
+    S 48 "Additive position command value" ["deg"] I32/4 written ALWAYS (-2_147_483_648 to 2_147_483_647) = 0 => Live, in_mdt;
     /// Position of the motor encoder, captured at t4.
     S 51 "Position feedback value 1 (motor feedback)" ["deg"] I32/4 written NEVER () = 0 => Live, in_at;
+    /// Position that S-0-0148 and S-0-0447 give to the place where the motor stands.
+    S 52 "Reference distance 1" ["deg"] I32/4 written ALWAYS (-2_147_483_648 to 2_147_483_647) = 0 => Parameter, stored;
+    /// Position of the second encoder; where it comes from says P-0-0005.
+    S 53 "Position feedback value 2 (external feedback)" ["deg"] I32/4 written NEVER () = 0 => Live, in_at;
     /// Bit 0 inverts the position command, bit 2 the position feedback.
     S 55 "Position polarity parameter" [""] BITS/0 written IN_CP2_CP3 () = 0 => Parameter, stored, needed_for_cp4;
     /// Following distance below which C3D bit 6 (in position) is set.
@@ -179,6 +203,10 @@ dictionary! {
     S 76 "Position data scaling type" [""] BITS/0 written IN_CP2_CP3 () = 2 => Parameter, stored, needed_for_cp4;
     /// Position increments of one motor revolution, if bit 3 of S-0-0076 is set.
     S 79 "Rotational position resolution" [""] U32/0 written IN_CP2_CP3 (1 to 4_294_967_295) = 3_600_000 => Parameter, stored, needed_for_cp4;
+    /// Torque command of the control unit, in per cent of S-0-0111.
+    S 80 "Torque command value" ["%"] I16/1 written ALWAYS (-32_768 to 32_767) = 0 => Live, in_mdt;
+    /// Added to S-0-0080.
+    S 81 "Additive torque command value" ["%"] I16/1 written ALWAYS (-32_768 to 32_767) = 0 => Live, in_mdt;
     /// Torque-producing current in per cent of S-0-0111.
     S 84 "Torque feedback value" ["%"] I16/1 written NEVER () = 0 => Live, in_at;
     /// Recovery time between two ATs of the same slave; this slave sends one.
@@ -223,16 +251,24 @@ dictionary! {
     S 116 "Resolution of feedback 1" ["cycles/rev"] U32/0 written IN_CP2_CP3 (1 to 1_048_576) = 2_500 => Parameter, stored, needed_for_cp4;
     /// Velocity below which C3D bit 1 (standstill) is set.
     S 124 "Standstill window" ["rpm"] I32/4 written ALWAYS (1 to 2_147_483_647) = 100_000 => Parameter, stored;
+    /// Velocity below which C3D bit 2 is set.
+    S 125 "Velocity threshold (nx)" ["rpm"] I32/4 written ALWAYS (1 to 2_147_483_647) = 1_000_000 => Parameter, stored;
+    /// Torque from which C3D bit 3 is set, in per cent of S-0-0111.
+    S 126 "Torque threshold (Tx)" ["%"] U16/1 written ALWAYS (0 to 65_535) = 1_000 => Parameter, stored;
     /// Checks everything that CP3 needs; findings in S-0-0021.
     S 127 "CP3 transition check" [""] COMMAND/0 written IN_CP2 () = 0 => Command;
     /// Checks everything that CP4 needs; findings in S-0-0022.
     S 128 "CP4 transition check" [""] COMMAND/0 written IN_CP3 () = 0 => Command;
+    /// The errors behind C1D bit 15: bit 0 amplifier fault.
+    S 129 "Manufacturer class 1 diagnostic" [""] BITS/0 written NEVER () = 0 => Live, in_at, bit_source;
     /// The control word of the last MDT.
-    S 134 "Master control word" [""] BITS/0 written NEVER () = 0 => Live;
+    S 134 "Master control word" [""] BITS/0 written NEVER () = 0 => Live, bit_source;
     /// The status word of the last AT.
-    S 135 "Drive status word" [""] BITS/0 written NEVER () = 0 => Live;
+    S 135 "Drive status word" [""] BITS/0 written NEVER () = 0 => Live, bit_source;
     /// Ramp of halt and of stopping after an error or Drive OFF.
     S 138 "Bipolar acceleration limit value" ["rad/s^2"] I32/3 written ALWAYS (1 to 2_147_483_647) = 1_000_000 => Parameter, stored;
+    /// Takes the axis out: no torque until it is cancelled or the next run-up passes CP2.
+    S 139 "Park axis" [""] COMMAND/0 written IN_CP2 () = 0 => Command;
     /// Type of the drive.
     S 140 "Controller type" [""] TEXT/0 written NEVER () = 0 => Live;
     /// Type of the motor, for the reader; up to 40 characters.
@@ -241,10 +277,22 @@ dictionary! {
     S 142 "Application type" [""] TEXT/0 written ALWAYS () = 0 => Parameter, stored;
     /// Version of the SERCOS specification.
     S 143 "System interface version" [""] TEXT/0 written NEVER () = 0 => Live;
+    /// The bits that S-0-0026 and S-0-0328 have chosen.
+    S 144 "Signal status word" [""] BITS/0 written NEVER () = 0 => Live, in_at;
+    /// Sets the bits that S-0-0027 and S-0-0329 have chosen, whenever it changes.
+    S 145 "Signal control word" [""] BITS/0 written ALWAYS () = 0 => Live, in_mdt;
+    /// Way to the reference point. Built: bits 5 and 6 set, bit 7 clear (neither switch nor marker): the reference is where the motor stands.
+    S 147 "Homing parameter" [""] BITS/0 written ALWAYS () = 0x0060 => Parameter, stored;
+    /// Gives the reference point the position S-0-0052, in the way of S-0-0147, and sets S-0-0403 bit 0.
+    S 148 "Drive controlled homing procedure command" [""] COMMAND/0 written IN_CP4 () = 0 => Command;
     /// Velocity difference below which C3D bit 0 (n_feedback = n_command) is set.
     S 157 "Velocity window" ["rpm"] I32/4 written ALWAYS (1 to 2_147_483_647) = 100_000 => Parameter, stored;
     /// Following distance above which the drive shuts down with C1D bit 11; 0: not monitored.
     S 159 "Monitoring window" ["deg"] I32/4 written ALWAYS (0 to 2_147_483_647) = 300_000 => Parameter, stored;
+    /// The warnings behind C2D bit 15: bit 0 loops not locked to the ring in CP4, 1 telegram lost within the last second, 2 amplifier fault without torque.
+    S 181 "Manufacturer class 2 diagnostic" [""] BITS/0 written NEVER () = 0 => Live, in_at, bit_source;
+    /// The states behind C3D bit 15: bit 0 loops locked to the ring, 1 axis parked, 2 parameters locked by the password.
+    S 182 "Manufacturer class 3 diagnostic" [""] BITS/0 written NEVER () = 0 => Live, in_at, bit_source;
     /// Bytes of configurable data that the AT can hold.
     S 185 "Length of the configurable data record in the AT" [""] U16/0 written NEVER () = 32 => Parameter;
     /// Bytes of configurable data that this drive's MDT record can hold.
@@ -255,16 +303,130 @@ dictionary! {
     S 188 "IDN list of configurable data in the MDT" [""] IDNS/0 written NEVER () = 0 => Dictionary(Selection::ConfigurableInMdt);
     /// Position command minus position feedback.
     S 189 "Following distance" ["deg"] I32/4 written NEVER () = 0 => Live, in_at;
+    /// Takes S-0-0403 bit 0 away.
+    S 191 "Cancel reference point procedure command" [""] COMMAND/0 written ALWAYS () = 0 => Command;
     /// IDNs that a control saves and restores.
     S 192 "IDN list of backup operation data" [""] IDNS/0 written NEVER () = 0 => Dictionary(Selection::Backup);
-    /// Operation modes that S-0-0032 to S-0-0035 may name.
+    /// Increments of one line of the motor encoder.
+    S 256 "Multiplication 1" [""] U32/0 written NEVER () = 4 => Parameter;
+    /// Gives everything in S-0-0192 its default. Not while torque is on.
+    S 262 "Load defaults procedure command" [""] COMMAND/0 written ALWAYS () = 0 => Command;
+    /// Language of S-0-0095, P-0-0003, P-0-0010 and P-0-0011: 0 German (S-0-0095 only, the others stay English), 1 English.
+    S 265 "Language selection" [""] U16/0 written ALWAYS (0 to 1) = 1 => Parameter, stored;
+    /// Values that S-0-0265 may have.
+    S 266 "List of available languages" [""] NUMBERS/0 written NEVER () = 0 => Live;
+    /// Locks S-0-0279: 3 to 10 characters lock with them as password, the password unlocks, an empty text forgets it. Reads *** while locked.
+    S 267 "Password" [""] TEXT/0 written ALWAYS () = 0 => Live, restricted;
+    /// 1: operation data live in RAM and are lost with the supply. This drive has no other mode.
+    S 269 "Storage mode" [""] BITS/0 written NEVER () = 1 => Parameter;
+    /// Bit 3: the encoder counts the other way round. Rotary, incremental, at the motor: all other bits 0.
+    S 277 "Position feedback 1 type" [""] BITS/0 written IN_CP2_CP3 () = 0 => Parameter, stored, needed_for_cp4;
+    /// What S-0-0267 locks.
+    S 279 "IDN list of password-protected operation data" [""] IDNS/0 written NEVER () = 0 => Dictionary(Selection::Backup);
+    /// Operation mode of control word bits 11, 9, 8 = 100; 0: none.
+    S 284 "Secondary operation mode 4" [""] BITS/0 written IN_CP2_CP3 () = 0 => Parameter, stored, needed_for_cp4;
+    /// Operation mode of control word bits 11, 9, 8 = 101; 0: none.
+    S 285 "Secondary operation mode 5" [""] BITS/0 written IN_CP2_CP3 () = 0 => Parameter, stored, needed_for_cp4;
+    /// Operation mode of control word bits 11, 9, 8 = 110; 0: none.
+    S 286 "Secondary operation mode 6" [""] BITS/0 written IN_CP2_CP3 () = 0 => Parameter, stored, needed_for_cp4;
+    /// Operation mode of control word bits 11, 9, 8 = 111; 0: none.
+    S 287 "Secondary operation mode 7" [""] BITS/0 written IN_CP2_CP3 () = 0 => Parameter, stored, needed_for_cp4;
+    /// Operation modes that S-0-0032 to S-0-0035 and S-0-0284 to S-0-0287 may name.
     S 292 "List of supported operation modes" [""] HEXES/0 written NEVER () = 0 => Live;
     /// Part of the commanded velocity that goes past the position loop in modes without lag; 100 % leaves no lag.
     S 296 "Velocity feed-forward gain" ["%"] U16/1 written ALWAYS (0 to 1_000) = 1_000 => Parameter, stored;
+    /// Bit 0 is control word bit 6 of the last MDT.
+    S 300 "Real-time control bit 1" [""] BITS/0 written NEVER () = 0 => Live, bit_source;
+    /// IDN of S-0-0399 whose bit S-0-0413 follows control word bit 6; 0: none.
+    S 301 "Allocation of real-time control bit 1" [""] U16/0 written ALWAYS (0 to 65_535) = 0 => Parameter, stored, restricted;
+    /// Bit 0 is control word bit 7 of the last MDT.
+    S 302 "Real-time control bit 2" [""] BITS/0 written NEVER () = 0 => Live, bit_source;
+    /// IDN of S-0-0399 whose bit S-0-0414 follows control word bit 7; 0: none.
+    S 303 "Allocation of real-time control bit 2" [""] U16/0 written ALWAYS (0 to 65_535) = 0 => Parameter, stored, restricted;
+    /// Bit 0 is status word bit 6.
+    S 304 "Real-time status bit 1" [""] BITS/0 written NEVER () = 0 => Live;
+    /// IDN of S-0-0398 whose bit S-0-0415 status word bit 6 shows; 0: none.
+    S 305 "Allocation of real-time status bit 1" [""] U16/0 written ALWAYS (0 to 65_535) = 0 => Parameter, stored, restricted;
+    /// Bit 0 is status word bit 7.
+    S 306 "Real-time status bit 2" [""] BITS/0 written NEVER () = 0 => Live;
+    /// IDN of S-0-0398 whose bit S-0-0416 status word bit 7 shows; 0: none.
+    S 307 "Allocation of real-time status bit 2" [""] U16/0 written ALWAYS (0 to 65_535) = 0 => Parameter, stored, restricted;
+    /// Bit 0 is C2D bit 9: switched on without main power.
+    S 319 "Undervoltage warning" [""] BITS/0 written NEVER () = 0 => Live, bit_source;
+    /// Bit 0 is C2D bit 11: velocity deviation beyond S-0-0377.
+    S 321 "Excessive velocity deviation" [""] BITS/0 written NEVER () = 0 => Live, bit_source;
+    /// Checksum of S-0-0327: equal settings, equal checksum.
+    S 326 "Parameter checksum" [""] HEX32/0 written NEVER () = 0 => Live;
+    /// What S-0-0326 covers.
+    S 327 "IDN list of checksum parameter" [""] IDNS/0 written NEVER () = 0 => Dictionary(Selection::Backup);
+    /// Bit number for each entry of S-0-0026, 0 to 15; 0 where the list is shorter.
+    S 328 "Bit number allocation list for signal status word" [""] NUMBERS/0 written ALWAYS () = 0 => Parameter, stored, restricted;
+    /// Bit number for each entry of S-0-0027, 0 to 15; 0 where the list is shorter.
+    S 329 "Bit number allocation list for signal control word" [""] NUMBERS/0 written ALWAYS () = 0 => Parameter, stored, restricted;
+    /// Bit 0 is C3D bit 0.
+    S 330 "Status n_feedback = n_command" [""] BITS/0 written NEVER () = 0 => Live, bit_source;
+    /// Bit 0 is C3D bit 1.
+    S 331 "Status n_feedback = 0" [""] BITS/0 written NEVER () = 0 => Live, bit_source;
+    /// Bit 0 is C3D bit 2.
+    S 332 "Status n_feedback < nx" [""] BITS/0 written NEVER () = 0 => Live, bit_source;
+    /// Bit 0 is C3D bit 3.
+    S 333 "Status T >= Tx" [""] BITS/0 written NEVER () = 0 => Live, bit_source;
+    /// Bit 0 is C3D bit 4.
+    S 334 "Status T >= Tlimit" [""] BITS/0 written NEVER () = 0 => Live, bit_source;
+    /// Bit 0 is C3D bit 5.
+    S 335 "Status n_command > n_limit" [""] BITS/0 written NEVER () = 0 => Live, bit_source;
+    /// Bit 0 is C3D bit 6.
+    S 336 "Status in position" [""] BITS/0 written NEVER () = 0 => Live, bit_source;
+    /// Velocity command minus velocity feedback.
+    S 347 "Velocity error" ["rpm"] I32/4 written NEVER () = 0 => Live, in_at;
+    /// S-0-0390 of the last 32 errors since the supply came on, the newest first; their times are in P-0-0004.
+    S 375 "List of diagnostic numbers" [""] HEXES/0 written NEVER () = 0 => Live;
+    /// Velocity deviation above which C2D bit 11 warns; 0: not monitored.
+    S 377 "Velocity feedback monitoring window" ["rpm"] I32/4 written ALWAYS (0 to 2_147_483_647) = 0 => Parameter, stored;
     /// State or error of the drive as a number; belongs to S-0-0095.
     S 390 "Diagnostic number" [""] HEX/0 written NEVER () = 0 => Live, in_at;
-    /// A word of the control's own choice that comes back in the AT.
-    P 19 "Application word" [""] U16/0 written ALWAYS (0 to 65_535) = 0 => Parameter, in_at;
+    /// Time constant of the velocity that the velocity loop controls.
+    S 392 "Velocity feedback filter" ["us"] U16/0 written ALWAYS (250 to 65_500) = 500 => Parameter, stored;
+    /// What S-0-0305, S-0-0307 and S-0-0026 may name.
+    S 398 "IDN list of configurable data for status bits" [""] IDNS/0 written NEVER () = 0 => Dictionary(Selection::BitSources);
+    /// What S-0-0301, S-0-0303 and S-0-0027 may name.
+    S 399 "IDN list of configurable data for control bits" [""] IDNS/0 written NEVER () = 0 => Dictionary(Selection::BitTargets);
+    /// Bit 0: the position refers to the reference point.
+    S 403 "Position feedback value status" [""] BITS/0 written NEVER () = 0 => Live, in_at, bit_source;
+    /// Bit of the data block in S-0-0301.
+    S 413 "Bit number allocation of real-time control bit 1" [""] U16/0 written ALWAYS (0 to 15) = 0 => Parameter, stored;
+    /// Bit of the data block in S-0-0303.
+    S 414 "Bit number allocation of real-time control bit 2" [""] U16/0 written ALWAYS (0 to 15) = 0 => Parameter, stored;
+    /// Bit of the data block in S-0-0305.
+    S 415 "Bit number allocation of real-time status bit 1" [""] U16/0 written ALWAYS (0 to 15) = 0 => Parameter, stored;
+    /// Bit of the data block in S-0-0307.
+    S 416 "Bit number allocation of real-time status bit 2" [""] U16/0 written ALWAYS (0 to 15) = 0 => Parameter, stored;
+    /// Makes the place where the motor stands the position S-0-0052. Not while torque is on.
+    S 447 "Set absolute position procedure command" [""] COMMAND/0 written ALWAYS () = 0 => Command;
+    /// Why S-0-0127 blames each IDN of S-0-0021, in the same order; the codes are in the manual.
+    P 1 "Reasons of S-0-0021" [""] HEXES/0 written NEVER () = 0 => Live;
+    /// Why S-0-0128 blames each IDN of S-0-0022, in the same order; the codes are in the manual.
+    P 2 "Reasons of S-0-0022" [""] HEXES/0 written NEVER () = 0 => Live;
+    /// The first finding of the last transition check that failed, in plain words.
+    P 3 "Finding of the last transition check" [""] TEXT/0 written NEVER () = 0 => Live;
+    /// When each error of S-0-0375 came, in seconds since the supply came on.
+    P 4 "Times of the last errors" ["s"] LONGS/0 written NEVER () = 0 => Live;
+    /// 0: there is no second encoder, telegram types 11 to 13 and S-0-0053 are refused; 1: the motor encoder stands in for it.
+    P 5 "Source of position feedback 2" [""] U16/0 written IN_CP2_CP3 (0 to 1) = 0 => Parameter, stored;
+    /// Time since the processor was started.
+    P 6 "Operating time" ["us"] U64/0 written NEVER () = 0 => Live;
+    /// Up to eight numbers of the control's own choice.
+    P 7 "Application data" [""] LONGS/0 written ALWAYS () = 0 => Parameter, stored;
+    /// A number of the control's own choice, as the serial number of the machine.
+    P 8 "Application identifier" [""] HEX64/0 written ALWAYS () = 0 => Parameter, stored;
+    /// Why the processor was started: 1 supply, 2 reset pin, 3 watchdog, 4 software, 5 low power, 0 unknown.
+    P 9 "Reset cause" [""] U16/0 written NEVER () = 0 => Live;
+    /// What led to the state or error in S-0-0095.
+    P 10 "Cause of the diagnostic message" [""] TEXT/0 written NEVER () = 0 => Live;
+    /// What to do about the error in S-0-0095; empty for a state that needs nothing.
+    P 11 "Remedy for the diagnostic message" [""] TEXT/0 written NEVER () = 0 => Live;
+    /// A word of the control's own choice that comes back in the AT. Real-time and signal bits can set its bits.
+    P 19 "Application word" [""] U16/0 written ALWAYS (0 to 65_535) = 0 => Live, in_at, bit_target;
 }
 
 const fn is_ascending(rows: &[DataBlock]) -> bool {
@@ -309,14 +471,16 @@ mod tests {
             // What the service channel can handle.
             match attribute.length() {
                 Length::Two | Length::Four => {}
+                // Numbers of eight bytes are compared as signed ones.
+                Length::Eight => assert!(block.minimum.is_none() && block.maximum.is_none(), "{idn}"),
                 Length::ListOfBytes => assert_eq!(attribute.format(), Format::Text, "{idn}"),
-                Length::ListOfTwo => assert_ne!(attribute.format(), Format::Text, "{idn}"),
+                Length::ListOfTwo | Length::ListOfFour => assert_ne!(attribute.format(), Format::Text, "{idn}"),
                 length => panic!("{idn}: {length:?}"),
             }
             for limit in [block.minimum, block.maximum].into_iter().flatten() {
                 let raw = match attribute.length() {
-                    Length::Two => limit as u32 & 0xFFFF,
-                    _ => limit as u32,
+                    Length::Two => limit as u64 & 0xFFFF,
+                    _ => limit as u64 & 0xFFFF_FFFF,
                 };
                 assert_eq!(attribute.value_of(raw), limit, "{idn}: a limit does not fit the format");
                 assert!(block.fixed_bytes().is_some(), "{idn}: a list has no limits");
@@ -326,8 +490,13 @@ mod tests {
                 assert!(block.maximum.is_none_or(|maximum| block.default <= maximum), "{idn}");
             }
             assert!(
-                block.cyclic == Cyclic::Never || block.fixed_bytes().is_some(),
-                "{idn}: only fixed lengths are cyclic"
+                block.cyclic == Cyclic::Never || matches!(block.fixed_bytes(), Some(2 | 4)),
+                "{idn}: only two and four bytes are cyclic"
+            );
+            assert!(block.bits == Bits::Never || block.fixed_bytes() == Some(2), "{idn}: bits are those of a word");
+            assert!(
+                block.bits != Bits::Target || !attribute.protected_in_cp4(),
+                "{idn}: what a bit sets can be written in CP4"
             );
             assert!(!block.stored || (block.location == Location::Parameter && !attribute.is_read_only()), "{idn}");
             assert!(block.needed_for == NeededFor::Neither || block.location == Location::Parameter, "{idn}");
@@ -343,12 +512,15 @@ mod tests {
             (15, 0x6001_0001),
             (16, 0x6055_0001),
             (17, 0x7055_0001),
+            (26, 0x0055_0001),
             (30, 0x7044_0001),
             (32, 0x4001_0001),
             (46, 0x4021_0001),
             (47, 0x0422_0001),
             (51, 0x7422_0001),
+            (53, 0x7422_0001),
             (79, 0x4012_0001),
+            (80, 0x0121_0001),
             (84, 0x7121_0001),
             (96, 0x7031_0001),
             (97, 0x0001_0001),
@@ -358,6 +530,23 @@ mod tests {
             (113, 0x4412_0001),
             (127, 0x6009_0001),
             (128, 0x5009_0001),
+            (139, 0x6009_0001),
+            (144, 0x7001_0001),
+            (145, 0x0001_0001),
+            (147, 0x0001_0001),
+            (148, 0x3009_0001),
+            (191, 0x0009_0001),
+            (256, 0x7012_0001),
+            (262, 0x0009_0001),
+            (265, 0x0011_0001),
+            (267, 0x0044_0001),
+            (277, 0x4001_0001),
+            (301, 0x0011_0001),
+            (328, 0x0015_0001),
+            (330, 0x7001_0001),
+            (375, 0x7035_0001),
+            (399, 0x7055_0001),
+            (403, 0x7001_0001),
             (141, 0x0044_0001),
             (188, 0x7055_0001),
             (292, 0x7035_0001),
@@ -381,9 +570,15 @@ mod tests {
     fn the_idn_lists_hold_what_the_reference_asks_for() {
         let numbers = |selection| -> std::vec::Vec<u16> { select(selection).map(|block| block.idn.0).collect() };
         assert_eq!(numbers(Selection::NeededForCp3), [1, 2, 6, 7, 8, 9, 10, 15, 16, 24, 89]);
-        assert_eq!(numbers(Selection::Commands), [99, 127, 128]);
-        assert_eq!(numbers(Selection::ConfigurableInMdt), [36, 47]);
-        assert_eq!(numbers(Selection::ConfigurableInAt), [11, 12, 13, 14, 40, 51, 84, 189, 390, 0x8013]);
+        assert_eq!(numbers(Selection::Commands), [99, 127, 128, 139, 148, 191, 262, 447]);
+        assert_eq!(numbers(Selection::ConfigurableInMdt), [36, 37, 47, 48, 80, 81, 145]);
+        assert_eq!(
+            numbers(Selection::ConfigurableInAt),
+            [11, 12, 13, 14, 40, 51, 53, 84, 129, 144, 181, 182, 189, 347, 390, 403, 0x8013]
+        );
+        assert_eq!(numbers(Selection::BitTargets), [0x8013]);
+        assert!(numbers(Selection::ChangeableInCp4).contains(&104));
+        assert!(!numbers(Selection::ChangeableInCp4).contains(&32));
         assert!(numbers(Selection::NeededForCp4).contains(&32));
         assert_eq!(numbers(Selection::All).len(), DICTIONARY.len());
         assert!(!numbers(Selection::Backup).contains(&2));

@@ -28,6 +28,10 @@ impl Idn {
     pub const AT_LIST: Self = Self::standard(16);
     /// S-0-0024.
     pub const MDT_LIST: Self = Self::standard(24);
+    /// S-0-0026.
+    pub const SIGNAL_STATUS_LIST: Self = Self::standard(26);
+    /// S-0-0027.
+    pub const SIGNAL_CONTROL_LIST: Self = Self::standard(27);
     /// S-0-0036.
     pub const VELOCITY_COMMAND: Self = Self::standard(36);
     /// S-0-0040.
@@ -36,6 +40,12 @@ impl Idn {
     pub const POSITION_COMMAND: Self = Self::standard(47);
     /// S-0-0051.
     pub const POSITION_FEEDBACK: Self = Self::standard(51);
+    /// S-0-0037.
+    pub const ADDITIVE_VELOCITY_COMMAND: Self = Self::standard(37);
+    /// S-0-0048.
+    pub const ADDITIVE_POSITION_COMMAND: Self = Self::standard(48);
+    /// S-0-0053.
+    pub const POSITION_FEEDBACK_2: Self = Self::standard(53);
     /// S-0-0080.
     pub const TORQUE_COMMAND: Self = Self::standard(80);
     /// S-0-0099.
@@ -44,6 +54,16 @@ impl Idn {
     pub const CP3_TRANSITION_CHECK: Self = Self::standard(127);
     /// S-0-0128.
     pub const CP4_TRANSITION_CHECK: Self = Self::standard(128);
+    /// S-0-0301: what control word bit 6 drives.
+    pub const REAL_TIME_CONTROL_BIT_1: Self = Self::standard(301);
+    /// S-0-0303: what control word bit 7 drives.
+    pub const REAL_TIME_CONTROL_BIT_2: Self = Self::standard(303);
+    /// S-0-0305: what status word bit 6 shows.
+    pub const REAL_TIME_STATUS_BIT_1: Self = Self::standard(305);
+    /// S-0-0307: what status word bit 7 shows.
+    pub const REAL_TIME_STATUS_BIT_2: Self = Self::standard(307);
+    /// P-0-0005: where position feedback 2 comes from; 0: there is none.
+    pub const POSITION_FEEDBACK_2_SOURCE: Self = Self::product(5);
 
     /// Data block number, 0..=4095.
     pub const fn number(self) -> u16 {

@@ -1,23 +1,34 @@
-//! The values of all data blocks with [`Location::Parameter`], in RAM.
+//! The values of all data blocks with [`Location::Parameter`](crate::data_block::Location::Parameter), in RAM.
 
-use crate::data_block::{DataBlock, Location, Selection};
+mod storage;
+
+use crate::data_block::{DataBlock, Selection};
 use crate::dictionary::{self, ROWS};
 use crate::idn::Idn;
 use crate::service::ServiceError;
 use crate::telegram_type::TelegramType;
 use heapless::{String, Vec};
+use storage::{COUNTS, DEFAULTS, Storage, storage_of};
 
-/// Most entries of a list parameter (S-0-0016, S-0-0024).
+/// Most entries of a list of two-byte items (S-0-0016, S-0-0024).
 pub const LIST_ENTRIES: usize = 16;
+
+/// Most entries of a list of four-byte items (P-0-0007).
+pub const LONG_ENTRIES: usize = 8;
 
 /// Most bytes of a text parameter (S-0-0141, S-0-0142).
 pub const TEXT_BYTES: usize = 40;
+
+/// Highest bit number of a signal word's allocation (S-0-0328, S-0-0329): all data that have bits have two bytes.
+pub const HIGHEST_BIT: u16 = 15;
 
 /// Values, lists and texts, and which of them the master has written since CP2 began.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Parameters {
     cells: [u32; COUNTS.cells],
-    lists: [Vec<Idn, LIST_ENTRIES>; COUNTS.lists],
+    idns: [Vec<Idn, LIST_ENTRIES>; COUNTS.idns],
+    words: [Vec<u16, LIST_ENTRIES>; COUNTS.words],
+    longs: [Vec<u32, LONG_ENTRIES>; COUNTS.longs],
     texts: [String<TEXT_BYTES>; COUNTS.texts],
     written: [u32; ROWS.len().div_ceil(32)],
 }
@@ -33,25 +44,30 @@ impl Parameters {
     pub const fn new() -> Self {
         Self {
             cells: DEFAULTS,
-            lists: [const { Vec::new() }; COUNTS.lists],
+            idns: [const { Vec::new() }; COUNTS.idns],
+            words: [const { Vec::new() }; COUNTS.words],
+            longs: [const { Vec::new() }; COUNTS.longs],
             texts: [const { String::new() }; COUNTS.texts],
             written: [0; ROWS.len().div_ceil(32)],
         }
     }
 
-    /// A parameter of fixed length, as it is transmitted (two-byte values in the low half).
+    /// A parameter of two or four bytes, as it is transmitted (two-byte values in the low half).
     ///
     /// 0 for an IDN that is no such parameter, which is a mistake of the caller: debug builds panic.
     pub fn get(&self, idn: Idn) -> u32 {
-        let value = self.cell(idn);
-        debug_assert!(value.is_some(), "{idn} is not a parameter of fixed length");
+        let value = match storage_of(idn) {
+            Storage::Cell(index) => self.cells.get(usize::from(index)).copied(),
+            _ => None,
+        };
+        debug_assert!(value.is_some(), "{idn} is not a parameter of two or four bytes");
         value.unwrap_or(0)
     }
 
     /// Like [`Parameters::get`], with the sign that the attribute gives the value.
     pub fn get_signed(&self, idn: Idn) -> i64 {
         let raw = self.get(idn);
-        dictionary::find(idn).map_or(0, |block| block.attribute.value_of(raw))
+        dictionary::find(idn).map_or(0, |block| block.attribute.value_of(raw.into()))
     }
 
     /// Like [`Parameters::get`] for two-byte parameters.
@@ -59,13 +75,48 @@ impl Parameters {
         (self.get(idn) & 0xFFFF) as u16
     }
 
-    /// A list parameter; empty for an IDN that is none (debug builds panic).
-    pub fn list(&self, idn: Idn) -> &[Idn] {
-        let list = match storage_of(idn) {
-            Storage::List(index) => self.lists.get(usize::from(index)),
+    /// A parameter of fixed length, eight bytes included, as it is transmitted; otherwise like [`Parameters::get`].
+    pub fn get_long(&self, idn: Idn) -> u64 {
+        let cell = |index: usize| self.cells.get(index).copied().map(u64::from);
+        let value = match storage_of(idn) {
+            Storage::Cell(index) => cell(usize::from(index)),
+            Storage::TwoCells(index) => {
+                let index = usize::from(index);
+                cell(index).zip(cell(index.saturating_add(1))).map(|(low, high)| low | high << 32)
+            }
             _ => None,
         };
-        debug_assert!(list.is_some(), "{idn} is not a list parameter");
+        debug_assert!(value.is_some(), "{idn} is not a parameter of fixed length");
+        value.unwrap_or(0)
+    }
+
+    /// A list of IDNs; empty for an IDN that is none (debug builds panic).
+    pub fn list(&self, idn: Idn) -> &[Idn] {
+        let list = match storage_of(idn) {
+            Storage::Idns(index) => self.idns.get(usize::from(index)),
+            _ => None,
+        };
+        debug_assert!(list.is_some(), "{idn} is not a list of IDNs");
+        list.map_or(&[], |list| list.as_slice())
+    }
+
+    /// A list of two-byte numbers; empty for an IDN that is none (debug builds panic).
+    pub fn words(&self, idn: Idn) -> &[u16] {
+        let list = match storage_of(idn) {
+            Storage::Words(index) => self.words.get(usize::from(index)),
+            _ => None,
+        };
+        debug_assert!(list.is_some(), "{idn} is not a list of two-byte numbers");
+        list.map_or(&[], |list| list.as_slice())
+    }
+
+    /// A list of four-byte numbers; empty for an IDN that is none (debug builds panic).
+    pub fn longs(&self, idn: Idn) -> &[u32] {
+        let list = match storage_of(idn) {
+            Storage::Longs(index) => self.longs.get(usize::from(index)),
+            _ => None,
+        };
+        debug_assert!(list.is_some(), "{idn} is not a list of four-byte numbers");
         list.map_or(&[], |list| list.as_slice())
     }
 
@@ -83,38 +134,81 @@ impl Parameters {
     /// written by the master, and ignores write protection.
     ///
     /// # Errors
-    /// [`ServiceError::BelowMinimum`], [`ServiceError::AboveMaximum`]; [`ServiceError::IdnNotAvailable`] for an IDN
-    /// that is no such parameter. Nothing is changed then.
-    pub fn set(&mut self, idn: Idn, raw: u32) -> Result<(), ServiceError> {
+    /// [`ServiceError::BelowMinimum`], [`ServiceError::AboveMaximum`]; for an allocation of a real-time bit
+    /// [`ServiceError::IdnNotAvailable`] or [`ServiceError::InvalidData`] (sercos2.md 6.1);
+    /// [`ServiceError::IdnNotAvailable`] for an IDN that is no such parameter. Nothing is changed then.
+    pub fn set(&mut self, idn: Idn, raw: u64) -> Result<(), ServiceError> {
         let block = dictionary::find(idn).ok_or(ServiceError::IdnNotAvailable)?;
         check_limits(block, raw)?;
-        let Storage::Cell(index) = storage_of(idn) else {
-            return Err(ServiceError::IdnNotAvailable);
-        };
-        let cell = self.cells.get_mut(usize::from(index)).ok_or(ServiceError::IdnNotAvailable)?;
-        *cell = if block.fixed_bytes() == Some(2) { raw & 0xFFFF } else { raw };
+        let low = (raw & 0xFFFF_FFFF) as u32;
+        match storage_of(idn) {
+            Storage::Cell(index) => {
+                check_allocation(idn, Idn((raw & 0xFFFF) as u16))?;
+                let cell = self.cells.get_mut(usize::from(index)).ok_or(ServiceError::IdnNotAvailable)?;
+                *cell = if block.fixed_bytes() == Some(2) { low & 0xFFFF } else { low };
+            }
+            Storage::TwoCells(index) => {
+                let index = usize::from(index);
+                let cells = self.cells.get_mut(index..index.saturating_add(2)).ok_or(ServiceError::IdnNotAvailable)?;
+                cells.copy_from_slice(&[low, (raw >> 32) as u32]);
+            }
+            _ => return Err(ServiceError::IdnNotAvailable),
+        }
         Ok(())
     }
 
-    /// Sets a list parameter; otherwise like [`Parameters::set`].
+    /// Sets a list of IDNs; otherwise like [`Parameters::set`].
     ///
     /// # Errors
-    /// [`ServiceError::InvalidData`] if the list is too long or names an IDN that cannot be configured in its
-    /// telegram; [`ServiceError::IdnNotAvailable`] if there is no such list parameter.
+    /// [`ServiceError::InvalidData`] if the list is too long or names an IDN that cannot stand in it;
+    /// [`ServiceError::IdnNotAvailable`] if there is no such list parameter.
     pub fn set_list(&mut self, idn: Idn, entries: &[Idn]) -> Result<(), ServiceError> {
-        let Storage::List(index) = storage_of(idn) else {
+        let Storage::Idns(index) = storage_of(idn) else {
             return Err(ServiceError::IdnNotAvailable);
         };
-        let list = self.lists.get_mut(usize::from(index)).ok_or(ServiceError::IdnNotAvailable)?;
+        let list = self.idns.get_mut(usize::from(index)).ok_or(ServiceError::IdnNotAvailable)?;
         let selection = match idn {
             Idn::AT_LIST => Selection::ConfigurableInAt,
             Idn::MDT_LIST => Selection::ConfigurableInMdt,
+            Idn::SIGNAL_STATUS_LIST => Selection::BitSources,
+            Idn::SIGNAL_CONTROL_LIST => Selection::BitTargets,
             _ => Selection::All,
         };
         let is_known = |entry: &Idn| dictionary::find(*entry).is_some_and(|block| block.is_in(selection));
         if !entries.iter().all(is_known) {
             return Err(ServiceError::InvalidData);
         }
+        *list = Vec::from_slice(entries).map_err(|_| ServiceError::InvalidData)?;
+        Ok(())
+    }
+
+    /// Sets a list of two-byte numbers (the bit numbers of a signal word); otherwise like [`Parameters::set`].
+    ///
+    /// # Errors
+    /// [`ServiceError::InvalidData`] if the list is too long or a number is above [`HIGHEST_BIT`];
+    /// [`ServiceError::IdnNotAvailable`] if there is no such list parameter.
+    pub fn set_words(&mut self, idn: Idn, entries: &[u16]) -> Result<(), ServiceError> {
+        let Storage::Words(index) = storage_of(idn) else {
+            return Err(ServiceError::IdnNotAvailable);
+        };
+        let list = self.words.get_mut(usize::from(index)).ok_or(ServiceError::IdnNotAvailable)?;
+        if entries.iter().any(|&bit| bit > HIGHEST_BIT) {
+            return Err(ServiceError::InvalidData);
+        }
+        *list = Vec::from_slice(entries).map_err(|_| ServiceError::InvalidData)?;
+        Ok(())
+    }
+
+    /// Sets a list of four-byte numbers; otherwise like [`Parameters::set`].
+    ///
+    /// # Errors
+    /// [`ServiceError::InvalidData`] if the list is too long; [`ServiceError::IdnNotAvailable`] if there is no such list
+    /// parameter.
+    pub fn set_longs(&mut self, idn: Idn, entries: &[u32]) -> Result<(), ServiceError> {
+        let Storage::Longs(index) = storage_of(idn) else {
+            return Err(ServiceError::IdnNotAvailable);
+        };
+        let list = self.longs.get_mut(usize::from(index)).ok_or(ServiceError::IdnNotAvailable)?;
         *list = Vec::from_slice(entries).map_err(|_| ServiceError::InvalidData)?;
         Ok(())
     }
@@ -132,6 +226,48 @@ impl Parameters {
         let bytes = Vec::from_slice(bytes).map_err(|_| ServiceError::InvalidData)?;
         *text = String::from_utf8(bytes).map_err(|_| ServiceError::InvalidData)?;
         Ok(())
+    }
+
+    /// S-0-0262: everything that a control saves (S-0-0192) goes back to the table's defaults. The communication parameters, which
+    /// the master writes anew in every run-up, stay.
+    pub fn load_defaults(&mut self) {
+        for block in dictionary::select(Selection::Backup) {
+            // A default within its limits is never refused; lists and texts are empty.
+            let _ = match storage_of(block.idn) {
+                Storage::None => Ok(()),
+                Storage::Cell(_) | Storage::TwoCells(_) => self.set(block.idn, storage::default_of(block)),
+                Storage::Idns(_) => self.set_list(block.idn, &[]),
+                Storage::Words(_) => self.set_words(block.idn, &[]),
+                Storage::Longs(_) => self.set_longs(block.idn, &[]),
+                Storage::Text(_) => self.set_text(block.idn, &[]),
+            };
+        }
+    }
+
+    /// S-0-0326: a checksum (FNV-1a, 32 bits) over everything that a control saves (S-0-0327), in the order of the IDNs. Two drives with
+    /// the same checksum have the same settings.
+    pub fn checksum(&self) -> u32 {
+        let mut sum = Checksum::new();
+        for block in dictionary::select(Selection::Backup) {
+            sum.add(block.idn.0);
+            match storage_of(block.idn) {
+                Storage::None => {}
+                Storage::Cell(_) | Storage::TwoCells(_) => {
+                    let value = self.get_long(block.idn);
+                    for shift in [0, 16, 32, 48] {
+                        sum.add((value >> shift & 0xFFFF) as u16);
+                    }
+                }
+                Storage::Idns(_) => self.list(block.idn).iter().for_each(|entry| sum.add(entry.0)),
+                Storage::Words(_) => self.words(block.idn).iter().for_each(|&entry| sum.add(entry)),
+                Storage::Longs(_) => self.longs(block.idn).iter().for_each(|&entry| {
+                    sum.add((entry & 0xFFFF) as u16);
+                    sum.add((entry >> 16) as u16);
+                }),
+                Storage::Text(_) => self.text(block.idn).bytes().for_each(|byte| sum.add(byte.into())),
+            }
+        }
+        sum.0
     }
 
     /// True if the master has written the data block since [`Parameters::forget_written`].
@@ -172,17 +308,10 @@ impl Parameters {
             None => &[],
         }
     }
-
-    fn cell(&self, idn: Idn) -> Option<u32> {
-        match storage_of(idn) {
-            Storage::Cell(index) => self.cells.get(usize::from(index)).copied(),
-            _ => None,
-        }
-    }
 }
 
 /// Checks a value of fixed length against the limits of its data block.
-pub(crate) fn check_limits(block: &DataBlock, raw: u32) -> Result<(), ServiceError> {
+pub(crate) fn check_limits(block: &DataBlock, raw: u64) -> Result<(), ServiceError> {
     let value = block.attribute.value_of(raw);
     if block.minimum.is_some_and(|minimum| value < minimum) {
         return Err(ServiceError::BelowMinimum);
@@ -193,84 +322,45 @@ pub(crate) fn check_limits(block: &DataBlock, raw: u32) -> Result<(), ServiceErr
     Ok(())
 }
 
+/// Checks the IDN that a real-time bit is to be tied to; 0 unties it (sercos2.md 6.1).
+fn check_allocation(bit: Idn, idn: Idn) -> Result<(), ServiceError> {
+    let selection = match bit {
+        Idn::REAL_TIME_CONTROL_BIT_1 | Idn::REAL_TIME_CONTROL_BIT_2 => Selection::BitTargets,
+        Idn::REAL_TIME_STATUS_BIT_1 | Idn::REAL_TIME_STATUS_BIT_2 => Selection::BitSources,
+        _ => return Ok(()),
+    };
+    if idn == Idn(0) {
+        return Ok(());
+    }
+    let block = dictionary::find(idn).ok_or(ServiceError::IdnNotAvailable)?;
+    if block.is_in(selection) { Ok(()) } else { Err(ServiceError::InvalidData) }
+}
+
 fn written_bit(idn: Idn) -> Option<(usize, u32)> {
     let index = dictionary::index_of(idn)?;
     let bit = u32::try_from(index & 31).ok()?;
     Some((index >> 5, 1u32.checked_shl(bit)?))
 }
 
-/// Where in [`Parameters`] a data block has its value.
-#[derive(Clone, Copy)]
-enum Storage {
-    None,
-    Cell(u8),
-    List(u8),
-    Text(u8),
-}
+/// FNV-1a over two-byte words, low byte first.
+struct Checksum(u32);
 
-struct Counts {
-    cells: usize,
-    lists: usize,
-    texts: usize,
-}
-
-const LAYOUT: ([Storage; ROWS.len()], Counts) = lay_out();
-const COUNTS: Counts = LAYOUT.1;
-static STORAGE: [Storage; ROWS.len()] = LAYOUT.0;
-const DEFAULTS: [u32; COUNTS.cells] = defaults();
-
-fn storage_of(idn: Idn) -> Storage {
-    let storage = dictionary::index_of(idn).and_then(|index| STORAGE.get(index));
-    storage.copied().unwrap_or(Storage::None)
-}
-
-#[allow(clippy::indexing_slicing, clippy::arithmetic_side_effects, reason = "evaluated by the compiler only")]
-const fn lay_out() -> ([Storage; ROWS.len()], Counts) {
-    let mut storage = [Storage::None; ROWS.len()];
-    let mut counts = Counts { cells: 0, lists: 0, texts: 0 };
-    let mut row = 0;
-    while row < ROWS.len() {
-        let block = &ROWS[row];
-        if matches!(block.location, Location::Parameter) {
-            if block.fixed_bytes().is_some() {
-                storage[row] = Storage::Cell(counts.cells as u8);
-                counts.cells += 1;
-            } else if block.is_text() {
-                storage[row] = Storage::Text(counts.texts as u8);
-                counts.texts += 1;
-            } else {
-                storage[row] = Storage::List(counts.lists as u8);
-                counts.lists += 1;
-            }
-        }
-        row += 1;
+impl Checksum {
+    const fn new() -> Self {
+        Self(0x811C_9DC5)
     }
-    assert!(counts.cells < 256, "Storage::Cell holds a byte");
-    (storage, counts)
-}
 
-#[allow(clippy::indexing_slicing, clippy::arithmetic_side_effects, reason = "evaluated by the compiler only")]
-const fn defaults() -> [u32; COUNTS.cells] {
-    let mut cells = [0; COUNTS.cells];
-    let mut row = 0;
-    while row < ROWS.len() {
-        if let Storage::Cell(index) = LAYOUT.0[row] {
-            let block = &ROWS[row];
-            let raw = match block.fixed_bytes() {
-                Some(2) => block.default as u32 & 0xFFFF,
-                _ => block.default as u32,
-            };
-            assert!(block.attribute.value_of(raw) == block.default, "a default does not fit its format");
-            cells[index as usize] = raw;
+    fn add(&mut self, word: u16) {
+        for byte in word.to_le_bytes() {
+            self.0 = (self.0 ^ u32::from(byte)).wrapping_mul(0x0100_0193);
         }
-        row += 1;
     }
-    cells
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::data_block::Location;
 
     #[test]
     fn the_defaults_come_from_the_table() {
@@ -286,20 +376,44 @@ mod tests {
     fn every_parameter_has_a_place_of_its_own() {
         let mut parameters = Parameters::new();
         let blocks = || dictionary::select(Selection::All).filter(|block| block.location == Location::Parameter);
-        let fixed = || blocks().filter(|block| block.fixed_bytes().is_some());
+        // Constants and allocations take few values; their places are seen through the others'.
+        let fixed = || {
+            blocks().filter(|block| {
+                let range = block.maximum.unwrap_or(i64::MAX).saturating_sub(block.minimum.unwrap_or(0));
+                block.fixed_bytes().is_some() && !block.restricted && range > 1_000
+            })
+        };
         for (block, value) in fixed().zip(1..) {
-            let value = block.maximum.map_or(value, |maximum| maximum as u32 - value);
-            parameters.set(block.idn, value).unwrap();
+            parameters.set(block.idn, distinct(block, value)).unwrap();
         }
         for (block, value) in fixed().zip(1..) {
-            let value = block.maximum.map_or(value, |maximum| maximum as u32 - value);
-            let value = if block.fixed_bytes() == Some(2) { value & 0xFFFF } else { value };
-            assert_eq!(parameters.get(block.idn), value, "{}", block.idn);
+            assert_eq!(parameters.get_long(block.idn), distinct(block, value), "{}", block.idn);
         }
         parameters.set_list(Idn::AT_LIST, &[Idn::POSITION_FEEDBACK]).unwrap();
         assert_eq!(parameters.list(Idn::MDT_LIST), []);
         parameters.set_text(Idn::standard(142), b"folder").unwrap();
         assert_eq!((parameters.text(Idn::standard(141)), parameters.text(Idn::standard(142))), ("", "folder"));
+        parameters.set_words(Idn::standard(328), &[15, 0]).unwrap();
+        assert_eq!(
+            (parameters.words(Idn::standard(328)), parameters.words(Idn::standard(329))),
+            ([15, 0].as_slice(), [].as_slice())
+        );
+        parameters.set_longs(Idn::product(7), &[u32::MAX; LONG_ENTRIES]).unwrap();
+        assert_eq!(parameters.longs(Idn::product(7)), [u32::MAX; LONG_ENTRIES]);
+    }
+
+    /// A value of its own for every data block, within its limits.
+    fn distinct(block: &DataBlock, number: u64) -> u64 {
+        let value = match block.maximum {
+            Some(maximum) => maximum as u64 - number,
+            None if block.fixed_bytes() == Some(8) => number | number << 32,
+            None => number,
+        };
+        match block.fixed_bytes() {
+            Some(2) => value & 0xFFFF,
+            Some(4) => value & 0xFFFF_FFFF,
+            _ => value,
+        }
     }
 
     #[test]
@@ -315,24 +429,89 @@ mod tests {
         assert_eq!(parameters.set_list(Idn::MDT_LIST, &[Idn::VELOCITY_COMMAND; 17]), Err(ServiceError::InvalidData));
         assert_eq!(parameters.set_text(Idn::standard(141), &[b'x'; 41]), Err(ServiceError::InvalidData));
         assert_eq!(parameters.set_text(Idn::standard(141), &[0xFF]), Err(ServiceError::InvalidData));
+        assert_eq!(parameters.set_words(Idn::standard(329), &[16]), Err(ServiceError::InvalidData));
+        assert_eq!(parameters.set_longs(Idn::product(7), &[0; 9]), Err(ServiceError::InvalidData));
         assert_eq!(parameters, before);
     }
 
     #[test]
     fn two_byte_parameters_keep_two_bytes() {
         let mut parameters = Parameters::new();
-        parameters.set(Idn::product(19), 0x1_0005).unwrap();
-        assert_eq!(parameters.get(Idn::product(19)), 5);
+        parameters.set(Idn::standard(97), 0x1_0005).unwrap();
+        assert_eq!(parameters.get(Idn::standard(97)), 5);
     }
 
     #[test]
     fn what_the_master_has_written_is_forgotten_when_cp2_begins() {
         let mut parameters = Parameters::new();
         parameters.mark_written(Idn::standard(2));
-        parameters.mark_written(Idn::product(19));
-        assert!(parameters.is_written(Idn::standard(2)) && parameters.is_written(Idn::product(19)));
+        parameters.mark_written(Idn::product(7));
+        assert!(parameters.is_written(Idn::standard(2)) && parameters.is_written(Idn::product(7)));
         assert!(!parameters.is_written(Idn::standard(1)));
         parameters.forget_written();
-        assert!(!parameters.is_written(Idn::standard(2)) && !parameters.is_written(Idn::product(19)));
+        assert!(!parameters.is_written(Idn::standard(2)) && !parameters.is_written(Idn::product(7)));
+    }
+
+    #[test]
+    fn a_real_time_bit_is_tied_to_something_that_has_bits_or_to_nothing() {
+        let mut parameters = Parameters::new();
+        for (bit, idn, result) in [
+            (301, 0x8013, Ok(())),
+            (303, 11, Err(ServiceError::InvalidData)),
+            (305, 11, Ok(())),
+            (307, 2, Err(ServiceError::InvalidData)),
+            (301, 4000, Err(ServiceError::IdnNotAvailable)),
+            (305, 4000, Err(ServiceError::IdnNotAvailable)),
+            (301, 0, Ok(())),
+        ] {
+            let before = parameters.clone();
+            assert_eq!(parameters.set(Idn::standard(bit), idn), result, "S-0-{bit:04} = {idn:04X}H");
+            if result.is_err() {
+                assert_eq!(parameters, before);
+            }
+        }
+        assert_eq!(parameters.get(Idn::standard(305)), 11);
+    }
+
+    #[test]
+    fn the_defaults_come_back_for_what_is_stored_and_for_nothing_else() {
+        let mut parameters = Parameters::new();
+        parameters.set(Idn::standard(2), 4_000).unwrap();
+        parameters.set(Idn::standard(104), 250).unwrap();
+        parameters.set_text(Idn::standard(142), b"folder").unwrap();
+        parameters.set(Idn::product(8), u64::MAX).unwrap();
+        parameters.load_defaults();
+        assert_eq!(parameters.get(Idn::standard(2)), 4_000);
+        assert_eq!(parameters.get(Idn::standard(104)), 100);
+        assert_eq!(parameters.text(Idn::standard(142)), "");
+        assert_eq!(parameters.get_long(Idn::product(8)), 0);
+    }
+
+    #[test]
+    fn the_checksum_sees_every_stored_data_block_and_no_other() {
+        let fresh = Parameters::new();
+        let mut other = fresh.clone();
+        other.set(Idn::standard(2), 4_000).unwrap();
+        assert_eq!(other.checksum(), fresh.checksum());
+        for block in dictionary::select(Selection::Backup) {
+            let mut other = fresh.clone();
+            let changed = match storage_of(block.idn) {
+                Storage::None => panic!("{} is stored nowhere", block.idn),
+                Storage::Cell(_) | Storage::TwoCells(_) => {
+                    let now = other.get_long(block.idn);
+                    other
+                        .set(block.idn, now + 1)
+                        .or_else(|_| other.set(block.idn, now.wrapping_sub(1)))
+                        .or_else(|_| other.set(block.idn, 11))
+                        .or_else(|_| other.set(block.idn, 0x8013))
+                }
+                Storage::Idns(_) => other.set_list(block.idn, &[Idn::product(19)]),
+                Storage::Words(_) => other.set_words(block.idn, &[1]),
+                Storage::Longs(_) => other.set_longs(block.idn, &[1]),
+                Storage::Text(_) => other.set_text(block.idn, b"x"),
+            };
+            assert_eq!(changed, Ok(()), "{}", block.idn);
+            assert_ne!(other.checksum(), fresh.checksum(), "{}", block.idn);
+        }
     }
 }

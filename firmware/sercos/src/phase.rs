@@ -128,7 +128,10 @@ pub enum PhaseError {
         to: Phase,
     },
     /// Bit 9: switched to an operation mode that is not initialised.
-    UninitialisedMode,
+    UninitialisedMode {
+        /// Control word bits 11, 9, 8: 0 to 7, an index of [`crate::transition::OPERATION_MODES`].
+        selected: u8,
+    },
 }
 
 impl fmt::Display for PhaseError {
@@ -141,7 +144,9 @@ impl fmt::Display for PhaseError {
             PhaseError::Upshift { from, to } => write!(f, "phase skipped: {from} to {to}"),
             PhaseError::Downshift { from, to } => write!(f, "step back from {from} to {to}, only CP0 is allowed"),
             PhaseError::NotReady { to } => write!(f, "switched to {to} without a positive transition check"),
-            PhaseError::UninitialisedMode => f.write_str("switched to an operation mode that is not initialised"),
+            PhaseError::UninitialisedMode { selected } => {
+                write!(f, "switched to operation mode {selected}, which is not initialised")
+            }
         }
     }
 }
@@ -149,6 +154,9 @@ impl fmt::Display for PhaseError {
 impl core::error::Error for PhaseError {}
 
 /// S-0-0014, interface status (sercos2.md 2.4).
+///
+/// Bit 10, another drive with the same address, stays 0: both answer in the same instant, and a station that sends does not listen. The
+/// master sees it by an arrangement (S-0-0096) or a number of drives that is not what it expects.
 #[bitfield(u16, default = 0)]
 #[derive(PartialEq, Eq, Debug)]
 pub struct InterfaceStatus {
@@ -193,7 +201,7 @@ impl InterfaceStatus {
             PhaseError::Upshift { .. } => self.with_upshift(true),
             PhaseError::Downshift { .. } => self.with_downshift(true),
             PhaseError::NotReady { .. } => self.with_not_ready(true),
-            PhaseError::UninitialisedMode => self.with_uninitialised_mode(true),
+            PhaseError::UninitialisedMode { .. } => self.with_uninitialised_mode(true),
         }
     }
 }

@@ -9,11 +9,12 @@ mod transfer;
 
 pub use error::{Element, ServiceError};
 
+use crate::attribute::{Format, Length};
 use crate::command::{CommandAction, CommandState, CommandStatus, Commands};
 use crate::data_block::{DataBlock, Location};
 use crate::dictionary;
 use crate::idn::Idn;
-use crate::parameters::{self, LIST_ENTRIES, Parameters, TEXT_BYTES};
+use crate::parameters::{self, LIST_ENTRIES, LONG_ENTRIES, Parameters, TEXT_BYTES};
 use crate::phase::Phase;
 use heapless::{String, Vec};
 use transfer::{Source, Staging, State, Transfer};
@@ -21,11 +22,14 @@ use transfer::{Source, Staging, State, Transfer};
 /// Most words of one [`Reply::Send`].
 pub const SEGMENT_WORDS: usize = 16;
 
-/// Most bytes of a text that the drive itself supplies.
-pub const LIVE_TEXT_BYTES: usize = 60;
+/// Most bytes of a text that the drive itself puts together; one that lies in flash can have any length.
+pub const LIVE_TEXT_BYTES: usize = 80;
 
-/// Most entries of a list that the drive itself supplies.
+/// Most entries of a list of two-byte items that the drive itself supplies.
 pub const LIVE_LIST_ENTRIES: usize = 64;
+
+/// Most entries of a list of four-byte items that the drive itself supplies.
+pub const LIVE_LONG_ENTRIES: usize = 32;
 
 /// One step of the master, as the control word and INFO of its MDT give it.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -42,8 +46,23 @@ pub struct Step {
     /// The controller saw another element or direction than before. The server notices that by itself; the flag tells
     /// it of a transfer that starts anew with the same element.
     pub new_transfer: bool,
-    /// For reading: all words of the last [`Reply::Send`] are used.
-    pub at_boundary: bool,
+    /// For reading: where this step stands in the words of the last [`Reply::Send`].
+    pub progress: Progress,
+}
+
+/// Where a reading step stands in the words of the last [`Reply::Send`], as far as the controller knows.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
+pub enum Progress {
+    /// It took one of them, or there are none.
+    #[default]
+    Within,
+    /// It took one of them that is certainly not the last.
+    NotLast,
+    /// It took the last one.
+    TookLast,
+    /// The step before took the last one: this step has no word.
+    Exhausted,
 }
 
 /// What to do about a step.
@@ -64,18 +83,32 @@ pub enum Reply {
 
 /// Data and commands that live in the drive; asked only for IDNs whose [`Location`] says so.
 pub trait Live {
-    /// Operation data of fixed length; two-byte values in the low half.
-    fn read(&mut self, idn: Idn) -> u32;
+    /// Operation data of fixed length; values of two and four bytes in the low part.
+    fn read(&mut self, idn: Idn, parameters: &Parameters) -> u64;
 
-    /// A text; `text` is empty at the call.
-    fn read_text(&mut self, idn: Idn, text: &mut String<LIVE_TEXT_BYTES>);
+    /// A text: one that never changes is returned, any other is put into `text`, which is empty at the call.
+    fn read_text(
+        &mut self,
+        idn: Idn,
+        parameters: &Parameters,
+        text: &mut String<LIVE_TEXT_BYTES>,
+    ) -> Option<&'static str>;
 
     /// A list of two-byte items; `list` is empty at the call.
     fn read_list(&mut self, idn: Idn, list: &mut Vec<u16, LIVE_LIST_ENTRIES>);
 
+    /// A list of four-byte items; `list` is empty at the call.
+    fn read_longs(&mut self, idn: Idn, list: &mut Vec<u32, LIVE_LONG_ENTRIES>);
+
     /// Takes operation data of fixed length (S-0-0036, S-0-0047 while they are not cyclic); limits, phase and
     /// [`Live::refuses`] have been asked before.
-    fn write(&mut self, idn: Idn, value: u32);
+    fn write(&mut self, idn: Idn, value: u64);
+
+    /// Takes a text (S-0-0267); phase and [`Live::refuses`] have been asked before.
+    ///
+    /// # Errors
+    /// The text is refused, and nothing has changed.
+    fn write_text(&mut self, idn: Idn, text: &[u8]) -> Result<(), ServiceError>;
 
     /// Told after every accepted write but those to commands. A check that was passed is void if it looked at
     /// this data block ([`crate::data_block::DataBlock::needed_for`]).
@@ -98,9 +131,14 @@ pub trait Live {
 
     /// A reason of the drive's own against writing this value (0 for lists and texts), as
     /// [`ServiceError::ProtectedBySettings`] while torque is on or [`ServiceError::InvalidData`].
-    fn refuses(&self, idn: Idn, value: u32, parameters: &Parameters) -> Option<ServiceError> {
+    fn refuses(&self, idn: Idn, value: u64, parameters: &Parameters) -> Option<ServiceError> {
         let _ = (idn, value, parameters);
         None
+    }
+
+    /// Whether the password S-0-0267 locks what S-0-0279 lists.
+    fn is_locked(&self) -> bool {
+        false
     }
 }
 
@@ -248,16 +286,18 @@ impl Server {
         source: Source,
         position: usize,
     ) -> Result<(Reply, State), ServiceError> {
-        if !step.at_boundary {
-            return Ok((Reply::Continue, State::Reading { source, position }));
-        }
-        if position < source.words(&self.staging) {
-            return self.send(element, step, source, position);
-        }
-        if step.end {
-            Ok((Reply::Continue, State::Reading { source, position }))
-        } else {
-            Err(ServiceError::TooLong(element))
+        let goes_on = position < source.words(&self.staging);
+        let same = State::Reading { source, position };
+        match (step.progress, step.end) {
+            // Only the last segment holds the last word, and it is so short that the controller knows which word was taken.
+            (Progress::NotLast, true) => Err(ServiceError::TooShort(element)),
+            (Progress::Within | Progress::TookLast, true) if goes_on => Err(ServiceError::TooShort(element)),
+            (Progress::TookLast | Progress::Exhausted, false) if goes_on => self.send(element, step, source, position),
+            (Progress::Exhausted, true) if goes_on => self.send(element, step, source, position),
+            (Progress::TookLast, false) | (Progress::Exhausted, _) => Err(ServiceError::TooLong(element)),
+            (Progress::Within | Progress::NotLast, false) | (Progress::Within | Progress::TookLast, true) => {
+                Ok((Reply::Continue, same))
+            }
         }
     }
 
@@ -272,7 +312,7 @@ impl Server {
         if step.end && remaining > 1 {
             return Err(ServiceError::TooShort(element));
         }
-        let segment = source.segment(&self.staging, position, self.segment_words);
+        let segment = source.segment(&self.staging, position, self.segment_words.min(before_last_segment(remaining)));
         let position = position.saturating_add(segment.len());
         Ok((Reply::Send(segment), State::Reading { source, position }))
     }
@@ -287,8 +327,8 @@ impl Server {
     ) -> Result<Source, ServiceError> {
         let staging = &mut self.staging;
         let limit = |limit: Option<i64>| match (limit, block.fixed_bytes()) {
-            // Limits are checked to fit the format when the dictionary is tested; the cast keeps the low 32 bits.
-            (Some(limit), Some(bytes)) => Ok((bytes, limit as u32)),
+            // Limits are checked to fit the format when the dictionary is tested; the cast keeps the bits that are sent.
+            (Some(limit), Some(bytes)) => Ok((bytes, limit as u64)),
             _ => Err(ServiceError::NotAvailable(element)),
         };
         match element {
@@ -296,7 +336,7 @@ impl Server {
             Element::Name => return Ok(Source::Text(block.name)),
             Element::Unit if block.unit.is_empty() => return Err(ServiceError::NotAvailable(element)),
             Element::Unit => return Ok(Source::Text(block.unit)),
-            Element::Attribute => transfer::stage_fixed(staging, 4, block.attribute.raw_value()),
+            Element::Attribute => transfer::stage_fixed(staging, 4, block.attribute.raw_value().into()),
             Element::Minimum | Element::Maximum => {
                 let (bytes, raw) = limit(if element == Element::Minimum { block.minimum } else { block.maximum })?;
                 transfer::stage_fixed(staging, bytes, raw);
@@ -304,26 +344,44 @@ impl Server {
             Element::Data => match (block.location, block.fixed_bytes()) {
                 (Location::Dictionary(selection), _) => return Ok(Source::Dictionary(selection)),
                 (Location::Command, _) => {
-                    transfer::stage_fixed(staging, 2, u32::from(self.commands.status(block.idn) as u16));
+                    transfer::stage_fixed(staging, 2, u64::from(self.commands.status(block.idn) as u16));
                 }
-                (Location::Parameter, Some(bytes)) => transfer::stage_fixed(staging, bytes, parameters.get(block.idn)),
-                (Location::Parameter, None) if block.is_text() => {
-                    transfer::stage_text(staging, parameters.text(block.idn), TEXT_BYTES);
+                (Location::Parameter, Some(bytes)) => {
+                    transfer::stage_fixed(staging, bytes, parameters.get_long(block.idn));
                 }
-                (Location::Parameter, None) => {
-                    transfer::stage_list(staging, parameters.list(block.idn).iter().map(|idn| idn.0), LIST_ENTRIES);
+                (Location::Live, Some(bytes)) => {
+                    transfer::stage_fixed(staging, bytes, live.read(block.idn, parameters));
                 }
-                (Location::Live, Some(bytes)) => transfer::stage_fixed(staging, bytes, live.read(block.idn)),
-                (Location::Live, None) if block.is_text() => {
-                    let mut text = String::new();
-                    live.read_text(block.idn, &mut text);
-                    transfer::stage_text(staging, &text, LIVE_TEXT_BYTES);
-                }
-                (Location::Live, None) => {
-                    let mut list = Vec::new();
-                    live.read_list(block.idn, &mut list);
-                    transfer::stage_list(staging, list.iter().copied(), LIVE_LIST_ENTRIES);
-                }
+                (Location::Parameter, None) => match list_kind(block) {
+                    ListKind::Text => transfer::stage_text(staging, parameters.text(block.idn), TEXT_BYTES),
+                    ListKind::Idns => {
+                        let idns = parameters.list(block.idn).iter().map(|idn| idn.0);
+                        transfer::stage_list(staging, idns, LIST_ENTRIES);
+                    }
+                    ListKind::Words => {
+                        transfer::stage_list(staging, parameters.words(block.idn).iter().copied(), LIST_ENTRIES);
+                    }
+                    ListKind::Longs => transfer::stage_longs(staging, parameters.longs(block.idn), LONG_ENTRIES),
+                },
+                (Location::Live, None) => match list_kind(block) {
+                    ListKind::Text => {
+                        let mut text = String::new();
+                        if let Some(text) = live.read_text(block.idn, parameters, &mut text) {
+                            return Ok(Source::Text(text));
+                        }
+                        transfer::stage_text(staging, &text, LIVE_TEXT_BYTES);
+                    }
+                    ListKind::Idns | ListKind::Words => {
+                        let mut list = Vec::new();
+                        live.read_list(block.idn, &mut list);
+                        transfer::stage_list(staging, list.iter().copied(), LIVE_LIST_ENTRIES);
+                    }
+                    ListKind::Longs => {
+                        let mut list = Vec::new();
+                        live.read_longs(block.idn, &mut list);
+                        transfer::stage_longs(staging, &list, LIVE_LONG_ENTRIES);
+                    }
+                },
             },
         }
         Ok(Source::Staged)
@@ -355,13 +413,7 @@ impl Server {
         live: &mut impl Live,
     ) -> Result<(), ServiceError> {
         let idn = block.idn;
-        let value = match block.fixed_bytes() {
-            Some(_) => {
-                let word = |index| u32::from(self.staging.get(index).copied().unwrap_or(0));
-                word(0) | (word(1) << 16)
-            }
-            None => 0,
-        };
+        let value = if block.fixed_bytes().is_some() { transfer::written_value(&self.staging) } else { 0 };
         parameters::check_limits(block, value)?;
         if let Some(error) = live.refuses(idn, value, parameters) {
             return Err(error);
@@ -371,17 +423,23 @@ impl Server {
                 let value = (value & 0xFFFF) as u16;
                 return self.commands.write(idn, value, |action| live.command(idn, action, parameters));
             }
-            (Location::Dictionary(_), _) | (Location::Live, None) => return Err(ServiceError::ReadOnly(Element::Data)),
+            (Location::Dictionary(_), _) => return Err(ServiceError::ReadOnly(Element::Data)),
             (Location::Live, Some(_)) => live.write(idn, value),
+            (Location::Live, None) if block.is_text() => {
+                live.write_text(idn, &transfer::written_bytes(&self.staging))?;
+            }
+            (Location::Live, None) => return Err(ServiceError::ReadOnly(Element::Data)),
             (Location::Parameter, Some(_)) => parameters.set(idn, value)?,
-            (Location::Parameter, None) if block.is_text() => {
-                parameters.set_text(idn, &transfer::written_bytes(&self.staging))?;
-            }
-            (Location::Parameter, None) => {
-                let mut entries: Vec<Idn, LIST_ENTRIES> = Vec::new();
-                transfer::fill(&mut entries, self.staging.iter().skip(2).map(|&raw| Idn(raw)));
-                parameters.set_list(idn, &entries)?;
-            }
+            (Location::Parameter, None) => match list_kind(block) {
+                ListKind::Text => parameters.set_text(idn, &transfer::written_bytes(&self.staging))?,
+                ListKind::Idns => {
+                    let mut entries: Vec<Idn, LIST_ENTRIES> = Vec::new();
+                    transfer::fill(&mut entries, self.staging.iter().skip(2).map(|&raw| Idn(raw)));
+                    parameters.set_list(idn, &entries)?;
+                }
+                ListKind::Words => parameters.set_words(idn, self.staging.get(2..).unwrap_or(&[]))?,
+                ListKind::Longs => parameters.set_longs(idn, &transfer::written_longs(&self.staging))?,
+            },
         }
         parameters.mark_written(idn);
         live.written(idn, parameters);
@@ -394,6 +452,33 @@ impl Server {
             Location::Command => self.commands.status(block.idn) as u16,
             _ => 0,
         }
+    }
+}
+
+/// Words to be sent before the last segment of an element, or in it.
+///
+/// A controller that passes words by itself tells of END where it comes, and the handshake bit gives the parity of the word that was taken
+/// then. With a last segment of at most two words this is enough to know whether END came too early.
+const fn before_last_segment(remaining: usize) -> usize {
+    const LAST_SEGMENT: usize = 2;
+    if remaining > LAST_SEGMENT { remaining.saturating_sub(LAST_SEGMENT) } else { remaining }
+}
+
+/// What the items of a list are.
+#[derive(Clone, Copy)]
+enum ListKind {
+    Text,
+    Idns,
+    Words,
+    Longs,
+}
+
+const fn list_kind(block: &DataBlock) -> ListKind {
+    match (block.attribute.length(), block.attribute.format()) {
+        (Length::ListOfFour, _) => ListKind::Longs,
+        (Length::ListOfTwo, Format::Idn) => ListKind::Idns,
+        (Length::ListOfTwo, _) => ListKind::Words,
+        _ => ListKind::Text,
     }
 }
 
@@ -421,6 +506,8 @@ fn may_write(
     } else if phase >= Phase::Cp3 && parameters.cyclic_mdt().contains(&block.idn) {
         // Only what the MDT overwrites every cycle; a value that is merely shown in the AT can still be written.
         Err(ServiceError::ConfiguredCyclically)
+    } else if block.stored && live.is_locked() {
+        Err(ServiceError::ProtectedByPassword)
     } else {
         Ok(())
     }

@@ -10,6 +10,7 @@ use crate::idn::Idn;
 use crate::parameters::{self, LIST_ENTRIES, Parameters};
 use crate::phase::{ReadyForCp3, ReadyForCp4};
 use crate::telegram_type::TelegramType;
+use core::fmt;
 use heapless::Vec;
 
 /// What the drive can do beyond the read-only data of the dictionary.
@@ -17,7 +18,7 @@ use heapless::Vec;
 pub struct Capabilities {
     /// Bit rate of the ring.
     pub bit_rate: BitRate,
-    /// Values that S-0-0032 to S-0-0035 may have, besides 0 (none) for the secondary modes.
+    /// Values that S-0-0032 to S-0-0035 and S-0-0284 to S-0-0287 may have, besides 0 (none) for the secondary modes.
     pub operation_modes: &'static [u16],
 }
 
@@ -107,6 +108,65 @@ pub enum Reason {
     },
     /// An operation mode needs a command value that the MDT does not carry.
     CommandValueMissing(Idn),
+    /// Asks for position feedback 2, which this drive does not have (P-0-0005).
+    NoFeedback2,
+}
+
+impl Reason {
+    /// The number of the reason, for P-0-0001 and P-0-0002.
+    pub const fn code(self) -> u16 {
+        match self {
+            Reason::NeverWritten => 0x0001,
+            Reason::OutOfRange => 0x0002,
+            Reason::NotSupported => 0x0003,
+            Reason::NotConfigurable(_) => 0x0004,
+            Reason::DataTooLong { .. } => 0x0005,
+            Reason::NotAMultiple => 0x0006,
+            Reason::WrongParity => 0x0007,
+            Reason::RecordOutsideMdt => 0x0008,
+            Reason::TooEarly { .. } => 0x0009,
+            Reason::TooLate { .. } => 0x000A,
+            Reason::CommandValueMissing(_) => 0x000B,
+            Reason::NoFeedback2 => 0x000C,
+        }
+    }
+
+    /// One of each kind, for the manual.
+    pub const ALL: [Reason; 12] = [
+        Reason::NeverWritten,
+        Reason::OutOfRange,
+        Reason::NotSupported,
+        Reason::NotConfigurable(Idn::VELOCITY_COMMAND),
+        Reason::DataTooLong { bytes: 36, maximum: 32 },
+        Reason::NotAMultiple,
+        Reason::WrongParity,
+        Reason::RecordOutsideMdt,
+        Reason::TooEarly { earliest_ns: 12_000 },
+        Reason::TooLate { latest_ns: 1_970_000 },
+        Reason::CommandValueMissing(Idn::POSITION_COMMAND),
+        Reason::NoFeedback2,
+    ];
+}
+
+impl fmt::Display for Reason {
+    fn fmt(&self, formatter: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Reason::NeverWritten => formatter.write_str("not written since CP2 began"),
+            Reason::OutOfRange => formatter.write_str("outside its minimum and maximum"),
+            Reason::NotSupported => formatter.write_str("a value this drive does not support"),
+            Reason::NotConfigurable(idn) => write!(formatter, "{idn} cannot be configured, or is there twice"),
+            Reason::DataTooLong { bytes, maximum } => write!(formatter, "{bytes} bytes of data, at most {maximum}"),
+            Reason::NotAMultiple => formatter.write_str("no multiple of S-0-0002"),
+            Reason::WrongParity => formatter.write_str("position must be odd, length even"),
+            Reason::RecordOutsideMdt => formatter.write_str("the record ends behind the MDT (S-0-0010)"),
+            Reason::TooEarly { earliest_ns } => {
+                write!(formatter, "too early, at least {} us", earliest_ns.div_ceil(1_000))
+            }
+            Reason::TooLate { latest_ns } => write!(formatter, "too late, at most {} us", latest_ns / 1_000),
+            Reason::CommandValueMissing(idn) => write!(formatter, "the MDT does not carry {idn}"),
+            Reason::NoFeedback2 => formatter.write_str("no position feedback 2, see P-0-0005"),
+        }
+    }
 }
 
 /// One finding of a check.
@@ -120,7 +180,7 @@ pub struct Invalid {
 }
 
 /// Most findings of one check: as many as it has data blocks to look at.
-pub const FINDINGS: usize = 24;
+pub const FINDINGS: usize = 32;
 
 /// The findings of a check that failed: the contents of S-0-0021 or S-0-0022.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
@@ -128,6 +188,12 @@ pub struct InvalidData {
     findings: Vec<Invalid, FINDINGS>,
     /// The drive was not synchronised to the MST (S-0-0128 only). No data block is to blame for that.
     pub not_synchronised: bool,
+}
+
+impl fmt::Display for Invalid {
+    fn fmt(&self, formatter: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(formatter, "{}: {}", self.idn, self.reason)
+    }
 }
 
 impl InvalidData {
@@ -141,15 +207,21 @@ impl InvalidData {
         self.findings.iter().map(|invalid| invalid.idn)
     }
 
-    /// Keeps the first finding for each IDN.
-    fn add(&mut self, idn: Idn, reason: Reason) {
+    /// The reason codes, in the order of [`InvalidData::idns`].
+    pub fn codes(&self) -> impl Iterator<Item = u16> {
+        self.findings.iter().map(|invalid| invalid.reason.code())
+    }
+
+    /// Keeps the first finding for each IDN; for what the drive itself finds beside the checks of this module.
+    pub fn add(&mut self, idn: Idn, reason: Reason) {
         if let Err(place) = self.findings.binary_search_by_key(&idn, |invalid| invalid.idn) {
             // More findings than room: the check has failed anyway.
             let _ = self.findings.insert(place, Invalid { idn, reason });
         }
     }
 
-    fn is_empty(&self) -> bool {
+    /// True if nothing is wrong.
+    pub fn is_empty(&self) -> bool {
         self.findings.is_empty() && !self.not_synchronised
     }
 }
@@ -207,7 +279,14 @@ pub fn check_cp3(
     if telegram_type.is_none() {
         invalid.add(Idn::TELEGRAM_TYPE, Reason::NotSupported);
     }
-    let blamed = |list| if telegram_type == Some(TelegramType::Application) { list } else { Idn::TELEGRAM_TYPE };
+    if telegram_type.is_some_and(TelegramType::uses_feedback_2) && !has_feedback_2(parameters) {
+        invalid.add(Idn::TELEGRAM_TYPE, Reason::NoFeedback2);
+    }
+    let asked_for = parameters.cyclic_at().contains(&Idn::POSITION_FEEDBACK_2);
+    if telegram_type == Some(TelegramType::APPLICATION) && asked_for && !has_feedback_2(parameters) {
+        invalid.add(Idn::AT_LIST, Reason::NoFeedback2);
+    }
+    let blamed = |list| if telegram_type == Some(TelegramType::APPLICATION) { list } else { Idn::TELEGRAM_TYPE };
     let at = lay_out(parameters.cyclic_at(), Selection::ConfigurableInAt, parameters.get_word(AT_MAXIMUM))
         .unwrap_or_else(|reason| {
             invalid.add(blamed(Idn::AT_LIST), reason);
@@ -249,11 +328,10 @@ pub fn check_cp4(
 ) -> Result<ReadyForCp4, InvalidData> {
     let mut invalid = InvalidData { not_synchronised: !synchronised, ..InvalidData::default() };
     check_ranges(parameters, NeededFor::Cp4, &mut invalid);
-    for number in 32..=35 {
-        let idn = Idn::standard(number);
+    for idn in OPERATION_MODES {
         let mode = parameters.get_word(idn);
         // Secondary modes may be absent.
-        if mode == 0 && number != 32 {
+        if mode == 0 && idn != OPERATION_MODES[0] {
             continue;
         }
         if !capabilities.operation_modes.contains(&mode) {
@@ -282,6 +360,18 @@ pub fn check_cp4(
     if invalid.is_empty() { Ok(ReadyForCp4::new()) } else { Err(invalid) }
 }
 
+/// The operation mode parameters in the order of control word bits 11, 9, 8: S-0-0032 to S-0-0035, S-0-0284 to S-0-0287.
+pub const OPERATION_MODES: [Idn; 8] = [
+    Idn::standard(32),
+    Idn::standard(33),
+    Idn::standard(34),
+    Idn::standard(35),
+    Idn::standard(284),
+    Idn::standard(285),
+    Idn::standard(286),
+    Idn::standard(287),
+];
+
 /// The command value that an operation mode follows (sercos2.md 6.2); `None`: commands come over the service channel,
 /// or the mode needs none.
 pub const fn command_value_of(operation_mode: u16) -> Option<Idn> {
@@ -296,10 +386,14 @@ pub const fn command_value_of(operation_mode: u16) -> Option<Idn> {
     }
 }
 
+fn has_feedback_2(parameters: &Parameters) -> bool {
+    parameters.get_word(Idn::POSITION_FEEDBACK_2_SOURCE) != 0
+}
+
 fn check_ranges(parameters: &Parameters, needed_for: NeededFor, invalid: &mut InvalidData) {
     let needed = dictionary::DICTIONARY.iter().filter(|block| block.needed_for == needed_for);
     for block in needed.filter(|block| block.fixed_bytes().is_some()) {
-        if parameters::check_limits(block, parameters.get(block.idn)).is_err() {
+        if parameters::check_limits(block, parameters.get_long(block.idn)).is_err() {
             invalid.add(block.idn, Reason::OutOfRange);
         }
     }
@@ -385,10 +479,10 @@ mod tests {
     use super::*;
     use proptest::prelude::*;
 
-    const CAPABILITIES: Capabilities = Capabilities { bit_rate: BitRate::Mbit2, operation_modes: &[2, 3, 11] };
+    const CAPABILITIES: Capabilities = Capabilities { bit_rate: BitRate::Mbit2, operation_modes: &[1, 2, 3, 11] };
 
     fn set(parameters: &mut Parameters, number: u16, value: u32) {
-        parameters.set(Idn::standard(number), value).unwrap();
+        parameters.set(Idn::standard(number), value.into()).unwrap();
         parameters.mark_written(Idn::standard(number));
     }
 
@@ -453,7 +547,7 @@ mod tests {
 
     #[test]
     fn the_press_ring_passes_with_any_standard_telegram() {
-        for telegram_type in [0, 2, 3, 4, 5, 6] {
+        for telegram_type in [0, 1, 2, 3, 4, 5, 6] {
             let mut parameters = Parameters::new();
             let length = 48 * 12;
             for (number, value) in [
@@ -503,11 +597,18 @@ mod tests {
 
     #[test]
     fn telegram_types_and_lists_must_fit_the_drive() {
-        let second_encoder = |p: &mut Parameters| {
-            set(p, 15, 11);
-        };
-        finds(second_encoder, 15, Reason::NotSupported);
-        finds(|p| set(p, 15, 1), 15, Reason::NotConfigurable(Idn::TORQUE_COMMAND));
+        for second_encoder in [11, 12, 13] {
+            finds(|p| set(p, 15, second_encoder), 15, Reason::NoFeedback2);
+            let mut parameters = recorded();
+            set(&mut parameters, 15, second_encoder);
+            parameters.set(Idn::POSITION_FEEDBACK_2_SOURCE, 1).unwrap();
+            assert_eq!(findings(&parameters), []);
+        }
+        for unknown in [8, 9, 10, 14, 15, 16] {
+            finds(|p| set(p, 15, unknown), 15, Reason::NotSupported);
+        }
+        let feedback_2 = [Idn::POSITION_FEEDBACK_2];
+        finds(|p| p.set_list(Idn::AT_LIST, &feedback_2).unwrap(), 16, Reason::NoFeedback2);
         let twice = [Idn::VELOCITY_COMMAND, Idn::VELOCITY_COMMAND];
         finds(|p| p.set_list(Idn::MDT_LIST, &twice).unwrap(), 24, Reason::NotConfigurable(Idn::VELOCITY_COMMAND));
     }
@@ -555,7 +656,9 @@ mod tests {
             (32, 4, Reason::NotSupported),
             (32, 3, Reason::CommandValueMissing(Idn::POSITION_COMMAND)),
             (33, 11, Reason::CommandValueMissing(Idn::POSITION_COMMAND)),
-            (35, 1, Reason::NotSupported),
+            (35, 1, Reason::CommandValueMissing(Idn::TORQUE_COMMAND)),
+            (284, 3, Reason::CommandValueMissing(Idn::POSITION_COMMAND)),
+            (287, 4, Reason::NotSupported),
             (44, 1, Reason::NotSupported),
             (76, 0x42, Reason::NotSupported),
         ] {

@@ -4,25 +4,31 @@ mod support;
 
 use proptest::prelude::*;
 use sercos::Idn;
-use sercos::service::{Reply, Step};
+use sercos::service::{Progress, Reply, Step};
 use support::Slave;
 
 fn any_step() -> impl Strategy<Value = Step> {
     let info = prop_oneof![
         // IDNs that exist, short lengths, commands.
-        prop::sample::select(vec![2u16, 16, 17, 24, 32, 36, 79, 99, 103, 127, 128, 141, 142, 0x8013]),
+        prop::sample::select(vec![
+            2u16, 16, 17, 24, 32, 36, 79, 99, 103, 127, 128, 141, 142, 267, 301, 328, 0x8007, 0x8008, 0x8013
+        ]),
         0u16..8,
         any::<u16>(),
     ];
-    (prop_oneof![0u8..8, Just(7), any::<u8>()], any::<bool>(), any::<bool>(), info, any::<bool>(), any::<bool>())
-        .prop_map(|(element, write, end, info, new_transfer, at_boundary)| Step {
+    (prop_oneof![0u8..8, Just(7), any::<u8>()], any::<bool>(), any::<bool>(), info, any::<bool>(), any_progress())
+        .prop_map(|(element, write, end, info, new_transfer, progress)| Step {
             element,
             write,
             end,
             info,
             new_transfer,
-            at_boundary,
+            progress,
         })
+}
+
+fn any_progress() -> impl Strategy<Value = Progress> {
+    prop::sample::select(vec![Progress::Within, Progress::NotLast, Progress::TookLast, Progress::Exhausted])
 }
 
 proptest! {
@@ -59,7 +65,7 @@ proptest! {
     }
 
     #[test]
-    fn every_value_that_is_accepted_reads_back(value: u32, place: prop::sample::Index) {
+    fn every_value_that_is_accepted_reads_back(value: u64, place: prop::sample::Index) {
         let mut slave = Slave::in_cp2();
         let blocks: Vec<_> = sercos::dictionary::DICTIONARY
             .iter()
@@ -67,7 +73,7 @@ proptest! {
             .collect();
         let block = blocks[place.index(blocks.len())];
         let words = usize::from(block.fixed_bytes().unwrap() / 2);
-        let data = [(value & 0xFFFF) as u16, (value >> 16) as u16];
+        let data = [0, 16, 32, 48].map(|shift| (value >> shift & 0xFFFF) as u16);
         slave.open(block.idn).unwrap();
         let before = slave.read(7, words).unwrap();
         let result = slave.write(&data[..words]);
@@ -75,6 +81,11 @@ proptest! {
         prop_assert_eq!(after, if result.is_ok() { data[..words].to_vec() } else { before });
         let number = block.attribute.value_of(value);
         let inside = block.minimum.is_none_or(|minimum| number >= minimum) && block.maximum.is_none_or(|maximum| number <= maximum);
-        prop_assert_eq!(result.is_ok(), inside && !block.attribute.is_protected_in(sercos::Phase::Cp2));
+        let writable = inside && !block.attribute.is_protected_in(sercos::Phase::Cp2);
+        if block.restricted {
+            prop_assert!(writable || result.is_err());
+        } else {
+            prop_assert_eq!(result.is_ok(), writable);
+        }
     }
 }

@@ -4,7 +4,7 @@ mod support;
 
 use sercos::command::CommandState;
 use sercos::data_block::{Location, Selection};
-use sercos::service::{Element, Reply, ServiceError, Step};
+use sercos::service::{Element, Progress, Reply, ServiceError, Step};
 use sercos::{Idn, dictionary};
 use support::{Boundary, Slave};
 
@@ -59,7 +59,7 @@ fn text(words: &[u16]) -> String {
 }
 
 fn value(words: &[u16], block: &sercos::data_block::DataBlock) -> i64 {
-    block.attribute.value_of(words.iter().rev().fold(0, |value, &word| value << 16 | u32::from(word)))
+    block.attribute.value_of(words.iter().rev().fold(0, |value, &word| value << 16 | u64::from(word)))
 }
 
 #[test]
@@ -68,8 +68,8 @@ fn a_long_list_needs_the_processor_once_a_segment() {
     slave.open(s(17)).unwrap();
     let before = slave.processor_steps;
     let words = slave.read_list(7).unwrap().len();
-    // The first step, each time the sender's buffer is used up, and END.
-    assert_eq!(slave.processor_steps - before, words / 16 + 2);
+    // The first step, each time the sender's buffer is used up (the last two words have one of their own), and END.
+    assert_eq!(slave.processor_steps - before, (words - 2).div_ceil(16) + 2);
 }
 
 #[test]
@@ -79,6 +79,56 @@ fn four_byte_data_go_low_word_first() {
     assert_eq!(slave.parameters.get(s(79)), 0x0056_1234);
     slave.open(s(79)).unwrap();
     assert_eq!(slave.read(7, 2), Ok(vec![0x1234, 0x0056]));
+}
+
+#[test]
+fn eight_byte_data_go_low_word_first() {
+    let mut slave = Slave::in_cp2();
+    slave.set(Idn::product(8), &[0x1234, 0x5678, 0x9ABC, 0xDEF0]).unwrap();
+    assert_eq!(slave.parameters.get_long(Idn::product(8)), 0xDEF0_9ABC_5678_1234);
+    slave.open(Idn::product(8)).unwrap();
+    assert_eq!(slave.read(7, 4), Ok(vec![0x1234, 0x5678, 0x9ABC, 0xDEF0]));
+}
+
+#[test]
+fn lists_of_one_two_and_four_byte_items_survive() {
+    let mut slave = Slave::in_cp2();
+    for (idn, words) in [
+        (s(141), vec![3, 40, u16::from_le_bytes(*b"ab"), u16::from(b'c')]),
+        (s(328), vec![6, 32, 15, 0, 7]),
+        (Idn::product(7), vec![8, 32, 0x1111, 0x2222, 0x3333, 0x4444]),
+    ] {
+        slave.set(idn, &words).unwrap();
+        slave.open(idn).unwrap();
+        assert_eq!(slave.read_list(7), Ok(words), "{idn}");
+    }
+    assert_eq!(slave.parameters.longs(Idn::product(7)), [0x2222_1111, 0x4444_3333]);
+}
+
+#[test]
+fn a_text_of_the_drive_is_read_whole_wherever_it_lies() {
+    let mut slave = Slave::in_cp2();
+    slave.open(s(95)).unwrap();
+    assert!(text(&slave.read_list(7).unwrap()).starts_with("a text that never changes, and longer"));
+    slave.open(s(30)).unwrap();
+    assert_eq!(text(&slave.read_list(7).unwrap()), "text of S-0-0030!");
+    slave.open(Idn::product(4)).unwrap();
+    let longs = slave.read_list(7).unwrap();
+    assert_eq!((longs[0], longs.len()), (128, 66));
+    assert_eq!(longs[2..6], [1, 0, 2, 1]);
+}
+
+#[test]
+fn the_password_locks_what_is_stored_and_nothing_else() {
+    let mut slave = Slave::in_cp2();
+    slave.drive.locked = true;
+    refused(&mut slave, s(104), &[200], 0x7009);
+    refused(&mut slave, s(142), &[2, 2, 0x4141], 0x7009);
+    slave.set(s(2), &[1000]).unwrap();
+    slave.set(s(267), &[2, 2, 0x4141]).unwrap();
+    assert_eq!(slave.drive.written_text, b"AA");
+    slave.drive.locked = false;
+    slave.set(s(104), &[200]).unwrap();
 }
 
 #[test]
@@ -163,6 +213,11 @@ fn wrong_lengths_are_refused_and_change_nothing() {
     refused(slave, Idn::AT_LIST, &[3, 4, 11, 51], 0x7008);
     refused(slave, s(142), &[41, 41], 0x7003);
     refused(slave, s(142), &[0xFFFF, 0xFFFF], 0x7003);
+    refused(slave, Idn::product(8), &[1, 2, 3], 0x7002);
+    refused(slave, Idn::product(8), &[1, 2, 3, 4, 5], 0x7003);
+    refused(slave, Idn::product(7), &[4, 4, 1], 0x7002);
+    refused(slave, Idn::product(7), &[6, 6, 1, 2, 3], 0x7008);
+    refused(slave, Idn::product(7), &[36, 36], 0x7003);
 }
 
 #[test]
@@ -182,6 +237,11 @@ fn wrong_values_are_refused_and_change_nothing() {
     refused(slave, s(46), &[(-33i16) as u16], 0x7006);
     refused(slave, Idn::AT_LIST, &[2, 2, 36], 0x7008);
     refused(slave, Idn::MDT_LIST, &[2, 2, 51], 0x7008);
+    refused(slave, s(26), &[2, 2, 2], 0x7008);
+    refused(slave, s(27), &[2, 2, 11], 0x7008);
+    refused(slave, s(329), &[2, 2, 16], 0x7008);
+    refused(slave, s(301), &[4000], 0x1001);
+    refused(slave, s(301), &[11], 0x7008);
     refused(slave, Idn::RESET_CLASS_1_DIAGNOSTIC, &[2], 0x7008);
     slave.drive.refusal = Some(ServiceError::ProtectedBySettings);
     refused(slave, s(32), &[3], 0x700C);
@@ -228,7 +288,7 @@ fn what_comes_in_the_mdt_cannot_be_written_but_what_goes_out_in_the_at_can() {
     slave.set(s(47), &[1, 0]).unwrap();
     assert_eq!(slave.drive.values[&s(47)], 1);
     slave.set(Idn::product(19), &[7]).unwrap();
-    assert_eq!(slave.parameters.get(Idn::product(19)), 7);
+    assert_eq!(slave.drive.values[&Idn::product(19)], 7);
 }
 
 #[test]
@@ -244,6 +304,31 @@ fn an_idn_can_be_reopened_in_the_middle_of_a_transfer() {
     slave.step(3, false, false, 0).unwrap();
     assert_eq!(slave.open(s(2)), Ok(0));
     assert_eq!(slave.read(7, 1), Ok(vec![2000]));
+}
+
+#[test]
+fn end_anywhere_before_the_last_word_is_too_short_however_the_controller_buffers() {
+    for boundary in [Boundary::AfterLast, Boundary::WithLast] {
+        for segment_words in [1, 2, 3, 7, 16] {
+            let mut slave = Slave::new(boundary, segment_words);
+            // A text of 21 words in all, and a list of many segments.
+            for (idn, element) in [(s(186), 2), (s(17), 7)] {
+                slave.open(idn).unwrap();
+                let words = slave.read_list(element).unwrap().len();
+                for end in 1..words {
+                    let error = slave.read(element, end).unwrap_err();
+                    assert_eq!(
+                        error.code(),
+                        u16::from(element) << 12 | 2,
+                        "{boundary:?} {segment_words} {end} of {words}"
+                    );
+                }
+                assert_eq!(slave.read(element, words).unwrap().len(), words);
+                let late = slave.read(element, words + 1).unwrap_err();
+                assert_eq!(late.code(), u16::from(element) << 12 | 3, "{boundary:?} {segment_words}");
+            }
+        }
+    }
 }
 
 #[test]
@@ -317,7 +402,7 @@ fn a_checked_parameter_that_is_rewritten_voids_the_check() {
 
 /// One step without the controller's hint that a transfer is new.
 fn bare(slave: &mut Slave, element: u8, write: bool, end: bool, info: u16) -> Reply {
-    let step = Step { element, write, end, info, new_transfer: false, at_boundary: false };
+    let step = Step { element, write, end, info, new_transfer: false, progress: Progress::Within };
     slave.server.step(step, &mut slave.parameters, &mut slave.drive)
 }
 

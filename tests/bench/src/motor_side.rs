@@ -3,7 +3,7 @@
 use std::cell::RefCell;
 use std::rc::Rc;
 
-use drive::{Amplifier, Hardware, InterruptLine};
+use drive::{Amplifier, Hardware, InterruptLine, ResetCause};
 use fixed::types::I1F15;
 use plant::Motor;
 use ring::Nanoseconds;
@@ -184,6 +184,10 @@ impl Hardware for MotorSide {
 
     fn amplifier(&mut self) -> Amplifier {
         self.state.borrow().inputs
+    }
+
+    fn reset_cause(&self) -> ResetCause {
+        ResetCause::PowerOn
     }
 
     fn loop_timer_phase(&mut self) -> u16 {

@@ -2,13 +2,14 @@
 
 use sercon816::Bus;
 use sercos::Phase;
-use sercos::diagnostic::Class1;
+use sercos::diagnostic::{Class1, Class3};
 use sercos::phase::PhaseError;
-use servo::{Axis, Encoder, LoopClock};
+use servo::{Axis, Encoder, LOOP_PERIOD_MICROSECONDS, LoopClock};
 
 use super::{CommandValues, Motion};
-use crate::hardware::Hardware;
-use crate::record::{Command, Records};
+use crate::diagnosis::{Manufacturer1, Manufacturer3};
+use crate::hardware::{Hardware, ResetCause};
+use crate::record::{Command, Feedback, Records};
 use crate::settings::MotionSettings;
 use crate::snapshot::Snapshot;
 use crate::state::Switches;
@@ -23,6 +24,7 @@ impl<B: Bus + Clone, H: Hardware> Motion<B, H> {
         self.switches = Switches::default();
         self.commands = CommandValues::default();
         self.uninitialised_mode = false;
+        self.homing = false;
         self.ticks_since_t3 = 0;
         self.cycles_since_command = 0;
         self.entered_cyclic = phase == Phase::Cp3;
@@ -36,6 +38,10 @@ impl<B: Bus + Clone, H: Hardware> Motion<B, H> {
                 self.capture_feedback();
             }
             Phase::Cp4 => self.mode = self.settings.modes.first().copied().flatten(),
+            Phase::Cp2 => {
+                self.park(false);
+                self.supervision.end_bursts();
+            }
             _ => self.supervision.end_bursts(),
         }
         self.update_state();
@@ -48,15 +54,18 @@ impl<B: Bus + Clone, H: Hardware> Motion<B, H> {
 
     /// Settings from changed parameters. Another encoder resolution starts the position at zero again.
     pub fn apply_settings(&mut self, settings: MotionSettings) {
-        let encoder = settings.encoder != self.settings.encoder;
+        let encoder =
+            settings.encoder != self.settings.encoder || settings.encoder_reversed != self.settings.encoder_reversed;
         let clock = settings.clock != self.settings.clock;
         self.settings = settings;
         if clock {
             self.clock = LoopClock::new(settings.clock);
         }
         if encoder {
-            self.encoder = Encoder::new(settings.encoder, self.hardware.encoder_count());
+            let count = self.hardware.encoder_count();
+            self.encoder = Encoder::new(settings.encoder, self.counted(count));
             self.axis = Axis::new(settings.with_lag, self.encoder.position());
+            self.referenced = false;
         }
         self.apply_axis_settings();
     }
@@ -87,6 +96,7 @@ impl<B: Bus + Clone, H: Hardware> Motion<B, H> {
             return false;
         }
         self.class_1 = Class1::empty();
+        self.manufacturer_1 = Manufacturer1::empty();
         self.fatal = false;
         self.update_state();
         true
@@ -111,13 +121,31 @@ impl<B: Bus + Clone, H: Hardware> Motion<B, H> {
             state: self.machine.state(),
             conditions: self.conditions(),
             class_1: self.class_1,
+            class_2: self.class_2,
             class_3: self.class_3,
+            manufacturer_2: self.manufacturer_2,
+            manufacturer_3: self.manufacturer_3,
+            homing: self.homing,
             status_word: self.status_word(),
             commands: self.commands,
             values: self.values,
             mst_errors: self.supervision.mst_errors(),
             mdt_errors: self.supervision.mdt_errors(),
+            operating_time: self.ticks.wrapping_mul(LOOP_PERIOD_MICROSECONDS.into()),
         }
+    }
+
+    /// One value of the AT, as the service channel shows it (from the last t4, or from now before CP3).
+    pub fn feedback(&mut self, feedback: Feedback) -> u32 {
+        if self.phase < Phase::Cp3 {
+            self.refresh_values(self.encoder.position());
+        }
+        self.signal(feedback)
+    }
+
+    /// Ends the change bit of C2D: the master has read S-0-0012.
+    pub fn clear_class_2_change(&mut self) {
+        self.class_2_change = false;
     }
 
     /// Ends the change bit of C3D: the master has read S-0-0013.
@@ -125,11 +153,61 @@ impl<B: Bus + Clone, H: Hardware> Motion<B, H> {
         self.class_3_change = false;
     }
 
-    /// S-0-0036 and S-0-0047 over the service channel, while they are not cyclic.
-    pub fn set_command(&mut self, command: Command, value: i32) {
-        match command {
-            Command::Velocity => self.commands.velocity = value,
-            Command::Position => self.commands.position = value,
+    /// A command value over the service channel, while it is not cyclic.
+    pub fn set_command(&mut self, command: Command, raw: u32) {
+        self.put_command(command, raw);
+        if command == Command::SignalControl {
+            self.apply_signal_control();
         }
+    }
+
+    /// P-0-0019 over the service channel.
+    pub fn set_application_word(&mut self, word: u16) {
+        self.application_word = word;
+    }
+
+    /// Whether torque is on.
+    pub const fn has_torque(&self) -> bool {
+        self.machine.state().has_torque()
+    }
+
+    /// Whether the motor stands (C3D bit 1).
+    pub const fn is_standing(&self) -> bool {
+        self.class_3.contains(Class3::STANDSTILL)
+    }
+
+    /// The place where the motor stands is the position `value`, in the weight of S-0-0052, from now on. Divides.
+    pub fn set_reference(&mut self, value: i32) {
+        let before = self.encoder.position();
+        self.encoder.set_position(self.settings.position.to_position(value));
+        self.axis.shift(self.encoder.position() - before);
+        self.referenced = true;
+    }
+
+    /// S-0-0191.
+    pub fn cancel_reference(&mut self) {
+        self.referenced = false;
+    }
+
+    /// S-0-0148 holds the position, or is cancelled. A command that is far off then is a fault, as at switching on.
+    pub fn hold_for_homing(&mut self, hold: bool) {
+        self.resuming = self.homing && !hold && self.has_torque();
+        self.homing = hold;
+        self.update_state();
+    }
+
+    /// S-0-0139 and its cancellation.
+    pub fn park(&mut self, parked: bool) {
+        self.manufacturer_3.set(Manufacturer3::PARKED, parked);
+    }
+
+    /// Shows in S-0-0182 whether the password locks the parameters.
+    pub fn show_lock(&mut self, locked: bool) {
+        self.manufacturer_3.set(Manufacturer3::PASSWORD, locked);
+    }
+
+    /// P-0-0009.
+    pub fn reset_cause(&self) -> ResetCause {
+        self.hardware.reset_cause()
     }
 }

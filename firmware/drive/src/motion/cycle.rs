@@ -5,14 +5,20 @@ use sercos::Phase;
 use sercos::diagnostic::Class1;
 use sercos::phase::PhaseError;
 use sercos::supervision::Reception;
-use servo::{Position, Velocity};
+use servo::{CurrentFraction, Position, Velocity};
 
 use super::Motion;
 use crate::hardware::Hardware;
 use crate::record::Command;
-use crate::settings::OperationMode;
+use crate::settings::{OperationMode, Polarity};
 use crate::state::Switches;
 use crate::work::Work;
+
+/// So long a lost telegram is a warning: one second.
+const LOSS_SHOWN_TICKS: u16 = 8_000;
+
+/// Largest current fraction, in 2^-15.
+const MOST_CURRENT: i64 = i16::MAX as i64;
 
 impl<B: Bus + Clone, H: Hardware> Motion<B, H> {
     /// A t3 event that is overdue by a quarter of a cycle (at least two ticks) is stood in for, so that supervision and
@@ -46,6 +52,9 @@ impl<B: Bus + Clone, H: Hardware> Motion<B, H> {
             // Without an MST nobody knows when to listen for the MDT.
             (false, true) => Reception::Unknown,
         };
+        if mst == Reception::Failed || mdt == Reception::Failed {
+            self.loss_shown = LOSS_SHOWN_TICKS;
+        }
         if let Err(lost) = self.supervision.cycle(mst, mdt) {
             self.lose(lost);
             return Work::PHASE_CHANGE;
@@ -59,20 +68,15 @@ impl<B: Bus + Clone, H: Hardware> Motion<B, H> {
     fn take_commands(&mut self) -> Work {
         let before = self.commands;
         self.commands.control_word = self.command_port.control_word();
-        let mut word = 0_u16;
-        for command in &self.records.commands {
-            let value = self.command_port.double_word(word).cast_signed();
-            match command {
-                Command::Velocity => self.commands.velocity = value,
-                Command::Position => self.commands.position = value,
-            }
-            word = word.wrapping_add(2);
-        }
+        self.take_record();
+        self.application_word =
+            self.settings.bits.apply_control_word(self.application_word, self.commands.control_word);
         self.switches = Switches::from_control_word(self.commands.control_word);
-        let mode = self.requested_mode();
+        let selected = self.selected_mode();
+        let mode = self.settings.modes.get(usize::from(selected)).copied().flatten();
         if mode.is_none() && !self.uninitialised_mode {
             self.uninitialised_mode = true;
-            self.lose(PhaseError::UninitialisedMode);
+            self.lose(PhaseError::UninitialisedMode { selected });
             return Work::PHASE_CHANGE;
         }
         self.mode = mode;
@@ -80,41 +84,93 @@ impl<B: Bus + Clone, H: Hardware> Motion<B, H> {
         self.update_state();
         self.cycles_since_command = self.cycles_since_command.saturating_add(1);
         // A control unit slower than the ring repeats its values; a repeated value is no new point of the path.
-        let fresh = (before.position, before.velocity) != (self.commands.position, self.commands.velocity);
+        let fresh = before.path() != self.commands.path();
         if fresh || self.cycles_since_command >= self.settings.cycles_per_command {
             self.cycles_since_command = 0;
             self.axis.command_position(self.commanded_position());
             self.axis.command_velocity(self.commanded_velocity());
         }
+        // A torque command is no point of a path: nothing is interpolated.
+        self.axis.command_torque(self.commanded_torque());
         Work::empty()
     }
 
-    fn commanded_velocity(&self) -> Velocity {
-        let velocity = self.settings.velocity.to_velocity(self.commands.velocity);
-        if self.settings.velocity_polarity.command { -velocity } else { velocity }
-    }
-
-    /// The mode of control word bits 11, 9, 8.
-    fn requested_mode(&self) -> Option<OperationMode> {
-        let word = self.commands.control_word;
-        let selected = ((word & 0x0800) >> 9) | ((word & 0x0300) >> 8);
-        self.settings.modes.get(usize::from(selected)).copied().flatten()
-    }
-
-    fn commanded_position(&self) -> Position {
-        let position = self.settings.position.to_position(self.commands.position);
-        match (self.settings.position_polarity.command, self.axis.settings().interpolator().modulo()) {
-            (false, _) => position,
-            (true, None) => -position,
-            (true, Some(modulo)) => modulo.value() - position,
+    /// The command values of this drive's record, in their order.
+    fn take_record(&mut self) {
+        let mut word = 0_u16;
+        for index in 0..self.records.commands.len() {
+            let Some(&command) = self.records.commands.get(index) else { break };
+            let raw = match command.words() {
+                2 => self.command_port.double_word(word),
+                _ => u32::from(self.command_port.word(word)),
+            };
+            self.put_command(command, raw);
+            if command == Command::SignalControl {
+                self.apply_signal_control();
+            }
+            word = word.wrapping_add(command.words());
         }
     }
 
-    /// A drive that is switched on far from its command would jump: the deviation is a fault before there is torque.
+    pub(super) fn put_command(&mut self, command: Command, raw: u32) {
+        let long = raw.cast_signed();
+        let word = (raw & 0xFFFF) as u16;
+        match command {
+            Command::Velocity => self.commands.velocity = long,
+            Command::AdditiveVelocity => self.commands.additive_velocity = long,
+            Command::Position => self.commands.position = long,
+            Command::AdditivePosition => self.commands.additive_position = long,
+            Command::Torque => self.commands.torque = word.cast_signed(),
+            Command::AdditiveTorque => self.commands.additive_torque = word.cast_signed(),
+            Command::SignalControl => self.commands.signal_control = word,
+        }
+    }
+
+    pub(super) fn apply_signal_control(&mut self) {
+        self.application_word =
+            self.settings.bits.apply_signal_control(self.application_word, self.commands.signal_control);
+    }
+
+    fn commanded_velocity(&self) -> Velocity {
+        let Polarity { command, additive, .. } = self.settings.velocity_polarity;
+        let signed = |value: i32, reversed: bool| {
+            let velocity = self.settings.velocity.to_velocity(value);
+            if reversed { -velocity } else { velocity }
+        };
+        signed(self.commands.velocity, command) + signed(self.commands.additive_velocity, additive)
+    }
+
+    fn commanded_torque(&self) -> CurrentFraction {
+        let sum = i64::from(self.commands.torque).saturating_add(self.commands.additive_torque.into());
+        let fraction = self.settings.torque_command.apply(sum);
+        CurrentFraction::from_bits(fraction.clamp(-MOST_CURRENT, MOST_CURRENT) as i16)
+    }
+
+    /// Control word bits 11, 9, 8.
+    fn selected_mode(&self) -> u8 {
+        let word = self.commands.control_word;
+        (((word & 0x0800) >> 9) | ((word & 0x0300) >> 8)) as u8
+    }
+
+    /// S-0-0047 with S-0-0048, within the modulo range if there is one.
+    fn commanded_position(&self) -> Position {
+        let Polarity { command, additive, .. } = self.settings.position_polarity;
+        let signed = |value: i32, reversed: bool| {
+            let position = self.settings.position.to_position(value);
+            if reversed { -position } else { position }
+        };
+        let sum = signed(self.commands.position, command) + signed(self.commands.additive_position, additive);
+        self.axis.settings().interpolator().modulo().map_or(sum, |modulo| modulo.reduce(sum))
+    }
+
+    /// A drive that is switched on far from its command, or goes on there after homing, would jump: the deviation is a fault before it
+    /// moves.
     fn refuse_a_jump(&mut self) {
-        let starting = !self.machine.state().has_torque() && self.switches.on && self.switches.enable;
+        let resuming = core::mem::take(&mut self.resuming);
+        let starting = (resuming || !self.has_torque()) && self.switches.on && self.switches.enable;
         let window = self.settings.monitoring_window;
-        if !starting || self.mode == Some(OperationMode::Velocity) || window == Position::ZERO {
+        let positioned = !matches!(self.mode, Some(OperationMode::Torque | OperationMode::Velocity));
+        if !starting || !positioned || window == Position::ZERO {
             return;
         }
         let mut distance = self.commanded_position() - self.axis.cyclic_position(self.encoder.position());

@@ -43,6 +43,8 @@ impl Element {
 }
 
 /// Why a step was refused (sercos2.md 3.5, the codes that a SERCOS II slave may send).
+///
+/// 0009H (invalid access to element 0) is never sent: masters close with any bits (sercos2.md 2.1).
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub enum ServiceError {
@@ -68,6 +70,8 @@ pub enum ServiceError {
     AboveMaximum,
     /// 7008H: bit combination or list entry that is not supported.
     InvalidData,
+    /// 7009H: locked by the password S-0-0267.
+    ProtectedByPassword,
     /// 700AH.
     ConfiguredCyclically,
     /// 700CH: protected by other settings, as by a drive that is enabled.
@@ -97,6 +101,7 @@ impl ServiceError {
             ServiceError::BelowMinimum => 0x7006,
             ServiceError::AboveMaximum => 0x7007,
             ServiceError::InvalidData => 0x7008,
+            ServiceError::ProtectedByPassword => 0x7009,
             ServiceError::ConfiguredCyclically => 0x700A,
             ServiceError::ProtectedBySettings => 0x700C,
             ServiceError::CommandActive => 0x7010,

@@ -1,15 +1,17 @@
 //! One element on its way: where the words to be read come from, and whether the words written are complete.
 
 use super::error::{Element, ServiceError};
-use super::{LIVE_LIST_ENTRIES, SEGMENT_WORDS};
+use super::{LIVE_LIST_ENTRIES, LIVE_LONG_ENTRIES, SEGMENT_WORDS};
 use crate::attribute::Length;
 use crate::data_block::{DataBlock, Selection};
 use crate::dictionary;
-use crate::parameters::{LIST_ENTRIES, TEXT_BYTES};
+use crate::parameters::{LIST_ENTRIES, LONG_ENTRIES, TEXT_BYTES};
 use heapless::Vec;
 
 /// Words of the longest element that is not read straight from flash: two length words and the longest list.
 pub(super) const STAGING_WORDS: usize = LIVE_LIST_ENTRIES.saturating_add(2);
+
+const _: () = assert!(LIVE_LONG_ENTRIES <= LIVE_LIST_ENTRIES / 2, "the staging buffer holds every list");
 
 /// Operation data, or what the master has written of them so far.
 pub(super) type Staging = Vec<u16, STAGING_WORDS>;
@@ -98,10 +100,10 @@ pub(super) fn fill<T, const N: usize>(vector: &mut Vec<T, N>, items: impl IntoIt
 }
 
 /// Stages a value of fixed length, low word first.
-pub(super) fn stage_fixed(staging: &mut Staging, bytes: u16, raw: u32) {
+pub(super) fn stage_fixed(staging: &mut Staging, bytes: u16, raw: u64) {
     staging.clear();
-    let words = [(raw & 0xFFFF) as u16, (raw >> 16) as u16];
-    fill(staging, words.into_iter().take(if bytes == 2 { 1 } else { 2 }));
+    let words = [0, 16, 32, 48].map(|shift| (raw >> shift & 0xFFFF) as u16);
+    fill(staging, words.into_iter().take(usize::from(bytes >> 1)));
 }
 
 /// Stages a list of two-byte items.
@@ -111,12 +113,33 @@ pub(super) fn stage_list(staging: &mut Staging, items: impl ExactSizeIterator<It
     fill(staging, [bytes(items.len()), bytes(maximum_items)].into_iter().chain(items));
 }
 
+/// Stages a list of four-byte items, low word first.
+pub(super) fn stage_longs(staging: &mut Staging, items: &[u32], maximum_items: usize) {
+    staging.clear();
+    let bytes = |items: usize| u16::try_from(items.saturating_mul(4)).unwrap_or(u16::MAX);
+    let words = items.iter().flat_map(|item| [(item & 0xFFFF) as u16, (item >> 16) as u16]);
+    fill(staging, [bytes(items.len()), bytes(maximum_items)].into_iter().chain(words));
+}
+
 /// Stages a text.
 pub(super) fn stage_text(staging: &mut Staging, text: &str, maximum_bytes: usize) {
     staging.clear();
     let word = |bytes: usize| u16::try_from(bytes).unwrap_or(u16::MAX);
     let pairs = text.as_bytes().chunks(2).map(packed);
     fill(staging, [word(text.len()), word(maximum_bytes)].into_iter().chain(pairs));
+}
+
+/// The value of fixed length that was written.
+pub(super) fn written_value(staging: &Staging) -> u64 {
+    staging.iter().take(4).rev().fold(0, |value, &word| value << 16 | u64::from(word))
+}
+
+/// The items of a list of four-byte items that was written.
+pub(super) fn written_longs(staging: &Staging) -> Vec<u32, LONG_ENTRIES> {
+    let mut written = Vec::new();
+    let items = staging.get(2..).unwrap_or(&[]).chunks_exact(2);
+    fill(&mut written, items.map(|item| item.iter().rev().fold(0, |value, &word| value << 16 | u32::from(word))));
+    written
 }
 
 /// The bytes of a text that was written, without the padding of an odd length.
@@ -142,6 +165,7 @@ pub(super) fn take_word(staging: &mut Staging, block: &DataBlock, word: u16) -> 
             let bytes = usize::from(staging.first().copied().unwrap_or(0));
             let (maximum, whole_items) = match length {
                 Length::ListOfBytes => (TEXT_BYTES, true),
+                Length::ListOfFour => (LONG_ENTRIES.saturating_mul(4), bytes & 3 == 0),
                 _ => (LIST_ENTRIES.saturating_mul(2), bytes & 1 == 0),
             };
             if bytes > maximum || staging.len() > list_words(bytes) {

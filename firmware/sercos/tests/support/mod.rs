@@ -8,34 +8,46 @@ use sercos::data_block::NeededFor;
 use sercos::dictionary;
 use sercos::duration::BitRate;
 use sercos::parameters::Parameters;
-use sercos::service::{LIVE_LIST_ENTRIES, LIVE_TEXT_BYTES, Live, Reply, Server, ServiceError, Step};
+use sercos::service::{
+    LIVE_LIST_ENTRIES, LIVE_LONG_ENTRIES, LIVE_TEXT_BYTES, Live, Progress, Reply, Server, ServiceError, Step,
+};
 use sercos::transition::{self, Capabilities, CyclicConfiguration};
 use sercos::{Idn, Phase, PhaseMachine};
 use std::collections::{BTreeMap, VecDeque};
 
-pub(crate) const CAPABILITIES: Capabilities = Capabilities { bit_rate: BitRate::Mbit2, operation_modes: &[2, 3, 11] };
+pub(crate) const CAPABILITIES: Capabilities =
+    Capabilities { bit_rate: BitRate::Mbit2, operation_modes: &[1, 2, 3, 11] };
 
 /// The drive behind the service channel.
 pub(crate) struct Drive {
     pub(crate) machine: PhaseMachine,
     pub(crate) configuration: Option<CyclicConfiguration>,
-    pub(crate) values: BTreeMap<Idn, u32>,
+    pub(crate) values: BTreeMap<Idn, u64>,
     pub(crate) invalid_cp3: std::vec::Vec<u16>,
     pub(crate) invalid_cp4: std::vec::Vec<u16>,
     pub(crate) refusal: Option<ServiceError>,
+    pub(crate) locked: bool,
+    pub(crate) written_text: std::vec::Vec<u8>,
     pub(crate) synchronised: bool,
     /// Commands stay at 7 until told otherwise.
     pub(crate) slow: bool,
 }
 
 impl Live for Drive {
-    fn read(&mut self, idn: Idn) -> u32 {
+    fn read(&mut self, idn: Idn, _parameters: &Parameters) -> u64 {
         self.values.get(&idn).copied().unwrap_or(0)
     }
 
-    fn read_text(&mut self, idn: Idn, text: &mut String<LIVE_TEXT_BYTES>) {
+    fn read_text(
+        &mut self,
+        idn: Idn,
+        _parameters: &Parameters,
+        text: &mut String<LIVE_TEXT_BYTES>,
+    ) -> Option<&'static str> {
         use std::fmt::Write;
         write!(text, "text of {idn}!").unwrap();
+        (idn == Idn::standard(95))
+            .then_some("a text that never changes, and longer than any other text of this drive could ever be")
     }
 
     fn read_list(&mut self, idn: Idn, list: &mut Vec<u16, LIVE_LIST_ENTRIES>) {
@@ -46,8 +58,17 @@ impl Live for Drive {
         }
     }
 
-    fn write(&mut self, idn: Idn, value: u32) {
+    fn read_longs(&mut self, _idn: Idn, list: &mut Vec<u32, LIVE_LONG_ENTRIES>) {
+        list.extend((0..LIVE_LONG_ENTRIES as u32).map(|number| (number << 16) | (number + 1)));
+    }
+
+    fn write(&mut self, idn: Idn, value: u64) {
         self.values.insert(idn, value);
+    }
+
+    fn write_text(&mut self, _idn: Idn, text: &[u8]) -> Result<(), ServiceError> {
+        self.written_text = text.to_vec();
+        Ok(())
     }
 
     fn written(&mut self, idn: Idn, _parameters: &mut Parameters) {
@@ -96,7 +117,7 @@ impl Live for Drive {
                     }
                 }
             }
-            _ => unreachable!("{idn} is no command"),
+            _ => assert!(dictionary::find(idn).unwrap().attribute.command(), "{idn} is no command"),
         }
         Ok(CommandState::Executed)
     }
@@ -105,8 +126,12 @@ impl Live for Drive {
         self.machine.current()
     }
 
-    fn refuses(&self, _idn: Idn, _value: u32, _parameters: &Parameters) -> Option<ServiceError> {
+    fn refuses(&self, _idn: Idn, _value: u64, _parameters: &Parameters) -> Option<ServiceError> {
         self.refusal
+    }
+
+    fn is_locked(&self) -> bool {
+        self.locked
     }
 }
 
@@ -143,6 +168,8 @@ impl Slave {
                 invalid_cp3: std::vec::Vec::new(),
                 invalid_cp4: std::vec::Vec::new(),
                 refusal: None,
+                locked: false,
+                written_text: std::vec::Vec::new(),
                 synchronised: true,
                 slow: false,
             },
@@ -179,7 +206,7 @@ impl Slave {
     pub(crate) fn step(&mut self, element: u8, write: bool, end: bool, info: u16) -> Result<u16, ServiceError> {
         let new_transfer = self.running != Some((element, write));
         self.running = (!end && element != 0).then_some((element, write));
-        let mut step = Step { element, write, end, info, new_transfer, at_boundary: false };
+        let mut step = Step { element, write, end, info, new_transfer, progress: Progress::Within };
         if element == 0 || write || new_transfer {
             if new_transfer {
                 self.sender.clear();
@@ -188,12 +215,19 @@ impl Slave {
         }
         match self.sender.pop_front() {
             None => {
-                step.at_boundary = true;
+                step.progress = Progress::Exhausted;
                 self.ask(step)
             }
             Some(word) => {
-                step.at_boundary = self.boundary == Boundary::WithLast && self.sender.is_empty();
-                if end || step.at_boundary {
+                // The handshake bit gives the parity of the word; only a controller that stops with the last one knows more.
+                let may_be_last = self.sender.len().is_multiple_of(2);
+                step.progress = match (end, self.boundary) {
+                    (false, Boundary::WithLast) if self.sender.is_empty() => Progress::TookLast,
+                    (true, _) if may_be_last => Progress::TookLast,
+                    (true, _) => Progress::NotLast,
+                    _ => Progress::Within,
+                };
+                if end || step.progress == Progress::TookLast {
                     self.processor_steps += 1;
                     match self.server.step(step, &mut self.parameters, &mut self.drive) {
                         Reply::Send(words) => self.sender.extend(words),

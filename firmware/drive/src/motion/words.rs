@@ -1,0 +1,158 @@
+//! What the drive tells of itself: diagnostic words, status word, signal status word, feedback values.
+
+use sercon816::Bus;
+use sercos::Phase;
+use sercos::diagnostic::{Class1, Class2, Class3};
+use servo::{AxisOutput, Mode, Position, Velocity};
+
+use super::Motion;
+use crate::bits::{Source, SourceBit, Word};
+use crate::diagnosis::{Manufacturer2, Manufacturer3};
+use crate::hardware::Hardware;
+use crate::record::Feedback;
+use crate::state::status_bits;
+
+/// Change bits of the status word (sercos2.md 1.7).
+const CLASS_2_CHANGE: u16 = 1 << 12;
+const CLASS_3_CHANGE: u16 = 1 << 11;
+
+/// Real-time status bits of the status word, S-0-0305 and S-0-0307.
+const REAL_TIME_STATUS: [u16; 2] = [1 << 6, 1 << 7];
+
+impl<B: Bus + Clone, H: Hardware> Motion<B, H> {
+    /// The operation data of a data block of bits (those of S-0-0398).
+    pub fn source_value(&self, source: Source) -> u16 {
+        source.value(self.word(source.word()))
+    }
+
+    /// S-0-0144.
+    pub fn signal_status(&self) -> u16 {
+        let bits = self.settings.bits.signal_status.iter().rev();
+        bits.fold(0, |word, &bit| word << 1 | u16::from(self.source_bit(bit)))
+    }
+
+    /// The two real-time status bits (S-0-0304, S-0-0306).
+    pub fn real_time_status(&self) -> [bool; 2] {
+        self.settings.bits.status.map(|bit| self.source_bit(bit))
+    }
+
+    /// S-0-0012, S-0-0013 and their manufacturer's words, from what the loops gave in this tick.
+    pub(super) fn refresh_words(&mut self, output: &AxisOutput) {
+        let class_2 = self.class_2_of(output);
+        self.class_2_change |= (class_2 ^ self.class_2).bits() & self.settings.class_2_mask != 0;
+        self.class_2 = class_2;
+        let class_3 = self.class_3_of(output);
+        self.class_3_change |= (class_3 ^ self.class_3).bits() & self.settings.class_3_mask != 0;
+        self.class_3 = class_3;
+    }
+
+    /// Bits 15 to 6 and 3 of the status word.
+    pub(super) fn status_word(&self) -> u16 {
+        let mut status = self.status_without_real_time_bits();
+        for (bit, mask) in self.settings.bits.status.into_iter().zip(REAL_TIME_STATUS) {
+            if self.source_bit(bit) {
+                status |= mask;
+            }
+        }
+        status
+    }
+
+    pub(super) fn refresh_values(&mut self, position: Position) {
+        let settings = &self.settings;
+        let within = self.axis.cyclic_position(position);
+        let within = match (settings.position_polarity.feedback, self.axis.settings().interpolator().modulo()) {
+            (false, _) => within,
+            (true, Some(modulo)) if within != Position::ZERO => modulo.value() - within,
+            (true, _) => -within,
+        };
+        self.values.position = settings.position.from_position(within);
+        let reversed = settings.velocity_polarity.feedback;
+        let shown = |velocity: Velocity| settings.velocity.from_velocity(if reversed { -velocity } else { velocity });
+        self.values.velocity = shown(self.values.measured_velocity);
+        self.values.velocity_error = shown(self.values.velocity_deviation);
+        self.values.following_distance = settings.position.from_position(self.values.following_error);
+        self.values.torque = settings.torque.apply(i64::from(self.values.current.to_bits()));
+    }
+
+    pub(super) fn signal(&self, signal: Feedback) -> u32 {
+        match signal {
+            Feedback::Bits(word) => u32::from(self.word(word)),
+            Feedback::Velocity => self.values.velocity.cast_unsigned(),
+            Feedback::Position => self.values.position.cast_unsigned(),
+            Feedback::Position2 if self.settings.has_feedback_2 => self.values.position.cast_unsigned(),
+            Feedback::Position2 => 0,
+            Feedback::Torque => self.values.torque_word(),
+            Feedback::SignalStatus => u32::from(self.signal_status()),
+            Feedback::FollowingDistance => self.values.following_distance.cast_unsigned(),
+            Feedback::VelocityError => self.values.velocity_error.cast_unsigned(),
+            Feedback::DiagnosticNumber => u32::from(self.diagnostic_number),
+        }
+    }
+
+    fn word(&self, word: Word) -> u16 {
+        match word {
+            Word::Class1 => self.class_1.bits(),
+            Word::Class2 => self.class_2.bits(),
+            Word::Class3 => self.class_3.bits(),
+            Word::InterfaceStatus => self.interface_status,
+            Word::Manufacturer1 => self.manufacturer_1.bits(),
+            Word::Manufacturer2 => self.manufacturer_2.bits(),
+            Word::Manufacturer3 => self.manufacturer_3.bits(),
+            Word::Control => self.commands.control_word,
+            Word::Status => self.status_without_real_time_bits(),
+            Word::PositionStatus => u16::from(self.referenced),
+            Word::Application => self.application_word,
+        }
+    }
+
+    fn source_bit(&self, bit: Option<SourceBit>) -> bool {
+        bit.is_some_and(|bit| self.word(bit.word) & bit.mask != 0)
+    }
+
+    fn status_without_real_time_bits(&self) -> u16 {
+        let mode = (self.commands.control_word & 0x0300) | ((self.commands.control_word & 0x0800) >> 1);
+        let mode = if self.phase == Phase::Cp4 { mode } else { 0 };
+        let class_2 = if self.class_2_change { CLASS_2_CHANGE } else { 0 };
+        let class_3 = if self.class_3_change { CLASS_3_CHANGE } else { 0 };
+        status_bits(self.machine.state(), self.conditions()) | mode | class_2 | class_3
+    }
+
+    fn class_2_of(&mut self, output: &AxisOutput) -> Class2 {
+        self.loss_shown = self.loss_shown.saturating_sub(1);
+        let torque = self.machine.state().has_torque();
+        let mut own = Manufacturer2::empty();
+        own.set(Manufacturer2::NOT_LOCKED, self.phase == Phase::Cp4 && !self.clock.is_locked());
+        own.set(Manufacturer2::TELEGRAM_LOST, self.loss_shown > 0);
+        let known = self.class_1.contains(Class1::MANUFACTURER);
+        own.set(Manufacturer2::AMPLIFIER_NOT_READY, self.amplifier.fault && !torque && !known);
+        self.manufacturer_2 = own;
+
+        let mut class_2 = Class2::empty();
+        let wants_torque = self.phase == Phase::Cp4 && self.switches.on && self.switches.enable;
+        class_2.set(Class2::UNDERVOLTAGE, wants_torque && !torque && !self.amplifier.main_power);
+        let window = self.settings.velocity_monitoring_window;
+        let deviation = (output.velocity_command - output.velocity).abs();
+        class_2.set(Class2::VELOCITY_DEVIATION, torque && window != Velocity::ZERO && deviation > window);
+        class_2.set(Class2::MANUFACTURER, !own.is_empty());
+        class_2
+    }
+
+    fn class_3_of(&mut self, output: &AxisOutput) -> Class3 {
+        self.manufacturer_3.set(Manufacturer3::LOCKED, self.clock.is_locked());
+        let settings = &self.settings;
+        let mut class_3 = Class3::empty();
+        let velocity = output.velocity.abs();
+        let velocity_error = output.velocity_command - output.velocity;
+        class_3.set(Class3::VELOCITY_REACHED, velocity_error.abs() <= settings.velocity_window);
+        class_3.set(Class3::STANDSTILL, output.standstill);
+        class_3.set(Class3::BELOW_THRESHOLD, velocity < settings.velocity_threshold);
+        let torque = i32::from(output.current.to_bits()).unsigned_abs();
+        class_3.set(Class3::TORQUE_THRESHOLD, torque >= settings.torque_threshold);
+        class_3.set(Class3::TORQUE_LIMIT, output.current_limited);
+        class_3.set(Class3::VELOCITY_LIMIT, output.velocity_command.abs() >= settings.velocity_limit);
+        let positioned = matches!(self.axis.mode(), Mode::Position | Mode::Halt);
+        class_3.set(Class3::IN_POSITION, positioned && output.following_error.abs() <= settings.position_window);
+        class_3.set(Class3::MANUFACTURER, !self.manufacturer_3.is_empty());
+        class_3
+    }
+}
