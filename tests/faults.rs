@@ -1,138 +1,17 @@
 //! What happens to the ring's telegrams and to the drive itself, and what the drive makes of it (sercos2.md 2.2 to 2.4, 4.3, 6.3).
 
-use bench::{Amplifier, DriveHandle, DriveSetup, World, ring_of_drives};
+#[path = "common/running.rs"]
+mod running;
+
+use bench::{Amplifier, DriveSetup};
+use ring::Nanoseconds;
 use ring::chip::{Alternatives, TimersWithoutMst};
 use ring::fibre::{Effect, Fault, TelegramKind};
 use ring::ident::{Idn, Value};
-use ring::master::{
-    CommandValues, DriveScript, MasterError, MasterScript, Motion, ScriptedMaster, SlotChoice, Telegram,
-};
-use ring::service_client::{Reply, Request};
+use ring::master::{CommandValues, DriveScript, MasterError, MasterScript, Motion, Telegram};
+use ring::service_client::Request;
 use ring::slots::MdtPlace;
-use ring::wire::BitRate;
-use ring::{Nanoseconds, RingConfiguration};
-
-const ADDRESS: u8 = 5;
-/// 300 rpm in 0.0001 rpm.
-const VELOCITY: i32 = 3_000_000;
-
-/// A drive in velocity mode, running at 300 rpm for ever.
-fn script() -> MasterScript {
-    let drive = DriveScript::new(ADDRESS, Telegram::standard(2).unwrap())
-        .with(Idn(100), Value::Word(18_800))
-        .with(Idn(101), Value::Word(160))
-        .with(Idn(104), Value::Word(375))
-        .with(Idn(109), Value::Long(60_000))
-        .with(Idn(110), Value::Long(60_000))
-        .with(Idn(111), Value::Long(25_000))
-        .with(Idn(116), Value::Long(16_384))
-        .with(Idn(138), Value::Long(400_000));
-    let motion = Motion::new(1_000_000, |_| CommandValues::at_velocity(VELOCITY));
-    MasterScript { motion: Some(motion), ..MasterScript::new(vec![drive]) }
-}
-
-struct Bench {
-    world: World<ScriptedMaster>,
-    drive: DriveHandle,
-}
-
-impl Bench {
-    /// A drive before its run-up.
-    fn new(setup: DriveSetup, script: MasterScript) -> Self {
-        let configuration = RingConfiguration::new(1, BitRate::M2);
-        let (world, mut handles) = ring_of_drives(configuration, ScriptedMaster::new(script), &[setup]).unwrap();
-        Self { world, drive: handles.remove(0) }
-    }
-
-    /// A drive that turns.
-    fn running() -> Self {
-        Self::running_on(Alternatives::default(), MdtPlace::Late)
-    }
-
-    /// The same with a chip that behaves like this, and the MDT and t3 early or late in the cycle.
-    fn running_on(alternatives: Alternatives, place: MdtPlace) -> Self {
-        let script = MasterScript { slots: SlotChoice::Computed(place), ..script() };
-        let mut bench = Self::new(DriveSetup { alternatives, ..DriveSetup::new(ADDRESS) }, script);
-        for _ in 0..2_000 {
-            bench.run(Nanoseconds::from_millis(10));
-            if bench.rpm() > 299.0 {
-                bench.run(Nanoseconds::from_millis(300));
-                return bench;
-            }
-        }
-        panic!("{}", bench.world.ring().master().state());
-    }
-
-    fn run(&mut self, span: Nanoseconds) {
-        let until = self.world.now() + span;
-        self.world.run_until(until).unwrap();
-    }
-
-    fn rpm(&mut self) -> f64 {
-        let now = self.world.now().0;
-        self.drive.motor_side.borrow_mut().motor().velocity(now) * 60.0 / core::f64::consts::TAU
-    }
-
-    fn has_torque(&self) -> bool {
-        self.drive.motor_side.borrow().amplifier_on()
-    }
-
-    /// So many telegrams of this kind are lost, from the next cycle but one on.
-    fn lose(&mut self, kind: TelegramKind, cycles: u64) {
-        let from = self.world.ring().cycle().unwrap() + 2;
-        for cycle in from..from + cycles {
-            self.world.ring_mut().add_fault(Fault::once(cycle, 0, kind, Effect::Drop));
-        }
-    }
-
-    /// Runs the ring up again without a motion and reads two-byte data blocks.
-    fn run_up_and_read(&mut self, idns: &[u16]) -> Vec<u16> {
-        let drive = DriveScript::new(ADDRESS, Telegram::standard(2).unwrap()).with(Idn::OPERATION_MODE, Value::Word(2));
-        let script = MasterScript { reset_diagnostics: false, ..MasterScript::new(vec![drive]) };
-        self.world.ring_mut().master_mut().restart(script);
-        for _ in 0..2_000 {
-            self.run(Nanoseconds::from_millis(10));
-            if self.world.ring().master().is_done() {
-                break;
-            }
-        }
-        let report = self.world.ring().master().report();
-        assert_eq!((&report.error, self.world.ring().master().phase()), (&None, 4));
-        let client = self.world.ring_mut().master_mut().service(0);
-        for &idn in idns {
-            client.request(Request::Read(Idn(idn)));
-        }
-        self.run(Nanoseconds::from_millis(500));
-        idns.iter().map(|&idn| self.last_read(idn)).collect()
-    }
-
-    /// The last value that the master has read of a two-byte data block.
-    fn last_read(&self, idn: u16) -> u16 {
-        let services = &self.world.ring().master().report().drives[0].services;
-        let finished = services.iter().rev().find(|service| service.request == Request::Read(Idn(idn)));
-        match &finished.unwrap_or_else(|| panic!("S-0-{idn:04} was not read")).result {
-            Ok(Reply::Data { value, .. }) => value.as_number().unwrap() as u16,
-            other => panic!("S-0-{idn:04}: {other:?}"),
-        }
-    }
-
-    fn clear_errors(&mut self) {
-        self.world.ring_mut().master_mut().service(0).request(Request::Command { idn: Idn(99), polls: 10 });
-        self.run(Nanoseconds::from_millis(200));
-    }
-
-    /// The motor has stopped on a ramp and is without torque; it did not merely coast.
-    fn assert_stopped(&mut self) {
-        // 31.4 rad/s at 400 rad/s^2: 79 ms.
-        self.run(Nanoseconds::from_millis(60));
-        assert!(self.has_torque(), "torque before standstill");
-        let on_the_way = self.rpm();
-        assert!((20.0..250.0).contains(&on_the_way), "{on_the_way} rpm after 60 ms");
-        self.run(Nanoseconds::from_millis(200));
-        assert!(!self.has_torque());
-        assert!(self.rpm().abs() < 1.0);
-    }
-}
+use running::{ADDRESS, Bench, script};
 
 const CLASS_1: u16 = 11;
 const INTERFACE: u16 = 14;

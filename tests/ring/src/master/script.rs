@@ -108,6 +108,8 @@ pub struct MasterScript {
     pub idle_before_cp4: u32,
     /// Whether S-0-0099 is executed before S-0-0127.
     pub reset_diagnostics: bool,
+    /// Whether a service request that fails in CP4, beside the script, ends the run.
+    pub stops_at_refusals: bool,
     /// Whether control bit 10 toggles once a control-unit cycle; several masters never do (sercos2.md 1.6).
     pub toggle_iposync: bool,
     /// How far an AT may start from t1, in CP3 and CP4.
@@ -132,6 +134,7 @@ impl MasterScript {
             idle_in_cp3: 100,
             idle_before_cp4: 10,
             reset_diagnostics: true,
+            stops_at_refusals: true,
             toggle_iposync: false,
             at_tolerance: Nanoseconds::from_microseconds(2),
             motion: None,

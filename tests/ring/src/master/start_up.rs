@@ -91,7 +91,9 @@ impl ScriptedMaster {
             let judged = judge(&mut self.drives[index], &finished, self.phase);
             self.report.drives[index].services.push(finished);
             if let Err(error) = judged {
-                if !matches!(self.work, Work::Finished | Work::Failed) {
+                let beside_the_script =
+                    matches!(self.work, Work::Move(_)) && self.phase == 4 && !self.script.stops_at_refusals;
+                if !beside_the_script && !matches!(self.work, Work::Finished | Work::Failed) {
                     self.fail(error);
                 }
             }
