@@ -65,11 +65,15 @@ impl<B: Bus + Clone> Interrupts<B> {
 
     /// In every tick of the loop timer: learns the chip's timers in CP0, and stands in for interrupts that do not arrive.
     ///
-    /// Two bus accesses while there is something to learn, none later.
+    /// Two bus accesses while there is something to learn, one when that is over, none later.
     pub fn poll<H: Hardware>(&mut self, motion: &mut Motion<B, H>) -> Work {
         self.time_us = self.time_us.wrapping_add(u32::from(LOOP_PERIOD_MICROSECONDS));
         self.interrupts_arrive |= self.interrupted;
         if !self.learning && self.interrupts_arrive {
+            // Not only in the poll that ends the learning: interrupts may arrive later than that.
+            if !self.chip.errors_are_masked() {
+                self.chip.mask_errors();
+            }
             return Work::empty();
         }
         let events = self.chip.take();
@@ -91,9 +95,6 @@ impl<B: Bus + Clone> Interrupts<B> {
         }
         self.learning &= !self.discovery.is_done();
         self.chip.carry_out(&orders);
-        if !self.learning && self.interrupts_arrive {
-            self.chip.mask_errors();
-        }
         work
     }
 

@@ -69,6 +69,11 @@ impl<B: Bus> Interrupts<B> {
         self.bus.write_register(Register::ERROR_ENABLE, !self.enabled);
     }
 
+    /// Whether [`Interrupts::mask_errors`] was called.
+    pub const fn errors_are_masked(&self) -> bool {
+        self.errors_masked
+    }
+
     /// Reads and acknowledges until nothing is pending, at most [`INTERRUPT_ROUNDS`] times.
     ///
     /// 3 accesses for one event once the errors are masked, before that 5 to 7. Nothing gets lost between the lines' edges: a flag that comes while this runs is either found in the next round
