@@ -171,7 +171,8 @@ impl<B: Bus + Clone> Communication<B> {
             errors: &self.errors,
             settings_changed: &mut settings_changed,
         };
-        if context.checks.waits_for_lock {
+        // The motion side also starts this task for other news than the lock that S-0-0128 waits for.
+        if context.checks.waits_for_lock && !context.motion.lock(|motion| motion.waits_for_lock()) {
             let state = context.check_cp4(&self.parameters, false);
             self.server.command_progress(Idn::CP4_TRANSITION_CHECK, state);
             self.service.set_command_change(self.server.command_change());

@@ -107,6 +107,11 @@ impl<B: Bus + Clone, H: Hardware> Motion<B, H> {
         self.lock_patience = ticks;
     }
 
+    /// Whether the wait that [`Motion::wait_for_lock`] began still lasts.
+    pub const fn waits_for_lock(&self) -> bool {
+        self.lock_patience != 0
+    }
+
     /// Whether the loops run in a fixed phase to the ring.
     pub fn is_synchronised(&self) -> bool {
         self.clock.is_locked()

@@ -46,6 +46,11 @@ impl Beat {
         self.mark
     }
 
+    /// When the phase of the next MST is decided, if its end comes one cycle after that of the last.
+    pub(crate) fn decision_after(&self, cycle: Nanoseconds) -> Nanoseconds {
+        self.mark + cycle - self.rate.span(MOST_MST_BITS)
+    }
+
     /// An MST of this phase comes next; its end stands where it was planned.
     pub(crate) fn mst_comes(&mut self, phase: u8) {
         let bits = encode(&[BROADCAST, phase]).len();

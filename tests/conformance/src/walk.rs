@@ -1,0 +1,1 @@
+//! Every element of every data block, compared with the table.
