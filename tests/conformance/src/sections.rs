@@ -1,14 +1,19 @@
 //! The cases, one file a heading.
 
+mod error_handling;
 mod identification;
 mod phase_switch;
+mod telegram_types;
 
 use crate::case::{Case, CaseReport, Section, SlaveReport};
 
 /// All cases, in the order of the report.
 #[must_use]
 pub fn cases() -> Vec<Case> {
-    [identification::cases(), phase_switch::cases()].into_iter().flatten().collect()
+    [identification::cases(), telegram_types::cases(), error_handling::cases(), phase_switch::cases()]
+        .into_iter()
+        .flatten()
+        .collect()
 }
 
 /// Runs the cases of some headings (all, if there are none), on as many threads as there are; `progress` is told how many are done.

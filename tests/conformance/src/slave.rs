@@ -180,17 +180,49 @@ impl Slave {
 
     /// The rest of this cycle with its MDT, and the next up to the end of its ATs. Returns the AT of the slave.
     pub fn cycle(&mut self) -> Option<At> {
+        self.finish_cycle();
+        self.begin_cycle();
+        self.run_to_mdt();
+        self.last = self.ats().into_iter().find_map(|(address, at)| (address == self.address).then_some(at));
+        self.last.clone()
+    }
+
+    /// The first half of [`Slave::cycle`]: the MDT goes out, and everything happens up to the next MST.
+    pub fn finish_cycle(&mut self) {
         let bytes = self.mdt_bytes();
         self.world.ring_mut().master_mut().set_mdt(bytes);
         let end = self.world.ring().master().end_of_cycle();
         self.run_until(end);
+    }
+
+    /// After [`Slave::finish_cycle`]: the next MST is decided on. The caller runs on to what it wants to see, and then to the MDT.
+    pub fn begin_cycle(&mut self) {
         let plan = self.plan();
         self.world.ring_mut().master_mut().set_plan(plan);
         let decided = self.world.now() + Nanoseconds(2);
         self.run_until(decided);
-        self.run_to_mdt();
-        self.last = self.ats().into_iter().find_map(|(address, at)| (address == self.address).then_some(at));
-        self.last.clone()
+    }
+
+    /// Runs to so many us after the end of this cycle's MST; nothing, if that is over.
+    pub fn run_to(&mut self, microseconds: u16) {
+        let until = self.world.ring().master().mark() + Nanoseconds::from_microseconds(microseconds.into());
+        let until = until.max(self.world.now());
+        self.run_until(until);
+    }
+
+    /// Switches on (control word bits 15 to 13) and waits until the drive follows.
+    ///
+    /// # Errors
+    /// It does not within 200 cycles.
+    pub fn switch_on(&mut self) -> Outcome {
+        self.control = (self.control & 0x1FFF) | control::ON | control::ENABLE | control::NO_HALT;
+        for _ in 0..200 {
+            let at = self.cycle();
+            if at.is_some_and(|at| status::readiness(at.status) == 3 && at.status & status::FOLLOWS != 0) {
+                return Ok(());
+            }
+        }
+        Err(format!("not in operation 200 cycles after it was switched on: {:04X?}", self.last))
     }
 
     /// So many cycles.
@@ -419,7 +451,8 @@ impl Slave {
         }
     }
 
-    fn run_to_mdt(&mut self) {
+    /// Runs to just before this cycle's MDT.
+    pub fn run_to_mdt(&mut self) {
         let after = match self.mst {
             Some(3..) if self.has_cyclic_cycle() => Nanoseconds::from_microseconds(self.configuration.t2.into()),
             _ => START_UP_MDT,

@@ -39,6 +39,7 @@ impl<B: Bus + Clone, H: Hardware> Motion<B, H> {
             }
             Phase::Cp4 => self.mode = self.settings.modes.first().copied().flatten(),
             Phase::Cp2 => {
+                self.loss_shown = 0;
                 self.park(false);
                 self.supervision.end_bursts();
             }
