@@ -1,19 +1,30 @@
 //! The cases, one file a heading.
 
+mod command_and_feedback;
 mod error_handling;
 mod identification;
 mod phase_switch;
 mod telegram_types;
+mod time_slots;
 
 use crate::case::{Case, CaseReport, Section, SlaveReport};
 
 /// All cases, in the order of the report.
 #[must_use]
 pub fn cases() -> Vec<Case> {
-    [identification::cases(), telegram_types::cases(), error_handling::cases(), phase_switch::cases()]
-        .into_iter()
-        .flatten()
-        .collect()
+    let mut cases: Vec<Case> = [
+        identification::cases(),
+        telegram_types::cases(),
+        error_handling::cases(),
+        time_slots::cases(),
+        phase_switch::cases(),
+        command_and_feedback::cases(),
+    ]
+    .into_iter()
+    .flatten()
+    .collect();
+    cases.sort_by_key(|case| case.section);
+    cases
 }
 
 /// Runs the cases of some headings (all, if there are none), on as many threads as there are; `progress` is told how many are done.

@@ -187,6 +187,14 @@ impl Slave {
         self.last.clone()
     }
 
+    /// Sends the MDT of this cycle and runs to so many us after the end of its MST; to be followed by [`Slave::finish_cycle`] or
+    /// [`Slave::cycle`].
+    pub fn finish_cycle_to(&mut self, microseconds: u16) {
+        let bytes = self.mdt_bytes();
+        self.world.ring_mut().master_mut().set_mdt(bytes);
+        self.run_to(microseconds);
+    }
+
     /// The first half of [`Slave::cycle`]: the MDT goes out, and everything happens up to the next MST.
     pub fn finish_cycle(&mut self) {
         let bytes = self.mdt_bytes();

@@ -1,0 +1,138 @@
+//! t3: when a command becomes valid. t4: of which instant the feedback is.
+
+use super::error_handling::in_operation;
+use crate::case::{Case, Section, ensure};
+use crate::configuration::Configuration;
+use crate::slave::{Outcome, Slave};
+
+const SECTION: Section = Section::CommandAndFeedback;
+
+/// From t3 to the current: the task of t3, the loop tick after it, and its computing time. The loop runs every 125 us, and its ticks
+/// are locked a quarter of a period behind t3.
+const LATEST_CURRENT_US: u16 = 70;
+
+/// 0.0001 degrees of an encoder increment (65 536 a revolution), and of a microsecond at 300 rpm.
+const INCREMENT: f64 = 54.9;
+const MICROSECOND: f64 = 18.0;
+
+pub(super) fn cases() -> Vec<Case> {
+    let mut cases = Vec::new();
+    // t1 = 20, t2 = 150: the MDT is over at 211 us.
+    for t3 in [220, 300, 500, 750, 1_000, 1_333, 1_700, 1_900, 1_999] {
+        let rule = format!(
+            "t3 = {t3} us, behind the MDT: its command is valid within {LATEST_CURRENT_US} us of t3, not before"
+        );
+        cases.push(Case::new(SECTION, rule, "sercos2.md 4.1, 5.3", move |slave| command_valid(slave, 20, 150, t3)));
+    }
+    // t2 = 1 200.
+    for t3 in [50, 125, 400, 777, 1_100] {
+        let rule = format!("t3 = {t3} us, before the MDT: the command of the MDT before is valid from then on");
+        cases.push(Case::new(SECTION, rule, "sercos2.md 5.3", move |slave| command_valid(slave, 20, 1_200, t3)));
+    }
+    for t4 in [250, 400, 600, 900, 1_234, 1_500, 1_800, 1_900, 1_970] {
+        let rule =
+            format!("t4 = {t4} us: the position in the AT is that of t4, to an encoder increment and a microsecond");
+        cases.push(Case::new(SECTION, rule, "sercos2.md 4.1", move |slave| feedback_captured(slave, t4)));
+    }
+    cases.push(Case::new(SECTION, "a velocity command is followed within 1 %", "sercos2.md 6.2", |slave| {
+        in_operation(slave, 2, Configuration::application(&[51, 40], &[36]))?;
+        slave.commands = 3_000_000_i32.to_le_bytes().to_vec();
+        slave.cycles(800);
+        let velocity = slave.last.clone().ok_or("no AT")?.long(4);
+        ensure((velocity - 3_000_000).abs() < 30_000, || format!("{velocity} of 0.0001 rpm"))
+    }));
+    cases.push(Case::new(SECTION, "feedback is refreshed every cycle", "sercos2.md 4.1", |slave| {
+        running(slave, 1_800)?;
+        let mut last = slave.cycle().ok_or("no AT")?.long(0);
+        for _ in 0..100 {
+            let position = slave.cycle().ok_or("no AT")?.long(0);
+            // 300 rpm: 3.6 degrees in 2 ms.
+            let step = position - last;
+            ensure((35_000..37_000).contains(&step), || format!("{step} of 0.0001 degrees in a cycle"))?;
+            last = position;
+        }
+        Ok(())
+    }));
+    cases.push(Case::new(SECTION, "no command is valid in CP3", "sercos2.md 2.1", |slave| {
+        slave.run_up(3, super::error_handling::motor(2, Configuration::default()))?;
+        slave.commands = 3_000_000_i32.to_le_bytes().to_vec();
+        slave.control = 0xE000;
+        slave.cycles(50);
+        let current = slave.drive.motor_side.borrow().current();
+        ensure(current == 0.0, || format!("{current} of the peak current"))?;
+        let command = slave.number(36)?;
+        ensure(command == 0, || format!("S-0-0036 = {command}"))
+    }));
+    cases.push(Case::new(SECTION, "a lost MDT is bridged: the motor goes on", "sercos2.md 2.4", |slave| {
+        running(slave, 1_800)?;
+        for _ in 0..5 {
+            slave.disturb(ring::fibre::TelegramKind::Mdt, ring::fibre::Effect::Drop, 1);
+            let before = slave.cycle().ok_or("no AT")?.long(0);
+            slave.cycles(9);
+            let after = slave.cycle().ok_or("no AT")?.long(0);
+            let step = f64::from(after - before) / 10.0;
+            ensure((35_500.0..36_500.0).contains(&step), || format!("{step} of 0.0001 degrees in a cycle"))?;
+        }
+        Ok(())
+    }));
+    cases
+}
+
+/// A step of the torque command becomes current at t3.
+fn command_valid(slave: &mut Slave, t1: u16, t2: u16, t3: u16) -> Outcome {
+    let configuration = Configuration { t1, t2, t3, t4: 1_900, ..Configuration::application(&[84], &[80]) };
+    in_operation(slave, 1, configuration)?;
+    slave.cycles(200);
+    let current = |slave: &Slave| slave.drive.motor_side.borrow().current();
+    for percent in [40_i16, -40, 60] {
+        let before = current(slave);
+        slave.commands = percent.to_le_bytes().to_vec();
+        slave.finish_cycle_to(t3.saturating_sub(2));
+        let behind_mdt = t3 > t2;
+        if behind_mdt {
+            ensure(current(slave) == before, || "the current changes before t3".to_owned())?;
+            slave.finish_cycle_to((t3 + LATEST_CURRENT_US).min(1_999));
+        }
+        slave.finish_cycle();
+        slave.begin_cycle();
+        if !behind_mdt {
+            slave.run_to(t3.saturating_sub(2));
+            ensure(current(slave) == before, || "the current changes before t3 of the next cycle".to_owned())?;
+            slave.run_to(t3 + LATEST_CURRENT_US);
+        } else if t3 + LATEST_CURRENT_US >= 2_000 {
+            slave.run_to(t3 + LATEST_CURRENT_US - 2_000);
+        }
+        // 0.1 % of 25 A on an amplifier of 60 A.
+        let expected = f64::from(percent) / 1_000.0 * 25.0 / 60.0;
+        let seen = current(slave);
+        ensure((seen - expected).abs() < 0.001, || format!("current {seen:.4} of the peak, expected {expected:.4}"))?;
+        slave.run_to_mdt();
+        slave.cycles(5);
+    }
+    Ok(())
+}
+
+/// The motor turns at 300 rpm; the AT says where it was at t4.
+fn feedback_captured(slave: &mut Slave, t4: u16) -> Outcome {
+    running(slave, t4)?;
+    for _ in 0..20 {
+        slave.finish_cycle_to(t4);
+        let now = slave.world.now();
+        let angle = slave.drive.motor_side.borrow_mut().motor().angle(now.0) * 3_600_000.0;
+        let shown = slave.cycle().ok_or("no AT")?.long(0);
+        let off = f64::from(shown) - angle;
+        ensure(off.abs() < INCREMENT + MICROSECOND, || {
+            format!("{shown} of 0.0001 degrees, the motor was at {angle:.0}: {:.1} us off", off / MICROSECOND)
+        })?;
+    }
+    Ok(())
+}
+
+/// 300 rpm in velocity mode; t1 and t2 as early as they can be.
+fn running(slave: &mut Slave, t4: u16) -> Outcome {
+    let configuration = Configuration { t1: 20, t2: 150, t3: 230, t4, ..Configuration::application(&[51], &[36]) };
+    in_operation(slave, 2, configuration)?;
+    slave.commands = 3_000_000_i32.to_le_bytes().to_vec();
+    slave.cycles(1_000);
+    Ok(())
+}
