@@ -1,5 +1,7 @@
 //! Cases, how they are run, and what comes of them.
 
+use std::panic::{AssertUnwindSafe, catch_unwind};
+
 use serde::Serialize;
 
 use crate::slave::{Outcome, Slave};
@@ -60,6 +62,24 @@ impl Section {
     }
 }
 
+impl Section {
+    /// Its name on a command line and in JSON.
+    #[must_use]
+    pub const fn slug(self) -> &'static str {
+        match self {
+            Self::Identification => "identification",
+            Self::ServiceChannel => "service-channel",
+            Self::ProcedureCommands => "procedure-commands",
+            Self::TelegramTypes => "telegram-types",
+            Self::ErrorHandling => "error-handling",
+            Self::TimeSlots => "time-slots",
+            Self::PhaseSwitch => "phase-switch",
+            Self::CommandAndFeedback => "command-and-feedback",
+            Self::ComplianceClasses => "compliance-classes",
+        }
+    }
+}
+
 /// What a case does with a fresh slave.
 pub type Check = Box<dyn Fn(&mut Slave) -> Outcome + Send + Sync>;
 
@@ -97,8 +117,12 @@ impl Case {
     /// Runs the case with a slave that has just been switched on.
     #[must_use]
     pub fn run(&self) -> CaseReport {
-        let mut slave = Slave::new(DriveSetup::new(self.address));
-        let failure = (self.check)(&mut slave).err();
+        let checked = catch_unwind(AssertUnwindSafe(|| {
+            let mut slave = Slave::new(DriveSetup::new(self.address));
+            (self.check)(&mut slave)
+        }));
+        // A drive that panics must not take the other cases with it; what it said stands on stderr.
+        let failure = checked.unwrap_or_else(|_| Err("panicked".to_owned())).err();
         CaseReport {
             section: self.section,
             rule: self.rule.clone(),

@@ -2,7 +2,9 @@
 
 use crate::report::data::Platform;
 use crate::setup::Installing;
+use clap::builder::{PossibleValuesParser, TypedValueParser};
 use clap::{Parser, Subcommand, ValueEnum, error::ErrorKind};
+use conformance::Section;
 use std::path::PathBuf;
 use std::process::ExitCode;
 
@@ -63,6 +65,18 @@ pub(crate) enum Command {
         #[arg(long)]
         json: bool,
     },
+    /// Test the slave against the rules of SERCOS II, case by case under nine headings, on a simulated ring
+    ///
+    /// Every case starts with a drive that has just been switched on, and goes through its chip. Run it after a change of the
+    /// protocol, or with `--json` to compare two versions.
+    SlaveReport {
+        /// Only the cases under this heading; may be given several times
+        #[arg(long = "section", value_name = "HEADING", value_parser = section_parser())]
+        sections: Vec<Section>,
+        /// Print the result as JSON
+        #[arg(long)]
+        json: bool,
+    },
     /// Serve the registers and the RAM of a master's SERCON816 on a simulated ring, for a foreign master driver
     ///
     /// One command a line, one answer a line, all numbers hexadecimal but the count of cycles:
@@ -83,6 +97,14 @@ pub(crate) enum Command {
         #[arg(long, value_name = "VID:PID[:SERIAL]")]
         probe: Option<String>,
     },
+}
+
+/// Headings by their names.
+fn section_parser() -> impl TypedValueParser<Value = Section> {
+    PossibleValuesParser::new(Section::ALL.map(Section::slug)).map(|name| {
+        let found = Section::ALL.into_iter().find(|section| section.slug() == name);
+        found.unwrap_or(Section::Identification)
+    })
 }
 
 /// Where the drive under test runs.

@@ -16,6 +16,7 @@ mod replay;
 mod report;
 mod ring_server;
 mod setup;
+mod slave_report;
 mod suite;
 mod workspace;
 
@@ -55,6 +56,7 @@ fn run(command_line: CommandLine) -> anyhow::Result<Verdict> {
         Command::Test { host, qemu } => suite::run(suite::Selection::from_flags(host, qemu), installing),
         Command::Demo { on, output } => demo::run(on.into(), output, installing),
         Command::Replay { file, on, json } => replay::run(&file, on.into(), json, installing),
+        Command::SlaveReport { sections, json } => slave_report::run(&sections, json),
         Command::Ring { drives, chip_socket } => ring_server::run(&drives, &chip_socket),
         Command::Flash { probe } => flash::run(probe.as_deref(), installing),
     }

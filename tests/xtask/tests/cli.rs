@@ -35,6 +35,7 @@ fn the_help_is_as_written_down() {
         &["test", "--help"],
         &["demo", "--help"],
         &["replay", "--help"],
+        &["slave-report", "--help"],
         &["ring", "--help"],
         &["flash", "--help"],
     ] {
@@ -56,6 +57,7 @@ fn bad_arguments_are_refused_in_one_line() {
         (&["fly"][..], "unrecognized subcommand 'fly'"),
         (&["replay"], "<FILE>"),
         (&["replay", "x.tsv", "--on", "moon"], "invalid value 'moon'"),
+        (&["slave-report", "--section", "colour"], "invalid value 'colour'"),
         (&["ring", "--drives", "1,0", "--chip-socket", "s"], "0 is not in 1..=254"),
         (&["ring", "--drives", "1,255", "--chip-socket", "s"], "255 is not in 1..=254"),
         (&["test", "--host", "--qemu"], "cannot be used with"),

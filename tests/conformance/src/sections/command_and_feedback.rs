@@ -19,19 +19,16 @@ pub(super) fn cases() -> Vec<Case> {
     let mut cases = Vec::new();
     // t1 = 20, t2 = 150: the MDT is over at 211 us.
     for t3 in [220, 300, 500, 750, 1_000, 1_333, 1_700, 1_900, 1_999] {
-        let rule = format!(
-            "t3 = {t3} us, behind the MDT: its command is valid within {LATEST_CURRENT_US} us of t3, not before"
-        );
+        let rule = format!("t3 = {t3} us, behind the MDT: the command is valid at t3, by the next loop tick");
         cases.push(Case::new(SECTION, rule, "sercos2.md 4.1, 5.3", move |slave| command_valid(slave, 20, 150, t3)));
     }
     // t2 = 1 200.
     for t3 in [50, 125, 400, 777, 1_100] {
-        let rule = format!("t3 = {t3} us, before the MDT: the command of the MDT before is valid from then on");
+        let rule = format!("t3 = {t3} us, before the MDT: the command of the MDT before is valid at t3");
         cases.push(Case::new(SECTION, rule, "sercos2.md 5.3", move |slave| command_valid(slave, 20, 1_200, t3)));
     }
     for t4 in [250, 400, 600, 900, 1_234, 1_500, 1_800, 1_900, 1_970] {
-        let rule =
-            format!("t4 = {t4} us: the position in the AT is that of t4, to an encoder increment and a microsecond");
+        let rule = format!("t4 = {t4} us: the AT has the position of t4, to an encoder increment and 1 us");
         cases.push(Case::new(SECTION, rule, "sercos2.md 4.1", move |slave| feedback_captured(slave, t4)));
     }
     cases.push(Case::new(SECTION, "a velocity command is followed within 1 %", "sercos2.md 6.2", |slave| {
