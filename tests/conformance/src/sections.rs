@@ -4,6 +4,7 @@ mod command_and_feedback;
 mod error_handling;
 mod identification;
 mod phase_switch;
+mod service_channel;
 mod telegram_types;
 mod time_slots;
 
@@ -14,6 +15,7 @@ use crate::case::{Case, CaseReport, Section, SlaveReport};
 pub fn cases() -> Vec<Case> {
     let mut cases: Vec<Case> = [
         identification::cases(),
+        service_channel::cases(),
         telegram_types::cases(),
         error_handling::cases(),
         time_slots::cases(),
