@@ -1,9 +1,11 @@
 //! The cases, one file a heading.
 
 mod command_and_feedback;
+mod compliance_classes;
 mod error_handling;
 mod identification;
 mod phase_switch;
+mod procedure_commands;
 mod service_channel;
 mod telegram_types;
 mod time_slots;
@@ -16,6 +18,8 @@ pub fn cases() -> Vec<Case> {
     let mut cases: Vec<Case> = [
         identification::cases(),
         service_channel::cases(),
+        procedure_commands::cases(),
+        compliance_classes::cases(),
         telegram_types::cases(),
         error_handling::cases(),
         time_slots::cases(),
