@@ -207,6 +207,13 @@ impl Slave {
         }
     }
 
+    /// A step as no controller would hand it on, straight to the server. Whatever was running is over for the controller.
+    pub(crate) fn stray_step(&mut self, step: Step) -> Reply {
+        self.running = None;
+        self.sender.clear();
+        self.server.step(step, &mut self.parameters, &mut self.drive)
+    }
+
     fn ask(&mut self, step: Step) -> Result<u16, ServiceError> {
         self.processor_steps += 1;
         match self.server.step(step, &mut self.parameters, &mut self.drive) {
@@ -214,6 +221,8 @@ impl Slave {
                 self.sender.extend(words);
                 Ok(self.sender.pop_front().expect("Send holds at least one word"))
             }
+            // One step with END past the last word looks to the server like the step with the last word.
+            Reply::Continue if step.end && step.at_boundary => Ok(step.info),
             Reply::Continue => panic!("the step needs a word: {step:?}"),
             Reply::Accept { info } => Ok(info),
             Reply::Error(error) => Err(error),

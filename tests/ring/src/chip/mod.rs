@@ -372,7 +372,10 @@ impl Chip {
     fn mst_window(&self) -> Option<(i32, i32, i32)> {
         let cycle = self.registers.cycle_time(&self.alternatives);
         let (lower, upper) = self.registers.mst_window();
-        let supervised = cycle >= SHORTEST_CYCLE && self.registers.repeater_on();
+        let ends = i32::from(cycle).min(i32::from(cycle) + i32::from(upper));
+        // A cycle or window that ends before the counter's preset would be missed in the past, and so on without end.
+        let reached = self.base.is_none_or(|base| base.reaches(ends));
+        let supervised = cycle >= SHORTEST_CYCLE && reached && self.registers.repeater_on();
         let cycle = i32::from(cycle);
         supervised.then(|| (cycle, cycle + i32::from(lower), cycle + i32::from(upper)))
     }
