@@ -64,7 +64,8 @@ fn lines(bytes: &mut Bytes<'_>) {
         cycle += u64::from(kind == "MST");
         let sequence = wire::check_sequence(&telegram).to_le_bytes();
         let levels = LineSignal::of_telegram(&telegram).to_packed(2);
-        let _ = writeln!(text, "{number}\t{kind}\t{}\t{}\t{}", hex(&telegram, " "), hex(&sequence, " "), hex(&levels, ""));
+        let _ =
+            writeln!(text, "{number}\t{kind}\t{}\t{}\t{}", hex(&telegram, " "), hex(&sequence, " "), hex(&levels, ""));
     }
     survives(&text);
     if damage != 0 && !text.is_empty() {

@@ -1,5 +1,7 @@
 //! Values of parameters, and what the transition checks make of them.
 
+use std::sync::LazyLock;
+
 use drive::{MotionSettings, Records};
 use sercos::command::CommandStatus;
 use sercos::data_block::{DataBlock, Location, NeededFor, Selection};
@@ -81,27 +83,32 @@ fn write(slave: &mut Slave, bytes: &mut Bytes<'_>) -> bool {
     true
 }
 
-/// A parameter that a master can write in CP2; those of the cyclic configuration come up most.
+/// Parameters that a master can write, those that S-0-0127 looks at alone and all of them.
+static WRITABLE: LazyLock<[Vec<&'static DataBlock>; 2]> = LazyLock::new(|| {
+    let is_writable = |block: &&DataBlock| block.location == Location::Parameter && !block.attribute.is_read_only();
+    let all: Vec<&DataBlock> = DICTIONARY.iter().filter(is_writable).collect();
+    [all.iter().copied().filter(|block| block.needed_for == NeededFor::Cp3).collect(), all]
+});
+
+/// What S-0-0016 and S-0-0024 can name, and everything.
+static ENTRIES: LazyLock<[Vec<Idn>; 3]> = LazyLock::new(|| {
+    [Selection::ConfigurableInAt, Selection::ConfigurableInMdt, Selection::All]
+        .map(|selection| dictionary::select(selection).map(|block| block.idn).collect())
+});
+
+/// A parameter that a master can write; those of the cyclic configuration come up most.
 fn block(number: u8) -> &'static DataBlock {
-    let is_written = |block: &&DataBlock| block.location == Location::Parameter && !block.attribute.is_read_only();
-    let needed_for = if number & 0x80 == 0 { Some(NeededFor::Cp3) } else { None };
-    let blocks = || {
-        DICTIONARY.iter().filter(is_written).filter(move |block| needed_for.is_none_or(|check| block.needed_for == check))
-    };
-    let count = blocks().count().max(1);
-    blocks().nth(usize::from(number & 0x7F) % count).expect("the table has parameters")
+    chosen(&WRITABLE[usize::from(number >> 7)], usize::from(number & 0x7F))
 }
 
 /// An entry of a list: mostly one that its telegram can carry.
 fn entry_of(block: &DataBlock, number: u8) -> u16 {
-    let selection = match block.idn {
-        Idn::AT_LIST => Selection::ConfigurableInAt,
-        Idn::MDT_LIST => Selection::ConfigurableInMdt,
-        _ => Selection::All,
+    let entries = match block.idn {
+        Idn::AT_LIST if number < 0xF0 => &ENTRIES[0],
+        Idn::MDT_LIST if number < 0xF0 => &ENTRIES[1],
+        _ => &ENTRIES[2],
     };
-    let selection = if number < 0xF0 { selection } else { Selection::All };
-    let count = dictionary::select(selection).count().max(1);
-    dictionary::select(selection).nth(usize::from(number) % count).map_or(0, |block| block.idn.0)
+    chosen(entries, usize::from(number)).0
 }
 
 /// Whether the check was passed; if not, S-0-0021 or S-0-0022 says why.
@@ -125,8 +132,7 @@ fn assert_fits(configuration: &CyclicConfiguration, bit_rate: BitRate) {
     assert!(at_end < t2 && mdt_end < cycle, "{configuration:?}");
     assert!(nanoseconds(configuration.t4_us) < cycle && t3 <= cycle, "{configuration:?}");
     assert!(t3 <= t2 || t3 > mdt_end, "{configuration:?}");
-    let record_end =
-        u32::from(configuration.record_position_bytes) + 3 + u32::from(configuration.mdt_data_bytes());
+    let record_end = u32::from(configuration.record_position_bytes) + 3 + u32::from(configuration.mdt_data_bytes());
     assert!(record_end <= u32::from(configuration.mdt_length_bytes), "{configuration:?}");
     assert!(configuration.record_position_bytes % 2 == 1 && configuration.mdt_length_bytes.is_multiple_of(2));
     assert_eq!(configuration.control_unit_cycle_us % configuration.cycle_us, 0, "{configuration:?}");

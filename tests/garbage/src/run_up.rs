@@ -1,5 +1,7 @@
 //! What a proper master does after anything: ten cycles of CP0, then every phase in its order (sercos2.md 2.1 to 2.3).
 
+use std::sync::LazyLock;
+
 use sercos::command::CommandStatus;
 use sercos::data_block::{DataBlock, Location, NeededFor};
 use sercos::dictionary::DICTIONARY;
@@ -24,9 +26,8 @@ pub(crate) fn run_up(slave: &mut Slave) {
     for phase in [Phase::Cp1, Phase::Cp2] {
         enter(slave, phase);
     }
-    for block in DICTIONARY.iter().filter(|block| is_checked(block)) {
-        let words = words_of(block, block.default);
-        assert_eq!(slave.set(block.idn, &words), Ok(0), "{} = {}", block.idn, block.default);
+    for (idn, words) in CHECKED.iter() {
+        assert_eq!(slave.set(*idn, words), Ok(0), "{idn} = {words:?}");
     }
     slave.configure();
     assert_eq!(command(slave, Idn::RESET_CLASS_1_DIAGNOSTIC), CommandStatus::Executed, "S-0-0099");
@@ -37,6 +38,12 @@ pub(crate) fn run_up(slave: &mut Slave) {
     assert!(!slave.drive.machine.interface_status().has_error());
     assert!(!slave.server.command_change());
 }
+
+/// What the transition checks look at, and the words of its defaults.
+static CHECKED: LazyLock<Vec<(Idn, Vec<u16>)>> = LazyLock::new(|| {
+    let checked = DICTIONARY.iter().filter(|block| is_checked(block));
+    checked.map(|block| (block.idn, words_of(block, block.default))).collect()
+});
 
 /// The data block is of fixed length, needed for a transition, and can be written in CP2.
 fn is_checked(block: &DataBlock) -> bool {

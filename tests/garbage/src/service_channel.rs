@@ -1,5 +1,7 @@
 //! Streams of service-channel steps, MSTs, commands and lost telegrams.
 
+use std::sync::LazyLock;
+
 use sercos::command::CommandState;
 use sercos::data_block::{DataBlock, Selection};
 use sercos::dictionary::{self, DICTIONARY};
@@ -98,8 +100,7 @@ impl Event {
                 use CommandState::{Executed, Executing, Failed, Interrupted};
                 let which = usize::from(bytes.byte()?);
                 let state = chosen(&[Executed, Failed, Executing, Interrupted], which);
-                let idns: Vec<_> = dictionary::select(Selection::Commands).map(|block| block.idn).collect();
-                Self::Progress(chosen(&idns, which / 4), state)
+                Self::Progress(chosen(&COMMANDS, which / 4), state)
             }
             _ => {
                 let bits = bytes.byte()?;
@@ -118,6 +119,10 @@ fn info(of_table: bool, word: u16) -> u16 {
 fn block(number: usize) -> &'static DataBlock {
     &DICTIONARY[number % DICTIONARY.len()]
 }
+
+/// All procedure commands.
+static COMMANDS: LazyLock<Vec<Idn>> =
+    LazyLock::new(|| dictionary::select(Selection::Commands).map(|block| block.idn).collect());
 
 struct Stream {
     slave: Slave,
@@ -241,7 +246,7 @@ impl Stream {
             }
             Phase::Cp3 if ready => {
                 command(slave, Idn::CP4_TRANSITION_CHECK);
-            },
+            }
             _ => {}
         }
         let next = self.slave.drive.machine.current().number() + 1;
@@ -259,5 +264,5 @@ impl Stream {
 }
 
 fn statuses(slave: &Slave) -> impl Iterator<Item = u16> + use<'_> {
-    dictionary::select(Selection::Commands).map(|block| slave.server.command_status(block.idn) as u16)
+    COMMANDS.iter().map(|&idn| slave.server.command_status(idn) as u16)
 }
