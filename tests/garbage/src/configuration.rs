@@ -61,26 +61,48 @@ pub fn configuration(bytes: &[u8]) {
 
 /// Writes what the next bytes say, as far as the drive takes it; false at their end.
 fn write(slave: &mut Slave, bytes: &mut Bytes<'_>) -> bool {
-    let Some(block) = bytes.byte().map(block) else { return false };
-    let words = if block.fixed_bytes().is_some() {
-        let Some(low) = bytes.word() else { return false };
-        // A second word where there is one: long values of either sign are as likely as short ones.
-        let value = match block.fixed_bytes() {
-            Some(2) => i64::from(low),
-            _ => bytes.word().map_or(i64::from(low), |high| i64::from(high.cast_signed()) << 16 | i64::from(low)),
-        };
-        words_of(block, value)
-    } else {
-        let Some(entries) = bytes.byte() else { return false };
-        let entries = bytes.up_to(usize::from(entries % 20));
-        let length = entries.len() as u16 * 2;
-        [length, length].into_iter().chain(entries.iter().map(|&entry| entry_of(block, entry))).collect()
+    let Some(shape) = bytes.byte() else { return false };
+    let block = match shape >> 6 {
+        // Those of the cyclic configuration come up most.
+        0 | 1 => chosen(&WRITABLE[0], usize::from(shape & 0x3F)),
+        _ => match bytes.byte() {
+            Some(number) => chosen(&WRITABLE[1], usize::from(number)),
+            None => return false,
+        },
     };
+    let words = match block.fixed_bytes() {
+        Some(length) => value(slave, block, length, shape & 0x40 != 0, bytes),
+        None => list(block, bytes),
+    };
+    let Some(words) = words else { return false };
     let before = slave.parameters.clone();
     if slave.set(block.idn, &words).is_err() {
         assert!(slave.parameters == before, "{} has changed with an error", block.idn);
     }
     true
+}
+
+/// The words of a value: close to the present one, where limits are met, or any.
+fn value(slave: &mut Slave, block: &DataBlock, length: u16, close: bool, bytes: &mut Bytes<'_>) -> Option<Vec<u16>> {
+    if close {
+        let step = i64::from(bytes.byte()?.cast_signed());
+        slave.open(block.idn).ok()?;
+        let present = slave.read(7, usize::from(length / 2)).ok()?;
+        let present = present.iter().rev().fold(0, |value, &word| value << 16 | i64::from(word));
+        return Some(words_of(block, present.wrapping_add(step)));
+    }
+    let low = i64::from(bytes.word()?);
+    // A second word where there is room and one: long values of either sign are as likely as short ones.
+    let high = if length == 2 { None } else { bytes.word() };
+    Some(words_of(block, high.map_or(low, |high| i64::from(high.cast_signed()) << 16 | low)))
+}
+
+/// The words of a list, or of a text that is a list of IDNs as well as any other.
+fn list(block: &DataBlock, bytes: &mut Bytes<'_>) -> Option<Vec<u16>> {
+    let entries = bytes.byte()?;
+    let entries = bytes.up_to(usize::from(entries % 20));
+    let length = entries.len() as u16 * 2;
+    Some([length, length].into_iter().chain(entries.iter().map(|&entry| entry_of(block, entry))).collect())
 }
 
 /// Parameters that a master can write, those that S-0-0127 looks at alone and all of them.
@@ -95,11 +117,6 @@ static ENTRIES: LazyLock<[Vec<Idn>; 3]> = LazyLock::new(|| {
     [Selection::ConfigurableInAt, Selection::ConfigurableInMdt, Selection::All]
         .map(|selection| dictionary::select(selection).map(|block| block.idn).collect())
 });
-
-/// A parameter that a master can write; those of the cyclic configuration come up most.
-fn block(number: u8) -> &'static DataBlock {
-    chosen(&WRITABLE[usize::from(number >> 7)], usize::from(number & 0x7F))
-}
 
 /// An entry of a list: mostly one that its telegram can carry.
 fn entry_of(block: &DataBlock, number: u8) -> u16 {

@@ -2,12 +2,12 @@
 
 use std::sync::LazyLock;
 
-use sercos::command::CommandState;
+use sercos::command::{CommandState, CommandStatus};
 use sercos::data_block::{DataBlock, Selection};
 use sercos::dictionary::{self, DICTIONARY};
 use sercos::parameters::Parameters;
 use sercos::phase::PhaseError;
-use sercos::service::{Reply, ServiceError, Step};
+use sercos::service::{LIVE_LIST_ENTRIES, Reply, ServiceError, Step};
 use sercos::supervision::{Reception, Supervision};
 use sercos::{Idn, Phase, transition};
 
@@ -32,6 +32,7 @@ pub fn service_channel(bytes: &[u8]) {
     let mut stream = Stream {
         slave: Slave::new(boundary, usize::from(silicon >> 1) % 17),
         supervision: Supervision::new(),
+        words_written: None,
         before: Vec::new(),
     };
     while let Some(event) = Event::take(&mut bytes) {
@@ -50,7 +51,9 @@ enum Event {
     Regular { element: u8, write: bool, end: bool, info: u16 },
     /// A whole write of as many words as the data block has.
     Write { block: &'static DataBlock, value: i64 },
-    /// Everything that a proper master does to get one phase further; it may fail after what was written before.
+    /// The proper configuration in CP2, and the transition check of the phase; it may fail after what was written before.
+    Check,
+    /// The MST of the next phase, after the same.
     Advance,
     /// An MST with this byte.
     Mst(u8),
@@ -75,12 +78,13 @@ impl Event {
                 let info = info(flag(7), bytes.word()?);
                 Self::Stray(Step { element, write, end, info, new_transfer, at_boundary })
             }
-            4..=8 => {
+            4..=7 => {
                 let bits = bytes.byte()?;
                 let flag = |bit: u8| bits >> bit & 1 == 1;
                 let info = info(flag(7), bytes.word()?);
                 Self::Regular { element: bits & 7, write: flag(3), end: flag(4), info }
             }
+            8 => Self::Check,
             9 | 10 => {
                 let block = block(usize::from(bytes.byte()?));
                 Self::Write { block, value: i64::from(bytes.word()?.cast_signed()) }
@@ -124,9 +128,21 @@ fn block(number: usize) -> &'static DataBlock {
 static COMMANDS: LazyLock<Vec<Idn>> =
     LazyLock::new(|| dictionary::select(Selection::Commands).map(|block| block.idn).collect());
 
+/// The longest list or text that the service channel takes: all that its staging buffer holds.
+const MOST_LIST_WORDS: usize = LIVE_LIST_ENTRIES + 2;
+
+/// Words of operation data that were accepted since the transfer began.
+#[derive(Clone, Copy)]
+struct Written {
+    words: usize,
+    /// The last was no regular step, so the controller takes the next one for a new transfer.
+    stray: bool,
+}
+
 struct Stream {
     slave: Slave,
     supervision: Supervision,
+    words_written: Option<Written>,
     /// Statuses of all commands before a step, kept to spare the allocation.
     before: Vec<u16>,
 }
@@ -136,14 +152,21 @@ impl Stream {
         match event {
             Event::Stray(step) => self.stray(step),
             Event::Regular { element, write, end, info } => {
+                let is_new = self.words_written.is_none_or(|written| written.stray);
+                let mut accepted = false;
                 self.unchanged_unless(|slave| {
-                    slave.step(element, write, end, info).is_ok() && element == 7 && write && end
+                    accepted = slave.step(element, write, end, info).is_ok();
+                    accepted && element == 7 && write && end
                 });
+                let step = Step { element, write, end, info, new_transfer: is_new, at_boundary: false };
+                self.count_written(step, accepted, false);
             }
             Event::Write { block, value } => {
                 let words = words_of(block, value);
                 self.unchanged_unless(|slave| slave.set(block.idn, &words).is_ok());
+                self.words_written = None;
             }
+            Event::Check => self.check(),
             Event::Advance => self.advance(),
             Event::Mst(data) => self.mst(data),
             Event::Cycle(mst, mdt) => self.cycle(mst, mdt),
@@ -156,16 +179,37 @@ impl Stream {
     }
 
     fn stray(&mut self, step: Step) {
+        let mut accepted = false;
         self.unchanged_unless(|slave| {
             let reply = slave.stray_step(step);
+            accepted = matches!(reply, Reply::Accept { .. });
             match &reply {
                 Reply::Send(words) => assert!(!words.is_empty() && !step.write, "{step:?}: {reply:?}"),
                 Reply::Continue => assert!(!step.write, "{step:?}: {reply:?}"),
                 Reply::Accept { .. } => assert!(step.write || !(1..=7).contains(&step.element), "{step:?}: {reply:?}"),
                 Reply::Error(error) => assert_ne!(error.code(), 0, "{step:?}: {reply:?}"),
             }
-            step.element == 7 && step.write && step.end && matches!(reply, Reply::Accept { .. })
+            accepted && step.element == 7 && step.write && step.end
         });
+        self.count_written(step, accepted, true);
+    }
+
+    /// No more words are accepted than the open data block has, and the last one only in a phase in which it may be written.
+    fn count_written(&mut self, step: Step, accepted: bool, stray: bool) {
+        if step.element != 7 || !step.write {
+            self.words_written = None;
+            return;
+        }
+        let before = self.words_written.filter(|_| !step.new_transfer).map_or(0, |written| written.words);
+        let words = before + usize::from(accepted);
+        self.words_written = (!step.end).then_some(Written { words, stray });
+        if accepted {
+            let block = self.slave.server.open_idn().and_then(dictionary::find).expect("a data block is open");
+            let most = block.fixed_bytes().map_or(MOST_LIST_WORDS, |bytes| usize::from(bytes / 2));
+            assert!(words <= most, "{} has taken {words} words of {most}", block.idn);
+            let phase = self.slave.drive.machine.current();
+            assert!(!step.end || !block.attribute.is_protected_in(phase), "{} was written in {phase}", block.idn);
+        }
     }
 
     /// Nothing may have changed after `act` unless it says so.
@@ -197,6 +241,7 @@ impl Stream {
         }
         if now != before {
             assert!(!machine.is_permitted(), "a permission is used up");
+            self.assert_commands_can_be_cancelled();
             match now {
                 Phase::Cp3 => {
                     self.supervision.clear();
@@ -205,6 +250,17 @@ impl Stream {
                 Phase::Cp4 => self.assert_checked_for_cp4(),
                 _ => {}
             }
+        }
+    }
+
+    /// No command stays set in a phase in which the master could not write to it.
+    fn assert_commands_can_be_cancelled(&self) {
+        let phase = self.slave.drive.machine.current();
+        for &idn in COMMANDS.iter() {
+            let protected = dictionary::find(idn).is_some_and(|block| block.attribute.is_protected_in(phase));
+            let status = self.slave.server.command_status(idn);
+            let is_free = status == CommandStatus::NotSet;
+            assert!(is_free || !(protected || phase < Phase::Cp2), "{idn} is {status:?} in {phase}");
         }
     }
 
@@ -231,23 +287,32 @@ impl Stream {
             self.slave.drive.machine.fail(error);
             self.slave.server.phase_changed(Phase::Cp0);
             self.supervision.end_bursts();
+            self.assert_commands_can_be_cancelled();
         }
     }
 
-    fn advance(&mut self) {
+    fn check(&mut self) {
+        self.words_written = None;
         let slave = &mut self.slave;
-        let ready = !slave.drive.slow && slave.drive.refusal.is_none();
-        match slave.drive.machine.current() {
-            // A slave that waits for CP0 takes the first one for it.
-            Phase::Cp0 => self.mst(0),
-            Phase::Cp2 if ready => {
+        if slave.drive.slow || slave.drive.refusal.is_some() {
+            return;
+        }
+        let check = match slave.drive.machine.current() {
+            Phase::Cp2 => {
                 slave.configure();
-                command(slave, Idn::CP3_TRANSITION_CHECK);
+                Idn::CP3_TRANSITION_CHECK
             }
-            Phase::Cp3 if ready => {
-                command(slave, Idn::CP4_TRANSITION_CHECK);
-            }
-            _ => {}
+            Phase::Cp3 => Idn::CP4_TRANSITION_CHECK,
+            _ => return,
+        };
+        command(slave, check);
+    }
+
+    fn advance(&mut self) {
+        self.check();
+        if self.slave.drive.machine.current() == Phase::Cp0 {
+            // A slave that waits for CP0 does not follow before it.
+            self.mst(0);
         }
         let next = self.slave.drive.machine.current().number() + 1;
         self.mst(next.min(4));
