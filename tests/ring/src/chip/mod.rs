@@ -387,12 +387,14 @@ impl Chip {
     }
 
     fn miss_mst(&mut self, now: Nanoseconds) {
-        let (Some(base), Some((cycle, ..))) = (self.base, self.mst_window()) else {
+        let (Some(base), Some((cycle, _, upper))) = (self.base, self.mst_window()) else {
             return;
         };
         self.misses += 1;
         self.count_missed_mst();
-        self.start_cycle(base.time_of(cycle), now, false);
+        // A TSCYC that was written long after its time is missed once, not for every cycle that would have been since.
+        let is_long_ago = base.time_of(cycle.saturating_add(upper).saturating_add(1)) < now;
+        self.start_cycle(if is_long_ago { now } else { base.time_of(cycle) }, now, false);
     }
 
     fn count_missed_mst(&mut self) {
