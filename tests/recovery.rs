@@ -28,6 +28,9 @@ const LONGEST_DARKNESS: u64 = 150;
 /// Telegrams that are lost or damaged in a row: fewer than the MSTs that a master sends in CP0.
 const LONGEST_BURST: u64 = 7;
 
+/// From one t1 to the next, in us, where the slots are given: an AT of the longest telegram lasts 118 us.
+const AT_DISTANCE: u16 = 300;
+
 const ADDRESSES: [u8; 2] = [5, 9];
 /// 300 rpm in 0.0001 rpm.
 const VELOCITY: i32 = 3_000_000;
@@ -189,7 +192,10 @@ impl Script {
         let drives: Vec<_> = drives.collect();
         let slots = match self.slots {
             None => SlotChoice::Computed(MdtPlace::Late),
-            Some([t1, t2, t3, t4]) => SlotChoice::Fixed(Slots { t1: vec![t1; drives.len()], t2, t3, t4 }),
+            Some([t1, t2, t3, t4]) => {
+                let t1 = (0..).map(|drive| t1 + drive * AT_DISTANCE).take(drives.len()).collect();
+                SlotChoice::Fixed(Slots { t1, t2, t3, t4 })
+            }
         };
         let motion = self.moves.then(|| Motion::new(u64::MAX, |_| CommandValues::at_velocity(VELOCITY)));
         MasterScript { cycle: self.cycle, slots, motion, ..MasterScript::new(drives) }
@@ -277,7 +283,12 @@ fn any_telegrams() -> impl Strategy<Value = What> {
 }
 
 fn any_restart() -> impl Strategy<Value = What> {
-    let slots = prop::option::weighted(0.2, [0u16..1_000, 0u16..2_100, 0u16..2_100, 0u16..2_100]);
+    let slots = prop_oneof![
+        2 => Just(None),
+        1 => [0u16..1_000, 0u16..2_100, 0u16..2_100, 0u16..2_100].prop_map(Some),
+        // Those of a cycle of 2 ms with t3 so late that the supervision is still at work when the next MST comes.
+        2 => [20u16..200, 1_700u16..1_800, 1_960u16..2_000, 100u16..1_700].prop_map(Some),
+    ];
     let script = (prop::sample::select(vec![2_000u16, 1_000, 4_000]), prop::sample::select(vec![2u16, 3, 4, 5]))
         .prop_flat_map(move |(cycle, telegram)| {
             (slots.clone(), any::<bool>()).prop_map(move |(slots, moves)| Script { cycle, telegram, slots, moves })
