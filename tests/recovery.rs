@@ -302,6 +302,7 @@ fn any_request() -> impl Strategy<Value = Request> {
     let value = prop_oneof![0u64..8, 0u64..70_000, any::<u64>()];
     prop_oneof![
         3 => prop::collection::vec(any_step(), 1..12).prop_map(Request::Steps),
+        2 => prop::sample::select(vec![99u16, 127, 128]).prop_map(|idn| Request::Steps(started_and_left(Idn(idn)))),
         2 => (0usize..256, value).prop_map(|(number, value)| {
             let (idn, value) = garbage_value(number, value);
             Request::Write(idn, value)
@@ -310,6 +311,12 @@ fn any_request() -> impl Strategy<Value = Request> {
         1 => (prop::sample::select(vec![99u16, 127, 128]), 0u32..5)
             .prop_map(|(idn, polls)| Request::Command { idn: Idn(idn), polls }),
     ]
+}
+
+/// A command whose end nobody waits for.
+fn started_and_left(idn: Idn) -> Vec<Step> {
+    let start = Step { element: Element::Data, write: true, end: true, info: 3 };
+    vec![Step::open(idn), start, Step::close(3)]
 }
 
 fn any_step() -> impl Strategy<Value = Step> {
