@@ -398,7 +398,7 @@ impl ServiceClient {
         if active.failed.is_some() {
             return;
         }
-        if error {
+        if error && !matches!(active.request, Request::Steps(_)) {
             active.failed = Some(ServiceError::Refused { idn: self.idn, step: self.step, code: at.info });
         } else {
             active.script.reply(at.info);
@@ -555,6 +555,24 @@ mod tests {
         assert_eq!(words, expected);
         assert_eq!(results.len(), 3);
         assert!(results.iter().all(Result::is_ok));
+    }
+
+    #[test]
+    fn steps_as_they_are_go_on_through_every_refusal() {
+        let mut client = client();
+        let step = |element, write, end, info| Step { element, write, end, info };
+        let steps = vec![
+            step(Element::Data, false, false, 9),
+            step(Element::Idn, true, false, 0xFFFF),
+            step(Element::Close, false, false, 1),
+            step(Element::Data, true, true, 7),
+        ];
+        client.request(Request::Steps(steps));
+        client.request(Request::DataStatus(Idn(127)));
+        let (words, results) = converse(&mut client, &[Err(0x0001), Err(0x1009), Ok(0), Err(0x0001), Ok(3), Ok(0)]);
+        let sent: Vec<_> = words.iter().map(|(control, info)| (control & !control::HANDSHAKE, *info)).collect();
+        assert_eq!(sent, [(0x38, 9), (0x0A, 0xFFFF), (0x00, 1), (0x3E, 7), (0x0E, 127), (0x06, 127)]);
+        assert_eq!(results, [Ok(Reply::Done), Ok(Reply::DataStatus(3))]);
     }
 
     #[test]

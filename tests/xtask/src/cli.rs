@@ -1,5 +1,6 @@
 //! The command line: words, help texts, and how a refusal is said.
 
+use crate::fuzz::Target;
 use crate::report::data::Platform;
 use crate::setup::Installing;
 use clap::builder::{PossibleValuesParser, TypedValueParser};
@@ -44,6 +45,15 @@ pub(crate) enum Command {
         /// Only the tests that run the release ELF in QEMU
         #[arg(long)]
         qemu: bool,
+    },
+    /// Run the fuzz targets: random bytes, led by coverage, as service steps, parameters, telegrams and files
+    Fuzz {
+        /// Only this target
+        #[arg(long, value_enum, value_name = "NAME")]
+        target: Option<Target>,
+        /// Executions of each target
+        #[arg(long, value_name = "N", default_value_t = 10_000_000, value_parser = clap::value_parser!(u64).range(1..))]
+        runs: u64,
     },
     /// Boot the release ELF in QEMU as drive 2 of a simulated press ring, run it up and let it follow a line shaft
     Demo {

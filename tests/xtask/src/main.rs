@@ -10,6 +10,7 @@ mod clippy;
 mod demo;
 mod firmware;
 mod flash;
+mod fuzz;
 mod process;
 mod progress;
 mod replay;
@@ -54,6 +55,7 @@ fn run(command_line: CommandLine) -> anyhow::Result<Verdict> {
         Command::Build => firmware::build_and_print(installing),
         Command::Clippy => clippy::run(installing),
         Command::Test { host, qemu } => suite::run(suite::Selection::from_flags(host, qemu), installing),
+        Command::Fuzz { target, runs } => fuzz::run(target, runs, installing),
         Command::Demo { on, output } => demo::run(on.into(), output, installing),
         Command::Replay { file, on, json } => replay::run(&file, on.into(), json, installing),
         Command::SlaveReport { sections, json } => slave_report::run(&sections, json),

@@ -2,6 +2,7 @@
 //!
 //! Nothing that is there already is fetched again, so that a second run takes a fraction of a second.
 
+mod cargo_fuzz;
 mod qemu;
 mod system;
 mod target;
@@ -56,6 +57,11 @@ pub(crate) fn qemu(installing: Installing) -> Result<qemu::Version> {
 /// Sees to a compiler for the drive's processor.
 pub(crate) fn target_compiler(installing: Installing) -> Result<TargetCompiler> {
     target::ensure(installing)
+}
+
+/// Sees to cargo-fuzz and what it needs.
+pub(crate) fn fuzzer(installing: Installing) -> Result<()> {
+    cargo_fuzz::ensure(installing)
 }
 
 /// The test runner that is there. nextest is a convenience, so it is not installed unasked.

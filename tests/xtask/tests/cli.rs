@@ -33,6 +33,7 @@ fn the_help_is_as_written_down() {
     for arguments in [
         &["--help"][..],
         &["test", "--help"],
+        &["fuzz", "--help"],
         &["demo", "--help"],
         &["replay", "--help"],
         &["slave-report", "--help"],
@@ -61,6 +62,8 @@ fn bad_arguments_are_refused_in_one_line() {
         (&["ring", "--drives", "1,0", "--chip-socket", "s"], "0 is not in 1..=254"),
         (&["ring", "--drives", "1,255", "--chip-socket", "s"], "255 is not in 1..=254"),
         (&["test", "--host", "--qemu"], "cannot be used with"),
+        (&["fuzz", "--target", "moon"], "invalid value 'moon'"),
+        (&["fuzz", "--runs", "0"], "0 is not in 1.."),
     ] {
         let line = refusal(&xtask().args(arguments).output().unwrap());
         assert!(line.contains(cause), "{cause:?} expected in {line}");
@@ -99,6 +102,16 @@ fn a_missing_probe_rs_is_named_before_anything_is_built() {
     let empty = tempfile::tempdir().unwrap();
     let line = refusal(&xtask_without_tools(empty.path()).arg("flash").output().unwrap());
     assert!(line.contains("cargo install probe-rs-tools"), "{line}");
+}
+
+#[test]
+fn a_missing_cargo_fuzz_is_named_with_the_command_that_installs_it() {
+    let empty = tempfile::tempdir().unwrap();
+    let mut command = xtask_without_tools(empty.path());
+    // Cargo looks for its subcommands there, too.
+    let line = refusal(&command.env("CARGO_HOME", empty.path()).args(["fuzz", "--no-install"]).output().unwrap());
+    assert!(line.contains("cargo-fuzz is not installed"), "{line}");
+    assert!(line.contains("cargo install cargo-fuzz --locked"), "{line}");
 }
 
 #[cfg(unix)]

@@ -241,6 +241,13 @@ impl Slave {
         }
     }
 
+    /// A step as no controller would hand it on, straight to the server. Whatever was running is over for the controller.
+    pub(crate) fn stray_step(&mut self, step: Step) -> Reply {
+        self.running = None;
+        self.sender.clear();
+        self.server.step(step, &mut self.parameters, &mut self.drive)
+    }
+
     fn ask(&mut self, step: Step) -> Result<u16, ServiceError> {
         self.processor_steps += 1;
         match self.server.step(step, &mut self.parameters, &mut self.drive) {

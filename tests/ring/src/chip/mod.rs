@@ -372,7 +372,10 @@ impl Chip {
     fn mst_window(&self) -> Option<(i32, i32, i32)> {
         let cycle = self.registers.cycle_time(&self.alternatives);
         let (lower, upper) = self.registers.mst_window();
-        let supervised = cycle >= SHORTEST_CYCLE && self.registers.repeater_on();
+        let ends = i32::from(cycle).min(i32::from(cycle) + i32::from(upper));
+        // A cycle or window that ends before the counter's preset would be missed in the past, and so on without end.
+        let reached = self.base.is_none_or(|base| base.reaches(ends));
+        let supervised = cycle >= SHORTEST_CYCLE && reached && self.registers.repeater_on();
         let cycle = i32::from(cycle);
         supervised.then(|| (cycle, cycle + i32::from(lower), cycle + i32::from(upper)))
     }
@@ -384,12 +387,14 @@ impl Chip {
     }
 
     fn miss_mst(&mut self, now: Nanoseconds) {
-        let (Some(base), Some((cycle, ..))) = (self.base, self.mst_window()) else {
+        let (Some(base), Some((cycle, _, upper))) = (self.base, self.mst_window()) else {
             return;
         };
         self.misses += 1;
         self.count_missed_mst();
-        self.start_cycle(base.time_of(cycle), now, false);
+        // A TSCYC that was written long after its time is missed once, not for every cycle that would have been since.
+        let is_long_ago = base.time_of(cycle.saturating_add(upper).saturating_add(1)) < now;
+        self.start_cycle(if is_long_ago { now } else { base.time_of(cycle) }, now, false);
     }
 
     fn count_missed_mst(&mut self) {

@@ -71,6 +71,11 @@ impl TimeBase {
         to_nanoseconds(self.preset_picoseconds + self.straps.half_clocks(2 * ticks * self.clocks_per_tick))
     }
 
+    /// Whether the counter, which starts at its preset, comes to this count at all.
+    pub(super) fn reaches(&self, count: i32) -> bool {
+        i64::from(count) > self.preset
+    }
+
     /// The count at which an MST with its end at `end` is recognised.
     pub(super) fn mst_count(&self, end: Nanoseconds) -> i32 {
         self.count_at(to_picoseconds(end) + self.straps.mst_recognition())

@@ -41,13 +41,15 @@ pub enum Request {
         /// How often the data status is asked for before the master gives up.
         polls: u32,
     },
+    /// These steps as they are, whatever the drive answers to each: what no sound master would send.
+    Steps(Vec<Step>),
 }
 
 impl Request {
-    /// The data block; 0 for [`Request::Handshake`].
+    /// The data block; 0 for [`Request::Handshake`] and [`Request::Steps`].
     pub fn idn(&self) -> Idn {
         match self {
-            Self::Handshake => Idn(0),
+            Self::Handshake | Self::Steps(_) => Idn(0),
             Self::ReadAttribute(idn) | Self::Read(idn) | Self::ReadElement(idn, _) | Self::DataStatus(idn) => *idn,
             Self::Write(idn, _) | Self::WriteList(idn, _) | Self::Command { idn, .. } => *idn,
         }
@@ -64,6 +66,7 @@ impl fmt::Display for Request {
             Self::Write(idn, value) | Self::WriteList(idn, value) => write!(formatter, "write {idn} = {value}"),
             Self::DataStatus(idn) => write!(formatter, "data status of {idn}"),
             Self::Command { idn, .. } => write!(formatter, "command {idn}"),
+            Self::Steps(steps) => write!(formatter, "{} steps", steps.len()),
         }
     }
 }
@@ -123,6 +126,7 @@ enum Task {
     Attribute,
     Read(Element),
     Write(Vec<u16>),
+    AsIs(Step),
     Close,
 }
 
@@ -167,6 +171,7 @@ impl Script {
                 vec![Task::Open, Task::Attribute, Task::Write(value.to_words()), Task::Close]
             }
             Request::DataStatus(_) => vec![Task::Open, Task::Close],
+            Request::Steps(steps) => steps.iter().copied().map(Task::AsIs).collect(),
             Request::Command { .. } => {
                 vec![Task::Open, Task::Attribute, Task::Write(vec![COMMAND_START]), Task::Close, Task::OpenToPoll]
             }
@@ -214,6 +219,7 @@ impl Script {
                 Task::Open => self.last(Step::open(self.request.idn()), Expecting::Status),
                 Task::OpenToPoll => self.last(Step::open(self.request.idn()), Expecting::CommandStatus),
                 Task::OpenToCheckCancelled => self.last(Step::open(self.request.idn()), Expecting::CancelledStatus),
+                Task::AsIs(step) => self.last(step, Expecting::Nothing),
                 Task::Close => self.last(Step::close(info), Expecting::Nothing),
                 Task::Attribute => self.attribute_step(info),
                 Task::Read(element) => match self.read_step(element, info) {
