@@ -2,10 +2,12 @@
 
 use ring::ident::{Element, Idn};
 use ring::service_client::{Step, status};
+use sercos::Phase;
 
 use crate::case::{Case, Section, ensure, expect};
 use crate::configuration::{Configuration, list};
 use crate::slave::{Outcome, Slave};
+use crate::walk;
 
 const SECTION: Section = Section::ServiceChannel;
 
@@ -21,7 +23,7 @@ const LENGTHS: [(u16, &str, [&[u16]; 2]); 7] = [
 ];
 
 pub(super) fn cases() -> Vec<Case> {
-    [elements(), limits(), protection(), lengths(), dialogues(), handshake()].into_iter().flatten().collect()
+    [elements(), limits(), protection(), lengths(), dialogues(), handshake(), walks()].into_iter().flatten().collect()
 }
 
 fn elements() -> Vec<Case> {
@@ -447,6 +449,21 @@ fn handshake() -> Vec<Case> {
             expect("S-0-0096", slave.number(96)?, 0x0505)
         },
     ));
+    cases
+}
+
+fn walks() -> Vec<Case> {
+    let mut cases = Vec::new();
+    for (number, phase) in [(2, Phase::Cp2), (3, Phase::Cp3), (4, Phase::Cp4)] {
+        let rule =
+            format!("CP{number}: every element of every data block reads as the table says, in 10 cycles a step");
+        cases.push(Case::new(SECTION, rule, "sercos2.md 3.1, 4", move |slave| {
+            slave.run_up(number, Configuration::default())?;
+            walk::read_all(slave, phase)?.verdict()
+        }));
+    }
+    let rule = "CP2 to CP4: minimum, maximum, beyond both, wrong lengths: every data block answers as the table says";
+    cases.push(Case::new(SECTION, rule, "sercos2.md 3.5, 4", |slave| walk::walk(slave)?.verdict()));
     cases
 }
 
