@@ -5,8 +5,14 @@
 mod common;
 
 use bench::report::Platform;
-use bench::{Elves, Executor, ReplayOptions, demo, replay};
+use bench::{DriveSetup, Elves, Executor, ReplayOptions, demo, replay, ring_of_drives_on};
 use common::{real_recording, tight_ring};
+use conformance::{Configuration, Slave, walk};
+use ring::tester::Plan;
+use ring::wire::BitRate;
+use ring::{Nanoseconds, RingConfiguration, Tester};
+use sercos::Phase;
+use sercos::dictionary::DICTIONARY;
 
 const REASON: &str = "is not set: run `cargo xtask test`, which builds the ELF and runs the tests in QEMU";
 
@@ -56,4 +62,43 @@ fn the_flashed_elf_follows_the_line_shaft_twice_in_exactly_the_same_way() {
     assert!((5_000..30_000).contains(&first.interrupt_to_at.longest_ns), "{:?}", first.interrupt_to_at);
     let second = demo(&executor, &mut |_| {}).unwrap();
     assert_eq!(first, second);
+}
+
+#[test]
+#[ignore = "needs QEMU and the ELF: cargo xtask test"]
+fn the_flashed_elf_releases_every_step_of_every_element_within_100_us_of_the_mdt() {
+    let tester = Tester::new(BitRate::M2, Plan::mst_only(0, Nanoseconds::from_millis(1)));
+    let configuration = RingConfiguration::new(1, BitRate::M2);
+    let (world, mut handles) = ring_of_drives_on(configuration, tester, &[DriveSetup::new(5)], |_| on_qemu()).unwrap();
+    let mut slave = Slave::around(world, handles.remove(0));
+    slave.to_cp2().unwrap();
+    slave.releases.clear();
+    let report = walk::read_all(&mut slave, Phase::Cp2).unwrap();
+    assert_eq!(report.verdict(), Ok(()));
+    released_in_time(&slave, "CP2, every element of every data block", 7 * DICTIONARY.len());
+    // In CP4 the tasks of the cycle come in between.
+    slave.configure(Configuration::standard(5).with(32, &[11])).unwrap();
+    slave.to_cp3().unwrap();
+    slave.to_cp4().unwrap();
+    slave.releases.clear();
+    for block in DICTIONARY {
+        slave.get(block.idn.0).unwrap();
+    }
+    released_in_time(&slave, "CP4, operation data of every data block", 2 * DICTIONARY.len());
+}
+
+/// Prints the longest and the mean time, and judges.
+fn released_in_time(slave: &Slave, what: &str, at_least: usize) {
+    let steps = slave.releases.len();
+    assert!(steps >= at_least, "{what}: only {steps} steps were released by the processor");
+    let longest = slave.releases.iter().max_by_key(|release| release.after_mdt).unwrap();
+    let mean = slave.releases.iter().map(|release| release.after_mdt.0).sum::<u64>() / steps as u64;
+    println!(
+        "{what}: {steps} steps, end of MDT to release {} at most ({}, {}), {} on average",
+        longest.after_mdt,
+        longest.idn,
+        longest.step,
+        Nanoseconds(mean)
+    );
+    assert!((5_000..=100_000).contains(&longest.after_mdt.0), "{longest:?}");
 }

@@ -19,6 +19,60 @@ pub fn select(selection: Selection) -> impl Iterator<Item = &'static DataBlock> 
     DICTIONARY.iter().filter(move |block| block.is_in(selection))
 }
 
+/// The IDNs of a selection, in ascending order: the contents of an IDN list, put together by the compiler.
+pub fn list(selection: Selection) -> &'static [Idn] {
+    macro_rules! lists {
+        ($($name:ident),+ $(,)?) => {
+            match selection {
+                $(Selection::$name => {
+                    static IDNS: [Idn; count(Selection::$name)] = collect(Selection::$name);
+                    &IDNS
+                })+
+            }
+        };
+    }
+    lists!(
+        All,
+        NeededForCp3,
+        NeededForCp4,
+        ChangeableInCp4,
+        Commands,
+        ConfigurableInAt,
+        ConfigurableInMdt,
+        Backup,
+        BitSources,
+        BitTargets,
+    )
+}
+
+#[allow(clippy::indexing_slicing, clippy::arithmetic_side_effects, reason = "evaluated by the compiler only")]
+const fn count(selection: Selection) -> usize {
+    let mut count = 0;
+    let mut row = 0;
+    while row < ROWS.len() {
+        if ROWS[row].is_in(selection) {
+            count += 1;
+        }
+        row += 1;
+    }
+    count
+}
+
+#[allow(clippy::indexing_slicing, clippy::arithmetic_side_effects, reason = "evaluated by the compiler only")]
+const fn collect<const N: usize>(selection: Selection) -> [Idn; N] {
+    let mut idns = [Idn(0); N];
+    let mut found = 0;
+    let mut row = 0;
+    while row < ROWS.len() {
+        if ROWS[row].is_in(selection) {
+            idns[found] = ROWS[row].idn;
+            found += 1;
+        }
+        row += 1;
+    }
+    idns
+}
+
 /// Position of an IDN in [`DICTIONARY`].
 pub(crate) fn index_of(idn: Idn) -> Option<usize> {
     DICTIONARY.binary_search_by_key(&idn, |block| block.idn).ok()
@@ -100,7 +154,13 @@ macro_rules! idn {
 }
 
 /// All data blocks in ascending order of their IDN.
-pub static DICTIONARY: &[DataBlock] = ROWS;
+pub static DICTIONARY: &[DataBlock] = &DATA_BLOCKS;
+
+/// One object with a name of its own, which the size check looks for in the ELF.
+static DATA_BLOCKS: [DataBlock; ROWS.len()] = match ROWS.first_chunk() {
+    Some(rows) => *rows,
+    None => unreachable!(),
+};
 
 dictionary! {
     /// Interval of new command values; a multiple of S-0-0002, and equal to it if the master never writes it.
@@ -177,7 +237,7 @@ dictionary! {
     S 37 "Additive velocity command value" ["rpm"] I32/4 written ALWAYS (-2_147_483_648 to 2_147_483_647) = 0 => Live, in_mdt;
     /// Velocity of the motor encoder.
     S 40 "Velocity feedback value 1" ["rpm"] I32/4 written NEVER () = 0 => Live, in_at;
-    /// Bit 0 inverts the velocity command, bit 2 the velocity feedback.
+    /// Bit 0 inverts the velocity command, bit 1 the additive one, bit 2 the velocity feedback.
     S 43 "Velocity polarity parameter" [""] BITS/0 written IN_CP2_CP3 () = 0 => Parameter, stored, needed_for_cp4;
     /// Bits 2 to 0: 2 rotary; bit 3: by S-0-0045 and S-0-0046 instead of 0.0001 rpm; bit 5: per second.
     S 44 "Velocity data scaling type" [""] BITS/0 written IN_CP2_CP3 () = 2 => Parameter, stored, needed_for_cp4;
@@ -195,7 +255,7 @@ dictionary! {
     S 52 "Reference distance 1" ["deg"] I32/4 written ALWAYS (-2_147_483_648 to 2_147_483_647) = 0 => Parameter, stored;
     /// Position of the second encoder; where it comes from says P-0-0005.
     S 53 "Position feedback value 2 (external feedback)" ["deg"] I32/4 written NEVER () = 0 => Live, in_at;
-    /// Bit 0 inverts the position command, bit 2 the position feedback.
+    /// Bit 0 inverts the position command, bit 1 the additive one, bit 2 the position feedback.
     S 55 "Position polarity parameter" [""] BITS/0 written IN_CP2_CP3 () = 0 => Parameter, stored, needed_for_cp4;
     /// Following distance below which C3D bit 6 (in position) is set.
     S 57 "Position window" ["deg"] I32/4 written ALWAYS (0 to 2_147_483_647) = 10_000 => Parameter, stored;
@@ -568,7 +628,12 @@ mod tests {
 
     #[test]
     fn the_idn_lists_hold_what_the_reference_asks_for() {
-        let numbers = |selection| -> std::vec::Vec<u16> { select(selection).map(|block| block.idn.0).collect() };
+        let numbers = |selection| -> std::vec::Vec<u16> {
+            let selected: std::vec::Vec<u16> = select(selection).map(|block| block.idn.0).collect();
+            let listed: std::vec::Vec<u16> = list(selection).iter().map(|idn| idn.0).collect();
+            assert_eq!(listed, selected, "{selection:?}");
+            selected
+        };
         assert_eq!(numbers(Selection::NeededForCp3), [1, 2, 6, 7, 8, 9, 10, 15, 16, 24, 89]);
         assert_eq!(numbers(Selection::Commands), [99, 127, 128, 139, 148, 191, 262, 447]);
         assert_eq!(numbers(Selection::ConfigurableInMdt), [36, 37, 47, 48, 80, 81, 145]);

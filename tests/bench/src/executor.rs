@@ -4,6 +4,8 @@ use std::cell::RefCell;
 use std::path::PathBuf;
 use std::rc::Rc;
 
+use ring::Nanoseconds;
+
 use crate::measure::Stopwatch;
 use crate::report::Platform;
 
@@ -41,6 +43,8 @@ impl Executor {
 pub struct Measurements {
     /// From the chip's interrupt for a service step to the write that releases it.
     pub service: Stopwatch,
+    /// When the service container was released last; only for a drive whose bus is watched (in QEMU).
+    pub released: Option<Nanoseconds>,
     /// From the interrupt edge of t4 to the last word of the AT record.
     pub interrupt_to_at: Stopwatch,
     /// From the interrupt edge of t3 to the current command of the next loop tick that uses it.

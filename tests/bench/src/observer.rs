@@ -62,7 +62,9 @@ impl BusObserver {
 
     pub(crate) fn write(&mut self, now: Nanoseconds, word: u16, value: u16, chip: &mut Chip) {
         if word == SERVICE_CONTAINER.word() && value & BUSY == 0 {
-            self.measurements.borrow_mut().service.stop(now);
+            let measurements = &mut *self.measurements.borrow_mut();
+            measurements.service.stop(now);
+            measurements.released = Some(now);
         }
         let length = chip.read_ram(now, Block::CYCLIC.at_header.offset(LENGTH).word());
         if length > 0 && word == Block::CYCLIC.at_data.offset(length - 1).word() {

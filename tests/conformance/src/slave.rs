@@ -78,6 +78,17 @@ impl Answer {
     }
 }
 
+/// How long a drive in QEMU took over a step.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Release {
+    /// The data block that was open.
+    pub idn: Idn,
+    /// The step.
+    pub step: Step,
+    /// From the end of the step's MDT at the master to the release.
+    pub after_mdt: Nanoseconds,
+}
+
 /// The drive, its ring, and the state of its master.
 pub struct Slave {
     /// Ring and processors.
@@ -98,6 +109,9 @@ pub struct Slave {
     pub last: Option<At>,
     /// Most cycles that a step has taken so far, and which.
     pub slowest: (u32, Option<Step>),
+    /// From the end of the MDT to the release of the container, for every step that the processor released; of a drive in QEMU only.
+    pub releases: Vec<Release>,
+    opened: u16,
     address: u8,
     addressed: u8,
     handshake: bool,
@@ -145,6 +159,8 @@ impl Slave {
             mdt: true,
             last: None,
             slowest: (0, None),
+            releases: Vec::new(),
+            opened: 0,
             address: drive.address,
             addressed: drive.address,
             handshake: true,
@@ -267,7 +283,23 @@ impl Slave {
     pub fn step(&mut self, step: Step) -> Outcome<Answer> {
         self.handshake = !self.handshake;
         self.step = step;
-        self.await_answer()
+        if step.element == Element::Idn {
+            self.opened = step.info;
+        }
+        self.drive.measurements.borrow_mut().released = None;
+        let answer = self.await_answer()?;
+        if let Some(released) = self.drive.measurements.borrow_mut().released.take() {
+            // The MDT that brought the step: the later ones only repeat it.
+            let repeated = self.cycle_time().0 * u64::from(answer.cycles - 1);
+            let brought = self.world.ring().master().mdt_end().saturating_sub(Nanoseconds(repeated));
+            let after_mdt = released.saturating_sub(brought);
+            self.releases.push(Release { idn: Idn(self.opened), step, after_mdt });
+        }
+        Ok(answer)
+    }
+
+    fn cycle_time(&self) -> Nanoseconds {
+        self.plan().cycle
     }
 
     /// Waits for the answer to the step that is being sent.
@@ -453,9 +485,12 @@ impl Slave {
     }
 
     /// Lets everything happen up to `until`.
-    pub(crate) fn run_until(&mut self, until: Nanoseconds) {
+    ///
+    /// # Panics
+    /// A drive in QEMU cannot go on; the text says why. A drive on this computer always can.
+    pub fn run_until(&mut self, until: Nanoseconds) {
         if let Err(error) = self.world.run_until(until) {
-            unreachable!("a drive on this computer goes on: {error}");
+            panic!("the drive cannot go on: {error}");
         }
     }
 

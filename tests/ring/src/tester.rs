@@ -7,7 +7,7 @@ use crate::master::beat::{Act, Beat};
 use crate::master::listener::Listener;
 use crate::station::Master;
 use crate::time::Nanoseconds;
-use crate::wire::{BROADCAST, BitRate, LineError, Transmission};
+use crate::wire::{BROADCAST, BitRate, LineError, Transmission, encode};
 
 /// What the master sends in a cycle.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -47,6 +47,7 @@ pub struct Tester {
     received: Vec<ReceivedAt>,
     line_errors: u32,
     cycles: u64,
+    mdt_end: Nanoseconds,
 }
 
 impl Tester {
@@ -61,6 +62,7 @@ impl Tester {
             received: Vec::new(),
             line_errors: 0,
             cycles: 0,
+            mdt_end: Nanoseconds::ZERO,
         }
     }
 
@@ -100,6 +102,12 @@ impl Tester {
         self.cycles
     }
 
+    /// When the last MDT had left the master; it reaches a drive later by the delay of the fibres and stations before it.
+    #[must_use]
+    pub const fn mdt_end(&self) -> Nanoseconds {
+        self.mdt_end
+    }
+
     /// End of the MST that was sent last, or would have been.
     #[must_use]
     pub fn mark(&self) -> Nanoseconds {
@@ -127,7 +135,7 @@ impl Master for Tester {
         Some(self.beat.time())
     }
 
-    fn transmit(&mut self, _now: Nanoseconds) -> Option<Transmission> {
+    fn transmit(&mut self, now: Nanoseconds) -> Option<Transmission> {
         match self.beat.act() {
             Act::Decide => {
                 self.received.clear();
@@ -147,6 +155,7 @@ impl Master for Tester {
                 self.beat.cycle_comes(self.plan.cycle);
                 let bytes = self.plan.mdt.as_ref().map(|(_, bytes)| bytes.clone())?;
                 self.listener.mdt_sent(&bytes);
+                self.mdt_end = now + self.rate.span(encode(&bytes).len());
                 Some(Transmission { bytes })
             }
         }

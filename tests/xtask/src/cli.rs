@@ -34,7 +34,14 @@ pub(crate) enum Command {
     /// Check what is needed for the other commands, and install what is missing
     Setup,
     /// Build the release ELF of the drive and the emulator's shim, and print their section sizes
-    Build,
+    ///
+    /// Fails if the drive takes another amount of flash or RAM than accepted, or keeps a constant table in RAM; so do all
+    /// commands that build it.
+    Build {
+        /// Make the present sizes the accepted ones, in firmware/app/size.txt
+        #[arg(long)]
+        accept_size: bool,
+    },
     /// Run clippy over the host crates and, where the compiler can, the target crates; warnings are errors
     Clippy,
     /// Run the tests: on this computer and, with the release ELF, in QEMU
@@ -86,6 +93,12 @@ pub(crate) enum Command {
         /// Print the result as JSON
         #[arg(long)]
         json: bool,
+    },
+    /// Write the manual page of all data blocks and diagnoses, firmware/sercos/IDN.md, from the tables of the firmware
+    Manual {
+        /// Write nothing: fail if the page is not what the tables say
+        #[arg(long)]
+        check: bool,
     },
     /// Serve the registers and the RAM of a master's SERCON816 on a simulated ring, for a foreign master driver
     ///

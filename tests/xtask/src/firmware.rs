@@ -2,20 +2,24 @@
 
 use crate::report::data::Platform;
 use crate::setup::{self, Installing, TARGET, TargetCompiler};
+use crate::size::{self, Sections};
 use crate::{Verdict, process, workspace};
 use anyhow::{Context, Result, bail};
 use bench::{Elves, Executor};
-use object::{Object, ObjectSection, SectionFlags, SectionKind, elf};
 use std::path::{Path, PathBuf};
 
-/// Builds both and prints what they occupy.
-pub(crate) fn build_and_print(installing: Installing) -> Result<Verdict> {
-    let firmware = build(installing)?;
+/// Builds both and prints what they occupy; the product's size is held against the accepted one, or becomes it.
+pub(crate) fn build_and_print(accept_size: bool, installing: Installing) -> Result<Verdict> {
+    let firmware = build_ungated(installing)?;
     for (name, path) in [("drive", &firmware.product), ("shim", &firmware.shim)] {
-        let file = std::fs::read(path).with_context(|| format!("cannot read {}", path.display()))?;
         println!("{name}: {}", path.display());
-        print!("{}", Sections::of(&file)?);
+        print!("{}", Sections::of(&read(path)?)?);
     }
+    let product = read(&firmware.product)?;
+    if accept_size {
+        size::accept(&product)?;
+    }
+    size::gate(&product)?;
     Ok(Verdict::Passed)
 }
 
@@ -23,6 +27,16 @@ pub(crate) fn build_and_print(installing: Installing) -> Result<Verdict> {
 ///
 /// The two are built one after the other, so that neither can switch a feature on in the other's dependencies.
 pub(crate) fn build(installing: Installing) -> Result<Elves> {
+    let firmware = build_ungated(installing)?;
+    size::gate(&read(&firmware.product)?)?;
+    Ok(firmware)
+}
+
+fn read(path: &Path) -> Result<Vec<u8>> {
+    std::fs::read(path).with_context(|| format!("cannot read {}", path.display()))
+}
+
+fn build_ungated(installing: Installing) -> Result<Elves> {
     let compiler = setup::target_compiler(installing)?;
     let folder = build_folder()?;
     eprintln!("building the release ELF of the drive and the shim ({TARGET}: {compiler})");
@@ -62,59 +76,4 @@ fn build_one(compiler: &TargetCompiler, folder: &Path, package: &str) -> Result<
         );
     }
     Ok(program)
-}
-
-/// Sizes of the sections that take room in the part.
-#[derive(Debug, PartialEq, Eq)]
-struct Sections {
-    /// Name, bytes in flash, bytes in RAM.
-    rows: Vec<(String, u64, u64)>,
-}
-
-impl Sections {
-    fn of(file: &[u8]) -> Result<Self> {
-        let program = object::File::parse(file).context("the program is not an ELF file")?;
-        let rows = program
-            .sections()
-            .filter(|section| matches!(section.flags(), SectionFlags::Elf { sh_flags } if sh_flags & u64::from(elf::SHF_ALLOC) != 0))
-            .filter(|section| section.size() > 0)
-            .map(|section| {
-                let stored = section.kind() != SectionKind::UninitializedData && section.file_range().is_some();
-                let in_ram = section.address() >= 0x2000_0000;
-                let name = section.name().unwrap_or("?").to_owned();
-                (name, if stored { section.size() } else { 0 }, if in_ram { section.size() } else { 0 })
-            })
-            .collect();
-        Ok(Self { rows })
-    }
-}
-
-impl std::fmt::Display for Sections {
-    fn fmt(&self, formatter: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        writeln!(formatter, "  {:<16} {:>9} {:>9}", "section", "flash", "RAM")?;
-        for (name, flash, ram) in &self.rows {
-            writeln!(formatter, "  {name:<16} {flash:>9} {ram:>9}")?;
-        }
-        let flash: u64 = self.rows.iter().map(|row| row.1).sum();
-        let ram: u64 = self.rows.iter().map(|row| row.2).sum();
-        writeln!(formatter, "  {:<16} {flash:>9} {ram:>9}", "in all")
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn what_is_not_an_elf_file_is_refused() {
-        assert!(Sections::of(b"no program").unwrap_err().to_string().contains("not an ELF file"));
-    }
-
-    #[test]
-    fn the_table_adds_flash_and_ram_separately() {
-        let rows = vec![(".text".into(), 1000, 0), (".data".into(), 16, 16), (".bss".into(), 0, 200)];
-        let text = Sections { rows }.to_string();
-        let last = text.lines().last().unwrap();
-        assert_eq!(last.split_whitespace().collect::<Vec<_>>(), ["in", "all", "1016", "216"]);
-    }
 }

@@ -11,12 +11,14 @@ mod demo;
 mod firmware;
 mod flash;
 mod fuzz;
+mod manual;
 mod process;
 mod progress;
 mod replay;
 mod report;
 mod ring_server;
 mod setup;
+mod size;
 mod slave_report;
 mod suite;
 mod workspace;
@@ -52,13 +54,14 @@ fn run(command_line: CommandLine) -> anyhow::Result<Verdict> {
     let installing = command_line.installing();
     match command_line.command {
         Command::Setup => setup::everything(installing),
-        Command::Build => firmware::build_and_print(installing),
+        Command::Build { accept_size } => firmware::build_and_print(accept_size, installing),
         Command::Clippy => clippy::run(installing),
         Command::Test { host, qemu } => suite::run(suite::Selection::from_flags(host, qemu), installing),
         Command::Fuzz { target, runs } => fuzz::run(target, runs, installing),
         Command::Demo { on, output } => demo::run(on.into(), output, installing),
         Command::Replay { file, on, json } => replay::run(&file, on.into(), json, installing),
         Command::SlaveReport { sections, json } => slave_report::run(&sections, json),
+        Command::Manual { check } => manual::run(check),
         Command::Ring { drives, chip_socket } => ring_server::run(&drives, &chip_socket),
         Command::Flash { probe } => flash::run(probe.as_deref(), installing),
     }

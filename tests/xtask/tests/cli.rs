@@ -32,11 +32,13 @@ fn the_help_is_as_written_down() {
     let mut text = String::new();
     for arguments in [
         &["--help"][..],
+        &["build", "--help"],
         &["test", "--help"],
         &["fuzz", "--help"],
         &["demo", "--help"],
         &["replay", "--help"],
         &["slave-report", "--help"],
+        &["manual", "--help"],
         &["ring", "--help"],
         &["flash", "--help"],
     ] {

@@ -60,7 +60,7 @@ impl Source {
         match self {
             Source::Staged => staging.len(),
             Source::Text(text) => text.len().div_ceil(2).saturating_add(2),
-            Source::Dictionary(selection) => dictionary::select(selection).count().saturating_add(2),
+            Source::Dictionary(selection) => dictionary::list(selection).len().saturating_add(2),
         }
     }
 
@@ -80,8 +80,9 @@ impl Source {
                 fill(&mut segment, length_words(text.len()).chain(pairs.skip(data_position)).take(limit));
             }
             Source::Dictionary(selection) => {
-                let bytes = dictionary::select(selection).count().saturating_mul(2);
-                let idns = dictionary::select(selection).map(|block| block.idn.0);
+                let list = dictionary::list(selection);
+                let bytes = list.len().saturating_mul(2);
+                let idns = list.iter().map(|idn| idn.0);
                 fill(&mut segment, length_words(bytes).chain(idns.skip(data_position)).take(limit));
             }
         }
