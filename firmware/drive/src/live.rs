@@ -29,6 +29,8 @@ const CLASS_2: Idn = Idn::standard(12);
 const CLASS_3: Idn = Idn::standard(13);
 const INTERFACE_STATUS: Idn = Idn::standard(14);
 const PARK_AXIS: Idn = Idn::standard(139);
+const REFERENCE_DISTANCE: Idn = Idn::standard(52);
+const HOMING_PARAMETER: Idn = Idn::standard(147);
 const HOMING: Idn = Idn::standard(148);
 const CANCEL_REFERENCE: Idn = Idn::standard(191);
 const LOAD_DEFAULTS: Idn = Idn::standard(262);
@@ -178,7 +180,7 @@ where
         const NO_SWITCH_NO_MARKER: u16 = 1 << 5 | 1 << 6;
         const STOP_AT_REFERENCE: u16 = 1 << 7;
         const DISTANCE_CODED: u16 = 1 << 8;
-        let way = parameters.get_word(Idn::standard(147));
+        let way = parameters.get_word(HOMING_PARAMETER);
         if way & (FEEDBACK_2 | NO_SWITCH_NO_MARKER | STOP_AT_REFERENCE | DISTANCE_CODED) != NO_SWITCH_NO_MARKER {
             return Err(ServiceError::CommandInvalidParameters);
         }
@@ -400,6 +402,13 @@ where
         }
     }
 
+    fn refuses(&mut self, idn: Idn, _value: u64, _parameters: &Parameters) -> Option<ServiceError> {
+        // The reference stands on these two until the command is cancelled.
+        let belongs_to_homing = matches!(idn, HOMING_PARAMETER | REFERENCE_DISTANCE);
+        let refused = belongs_to_homing && self.motion.lock(|motion| motion.is_homing());
+        refused.then_some(ServiceError::ProtectedBySettings)
+    }
+
     fn is_locked(&self) -> bool {
         self.access.is_locked()
     }
@@ -420,7 +429,7 @@ fn fill<T, const N: usize>(list: &mut Vec<T, N>, entries: impl Iterator<Item = T
 
 /// S-0-0052, in the weight of the position data.
 fn reference_distance(parameters: &Parameters) -> i32 {
-    parameters.get(Idn::standard(52)).cast_signed()
+    parameters.get(REFERENCE_DISTANCE).cast_signed()
 }
 
 const fn protocol_bit_rate(rate: sercon816::BitRate) -> sercos::duration::BitRate {

@@ -236,6 +236,35 @@ mod tests {
     }
 
     #[test]
+    fn one_sets_a_command_without_starting_it_and_changes_nothing_of_one_that_has_ended() {
+        let mut commands = Commands::new();
+        for _ in 0..2 {
+            commands.write(RESET, 1, |_| panic!("nothing is started")).unwrap();
+            assert_eq!((commands.status(RESET), commands.change()), (CommandStatus::Set, false));
+        }
+        for (state, status) in [
+            (CommandState::Executed, CommandStatus::Executed),
+            (CommandState::Failed, CommandStatus::Failed),
+            (CommandState::Interrupted, CommandStatus::Interrupted),
+        ] {
+            let mut commands = Commands::new();
+            commands.write(RESET, 3, ends_with(state)).unwrap();
+            commands.write(RESET, 1, |_| panic!("nothing is running")).unwrap();
+            assert_eq!(commands.status(RESET), status);
+        }
+    }
+
+    #[test]
+    fn a_command_for_every_phase_outlives_the_way_to_cp2_and_up() {
+        for phase in [Phase::Cp2, Phase::Cp3, Phase::Cp4] {
+            let mut commands = Commands::new();
+            commands.write(RESET, 3, ends_with(CommandState::Executed)).unwrap();
+            commands.phase_changed(phase);
+            assert_eq!(commands.status(RESET), CommandStatus::Executed, "{phase}");
+        }
+    }
+
+    #[test]
     fn only_0_1_and_3_are_valid() {
         let mut commands = Commands::new();
         for value in (0..=u16::MAX).filter(|value| ![0, 1, 3].contains(value)) {

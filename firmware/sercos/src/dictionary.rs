@@ -251,8 +251,8 @@ dictionary! {
     S 48 "Additive position command value" ["deg"] I32/4 written ALWAYS (-2_147_483_648 to 2_147_483_647) = 0 => Live, in_mdt;
     /// Position of the motor encoder, captured at t4.
     S 51 "Position feedback value 1 (motor feedback)" ["deg"] I32/4 written NEVER () = 0 => Live, in_at;
-    /// Position that S-0-0148 and S-0-0447 give to the place where the motor stands.
-    S 52 "Reference distance 1" ["deg"] I32/4 written ALWAYS (-2_147_483_648 to 2_147_483_647) = 0 => Parameter, stored;
+    /// Position that S-0-0148 and S-0-0447 give to the place where the motor stands. Not while S-0-0148 is set (700CH).
+    S 52 "Reference distance 1" ["deg"] I32/4 written ALWAYS (-2_147_483_648 to 2_147_483_647) = 0 => Parameter, stored, restricted;
     /// Position of the second encoder; where it comes from says P-0-0005.
     S 53 "Position feedback value 2 (external feedback)" ["deg"] I32/4 written NEVER () = 0 => Live, in_at;
     /// Bit 0 inverts the position command, bit 1 the additive one, bit 2 the position feedback.
@@ -341,8 +341,8 @@ dictionary! {
     S 144 "Signal status word" [""] BITS/0 written NEVER () = 0 => Live, in_at;
     /// Sets the bits that S-0-0027 and S-0-0329 have chosen, whenever it changes.
     S 145 "Signal control word" [""] BITS/0 written ALWAYS () = 0 => Live, in_mdt;
-    /// Way to the reference point. Built: bits 5 and 6 set, bit 7 clear (neither switch nor marker): the reference is where the motor stands.
-    S 147 "Homing parameter" [""] BITS/0 written ALWAYS () = 0x0060 => Parameter, stored;
+    /// Way to the reference point. Built: bits 5 and 6 set, bit 7 clear (neither switch nor marker): the reference is where the motor stands. Not while S-0-0148 is set (700CH).
+    S 147 "Homing parameter" [""] BITS/0 written ALWAYS () = 0x0060 => Parameter, stored, restricted;
     /// Gives the reference point the position S-0-0052, in the way of S-0-0147, and sets S-0-0403 bit 0.
     S 148 "Drive controlled homing procedure command" [""] COMMAND/0 written IN_CP4 () = 0 => Command;
     /// Velocity difference below which C3D bit 0 (n_feedback = n_command) is set.

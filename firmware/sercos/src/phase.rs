@@ -343,6 +343,30 @@ mod tests {
     const PHASES: [Phase; 5] = [Phase::Cp0, Phase::Cp1, Phase::Cp2, Phase::Cp3, Phase::Cp4];
 
     #[test]
+    fn an_invalid_phase_is_told_as_it_came_without_the_other_bits() {
+        for (data, received) in [(5, 5), (7, 7), (0xFE, 6)] {
+            let mut machine = machine_in(Phase::Cp2);
+            assert_eq!(machine.received(data), Err(PhaseError::InvalidPhase { received }));
+        }
+    }
+
+    #[test]
+    fn every_error_says_in_words_what_it_is() {
+        use std::string::ToString;
+        let step = PhaseError::Downshift { from: Phase::Cp4, to: Phase::Cp1 };
+        assert_eq!(step.to_string(), "step back from CP4 to CP1, only CP0 is allowed");
+        assert_eq!(PhaseError::InvalidPhase { received: 6 }.to_string(), "invalid phase 6 in the MST");
+    }
+
+    #[test]
+    fn a_status_without_error_bits_has_no_error_and_every_bit_from_3_up_is_one() {
+        assert!(!InterfaceStatus::new_with_raw_value(7).has_error());
+        for bit in 3..=9 {
+            assert!(InterfaceStatus::new_with_raw_value(1 << bit).has_error(), "{bit}");
+        }
+    }
+
+    #[test]
     fn without_permission_every_pair_of_phases_ends_as_the_table_says() {
         for from in PHASES {
             for received in 0..8u8 {

@@ -130,16 +130,11 @@ pub trait Live {
     fn phase(&self) -> Phase;
 
     /// A reason of the drive's own against writing this value (0 for lists and texts), as
-    /// [`ServiceError::ProtectedBySettings`] while torque is on or [`ServiceError::InvalidData`].
-    fn refuses(&self, idn: Idn, value: u64, parameters: &Parameters) -> Option<ServiceError> {
-        let _ = (idn, value, parameters);
-        None
-    }
+    /// [`ServiceError::ProtectedBySettings`] while a command works with the data block.
+    fn refuses(&mut self, idn: Idn, value: u64, parameters: &Parameters) -> Option<ServiceError>;
 
     /// Whether the password S-0-0267 locks what S-0-0279 lists.
-    fn is_locked(&self) -> bool {
-        false
-    }
+    fn is_locked(&self) -> bool;
 }
 
 /// The slave's end of the service channel.

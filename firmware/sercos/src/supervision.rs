@@ -162,6 +162,21 @@ mod tests {
     }
 
     #[test]
+    fn a_fall_back_ends_bursts_and_keeps_counters_and_a_new_cp3_clears_both() {
+        let mut supervision = Supervision::new();
+        assert_eq!(supervision.cycle(Failed, Valid), Ok(()));
+        supervision.end_bursts();
+        assert_eq!(supervision.cycle(Failed, Valid), Ok(()), "the first of a new burst");
+        assert_eq!(supervision.mst_errors(), 2);
+        supervision.clear();
+        assert_eq!(supervision, Supervision::new());
+        assert_eq!(supervision.cycle(Failed, Failed), Ok(()));
+        supervision.end_bursts();
+        assert_eq!(supervision.cycle(Valid, Failed), Ok(()));
+        assert_eq!((supervision.mst_errors(), supervision.mdt_errors()), (1, 2));
+    }
+
+    #[test]
     fn the_counters_saturate() {
         let mut supervision = Supervision::new();
         for _ in 0..70_000 {

@@ -450,3 +450,45 @@ fn the_channel_stays_open_from_cp2_to_cp3_and_a_new_run_up_closes_it() {
     slave.mst(0).unwrap();
     assert_eq!(slave.server.open_idn(), None);
 }
+
+#[test]
+fn no_segment_is_longer_than_the_server_was_told_and_none_is_empty() {
+    for (words, longest) in [(0, 1), (1, 1), (3, 3), (16, 16), (17, 16)] {
+        let mut slave = Slave::new(Boundary::WithLast, words);
+        for phase in 0..=2 {
+            slave.mst(phase).unwrap();
+        }
+        slave.open(s(17)).unwrap();
+        match bare(&mut slave, 7, false, false, 0) {
+            Reply::Send(segment) => assert_eq!(segment.len(), longest, "{words}"),
+            other => panic!("{other:?}"),
+        }
+    }
+}
+
+#[test]
+fn the_server_tells_what_is_open_and_how_its_commands_are() {
+    let mut slave = Slave::in_cp2();
+    assert_eq!(slave.server.open_idn(), None);
+    let reset = Idn::RESET_CLASS_1_DIAGNOSTIC;
+    slave.open(reset).unwrap();
+    assert_eq!(slave.server.open_idn(), Some(reset));
+    slave.write(&[3]).unwrap();
+    assert_eq!(slave.server.command_status(reset), sercos::command::CommandStatus::Executed);
+}
+
+#[test]
+fn lists_and_texts_may_be_exactly_as_long_as_their_maximum() {
+    let mut slave = Slave::in_cp2();
+    let text: Vec<u16> = [40, 40].into_iter().chain([0x4141; 20]).collect();
+    slave.set(s(142), &text).unwrap();
+    assert_eq!(slave.parameters.text(s(142)).len(), 40);
+    let list: Vec<u16> = [32, 32].into_iter().chain([51; 16]).collect();
+    slave.set(Idn::AT_LIST, &list).unwrap();
+    assert_eq!(slave.parameters.list(Idn::AT_LIST).len(), 16);
+}
+
+#[test]
+fn an_error_says_its_code() {
+    assert_eq!(ServiceError::TooShort(Element::Data).to_string(), "service channel error 7002H");
+}

@@ -202,6 +202,11 @@ impl<B: Bus + Clone, H: Hardware> Motion<B, H> {
         self.update_state();
     }
 
+    /// S-0-0148 holds the position.
+    pub const fn is_homing(&self) -> bool {
+        self.homing
+    }
+
     /// S-0-0139 and its cancellation.
     pub fn park(&mut self, parked: bool) {
         self.manufacturer_3.set(Manufacturer3::PARKED, parked);

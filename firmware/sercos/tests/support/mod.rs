@@ -126,7 +126,7 @@ impl Live for Drive {
         self.machine.current()
     }
 
-    fn refuses(&self, _idn: Idn, _value: u64, _parameters: &Parameters) -> Option<ServiceError> {
+    fn refuses(&mut self, _idn: Idn, _value: u64, _parameters: &Parameters) -> Option<ServiceError> {
         self.refusal
     }
 

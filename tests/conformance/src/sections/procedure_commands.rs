@@ -180,6 +180,17 @@ fn effects() -> Vec<Case> {
             expect("S-0-0403 after S-0-0191", slave.number(403)?, 0)
         },
     ));
+    for (idn, words) in [(52, [1, 0].as_slice()), (147, &[0])] {
+        let rule = format!("S-0-{idn:04} cannot be written while S-0-0148 is set: 700CH");
+        cases.push(Case::new(SECTION, rule, "sercos2.md 3.5", move |slave| {
+            slave.run_up(4, Configuration::default())?;
+            slave.cycles(50);
+            expect("S-0-0148", slave.start_command(HOME)?, 3)?;
+            expect("answer", slave.set(idn, words)?, Err(0x700C))?;
+            slave.must_set(HOME, &[0])?;
+            expect("answer after the cancellation", slave.set(idn, words)?, Ok(()))
+        }));
+    }
     for way in [0x0000, 0x0020, 0x0040, 0x00E0, 0x0068, 0x0160] {
         let rule = format!("S-0-0148 with S-0-0147 = {way:04X}H, which is not built: 7013H");
         cases.push(Case::new(SECTION, rule, "sercos2.md 3.5, 6.3", move |slave| {

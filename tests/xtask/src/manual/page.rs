@@ -35,7 +35,7 @@ fn introduction(page: &mut String) {
          locks what is *stored*.\n\
          * **AT**, **MDT**: can be configured there (S-0-0016, S-0-0024). **Stored**: a control saves it (S-0-0192). \
          **CP3**, **CP4**: looked at by S-0-0127, S-0-0128. **Bits**: real-time bits and signal words can show it, \
-         or show and set it. **Refuses**: some values within the range are refused with 7008H or 1001H.\n\n",
+         or show and set it. **Refuses**: some values within the range, or some moments, are refused with 7008H, 700CH or 1001H.\n\n",
         all - product
     );
 }
@@ -217,6 +217,7 @@ fn errors(page: &mut String) {
         (ServiceError::InvalidData, "a bit combination, list entry or text that is not supported"),
         (ServiceError::ProtectedByPassword, "locked: write the password to S-0-0267"),
         (ServiceError::ConfiguredCyclically, "comes in the MDT; write it there, or take it out of S-0-0024"),
+        (ServiceError::ProtectedBySettings, "a command works with it; cancel the command first"),
         (ServiceError::CommandActive, "the command has been started; cancel it (write 0) first"),
         (ServiceError::CommandNotInterruptible, "the command is over in an instant and cannot be interrupted"),
         (ServiceError::CommandNotExecutableNow, "not while torque is on, or while the motor turns"),
