@@ -1,0 +1,155 @@
+use super::*;
+use crate::data_block::Location;
+
+#[test]
+fn the_defaults_come_from_the_table() {
+    let parameters = Parameters::new();
+    assert_eq!(parameters.get(Idn::standard(2)), 2_000);
+    assert_eq!(parameters.get(Idn::standard(46)), 0xFFFC);
+    assert_eq!(parameters.get_signed(Idn::standard(46)), -4);
+    assert_eq!(parameters.list(Idn::AT_LIST), []);
+    assert_eq!(parameters.text(Idn::standard(141)), "");
+}
+
+#[test]
+fn every_parameter_has_a_place_of_its_own() {
+    let mut parameters = Parameters::new();
+    let blocks = || dictionary::select(Selection::All).filter(|block| block.location == Location::Parameter);
+    // Constants and allocations take few values; their places are seen through the others'.
+    let fixed = || {
+        blocks().filter(|block| {
+            let range = block.maximum.unwrap_or(i64::MAX).saturating_sub(block.minimum.unwrap_or(0));
+            block.fixed_bytes().is_some() && !block.restricted && range > 1_000
+        })
+    };
+    for (block, value) in fixed().zip(1..) {
+        parameters.set(block.idn, distinct(block, value)).unwrap();
+    }
+    for (block, value) in fixed().zip(1..) {
+        assert_eq!(parameters.get_long(block.idn), distinct(block, value), "{}", block.idn);
+    }
+    parameters.set_list(Idn::AT_LIST, &[Idn::POSITION_FEEDBACK]).unwrap();
+    assert_eq!(parameters.list(Idn::MDT_LIST), []);
+    parameters.set_text(Idn::standard(142), b"folder").unwrap();
+    assert_eq!((parameters.text(Idn::standard(141)), parameters.text(Idn::standard(142))), ("", "folder"));
+    parameters.set_words(Idn::standard(328), &[15, 0]).unwrap();
+    assert_eq!(
+        (parameters.words(Idn::standard(328)), parameters.words(Idn::standard(329))),
+        ([15, 0].as_slice(), [].as_slice())
+    );
+    parameters.set_longs(Idn::product(7), &[u32::MAX; LONG_ENTRIES]).unwrap();
+    assert_eq!(parameters.longs(Idn::product(7)), [u32::MAX; LONG_ENTRIES]);
+}
+
+/// A value of its own for every data block, within its limits.
+fn distinct(block: &DataBlock, number: u64) -> u64 {
+    let value = match block.maximum {
+        Some(maximum) => maximum as u64 - number,
+        None if block.fixed_bytes() == Some(8) => number | number << 32,
+        None => number,
+    };
+    match block.fixed_bytes() {
+        Some(2) => value & 0xFFFF,
+        Some(4) => value & 0xFFFF_FFFF,
+        _ => value,
+    }
+}
+
+#[test]
+fn a_value_outside_its_limits_is_refused_and_changes_nothing() {
+    let mut parameters = Parameters::new();
+    let before = parameters.clone();
+    assert_eq!(parameters.set(Idn::standard(2), 499), Err(ServiceError::BelowMinimum));
+    assert_eq!(parameters.set(Idn::standard(2), 65_001), Err(ServiceError::AboveMaximum));
+    assert_eq!(parameters.set(Idn::standard(46), 33), Err(ServiceError::AboveMaximum));
+    assert_eq!(parameters.set(Idn::standard(46), 0xFF00), Err(ServiceError::BelowMinimum));
+    assert_eq!(parameters.set(Idn::standard(11), 0), Err(ServiceError::IdnNotAvailable));
+    assert_eq!(parameters.set_list(Idn::AT_LIST, &[Idn::VELOCITY_COMMAND]), Err(ServiceError::InvalidData));
+    assert_eq!(parameters.set_list(Idn::MDT_LIST, &[Idn::VELOCITY_COMMAND; 17]), Err(ServiceError::InvalidData));
+    assert_eq!(parameters.set_text(Idn::standard(141), &[b'x'; 41]), Err(ServiceError::InvalidData));
+    assert_eq!(parameters.set_text(Idn::standard(141), &[0xFF]), Err(ServiceError::InvalidData));
+    assert_eq!(parameters.set_words(Idn::standard(329), &[16]), Err(ServiceError::InvalidData));
+    assert_eq!(parameters.set_longs(Idn::product(7), &[0; 9]), Err(ServiceError::InvalidData));
+    assert_eq!(parameters, before);
+}
+
+#[test]
+fn two_byte_parameters_keep_two_bytes() {
+    let mut parameters = Parameters::new();
+    parameters.set(Idn::standard(97), 0x1_0005).unwrap();
+    assert_eq!(parameters.get(Idn::standard(97)), 5);
+}
+
+#[test]
+fn what_the_master_has_written_is_forgotten_when_cp2_begins() {
+    let mut parameters = Parameters::new();
+    parameters.mark_written(Idn::standard(2));
+    parameters.mark_written(Idn::product(7));
+    assert!(parameters.is_written(Idn::standard(2)) && parameters.is_written(Idn::product(7)));
+    assert!(!parameters.is_written(Idn::standard(1)));
+    parameters.forget_written();
+    assert!(!parameters.is_written(Idn::standard(2)) && !parameters.is_written(Idn::product(7)));
+}
+
+#[test]
+fn a_real_time_bit_is_tied_to_something_that_has_bits_or_to_nothing() {
+    let mut parameters = Parameters::new();
+    for (bit, idn, result) in [
+        (301, 0x8013, Ok(())),
+        (303, 11, Err(ServiceError::InvalidData)),
+        (305, 11, Ok(())),
+        (307, 2, Err(ServiceError::InvalidData)),
+        (301, 4000, Err(ServiceError::IdnNotAvailable)),
+        (305, 4000, Err(ServiceError::IdnNotAvailable)),
+        (301, 0, Ok(())),
+    ] {
+        let before = parameters.clone();
+        assert_eq!(parameters.set(Idn::standard(bit), idn), result, "S-0-{bit:04} = {idn:04X}H");
+        if result.is_err() {
+            assert_eq!(parameters, before);
+        }
+    }
+    assert_eq!(parameters.get(Idn::standard(305)), 11);
+}
+
+#[test]
+fn the_defaults_come_back_for_what_is_stored_and_for_nothing_else() {
+    let mut parameters = Parameters::new();
+    parameters.set(Idn::standard(2), 4_000).unwrap();
+    parameters.set(Idn::standard(104), 250).unwrap();
+    parameters.set_text(Idn::standard(142), b"folder").unwrap();
+    parameters.set(Idn::product(8), u64::MAX).unwrap();
+    parameters.load_defaults();
+    assert_eq!(parameters.get(Idn::standard(2)), 4_000);
+    assert_eq!(parameters.get(Idn::standard(104)), 100);
+    assert_eq!(parameters.text(Idn::standard(142)), "");
+    assert_eq!(parameters.get_long(Idn::product(8)), 0);
+}
+
+#[test]
+fn the_checksum_sees_every_stored_data_block_and_no_other() {
+    let fresh = Parameters::new();
+    let mut other = fresh.clone();
+    other.set(Idn::standard(2), 4_000).unwrap();
+    assert_eq!(other.checksum(), fresh.checksum());
+    for block in dictionary::select(Selection::Backup) {
+        let mut other = fresh.clone();
+        let changed = match storage_of(block.idn) {
+            Storage::None => panic!("{} is stored nowhere", block.idn),
+            Storage::Cell(_) | Storage::TwoCells(_) => {
+                let now = other.get_long(block.idn);
+                other
+                    .set(block.idn, now + 1)
+                    .or_else(|_| other.set(block.idn, now.wrapping_sub(1)))
+                    .or_else(|_| other.set(block.idn, 11))
+                    .or_else(|_| other.set(block.idn, 0x8013))
+            }
+            Storage::Idns(_) => other.set_list(block.idn, &[Idn::product(19)]),
+            Storage::Words(_) => other.set_words(block.idn, &[1]),
+            Storage::Longs(_) => other.set_longs(block.idn, &[1]),
+            Storage::Text(_) => other.set_text(block.idn, b"x"),
+        };
+        assert_eq!(changed, Ok(()), "{}", block.idn);
+        assert_ne!(other.checksum(), fresh.checksum(), "{}", block.idn);
+    }
+}
