@@ -48,14 +48,17 @@ pub struct Tester {
     line_errors: u32,
     cycles: u64,
     mdt_end: Nanoseconds,
+    mark: Nanoseconds,
 }
 
 impl Tester {
     /// A master that sends this until it is told otherwise.
     #[must_use]
     pub fn new(rate: BitRate, plan: Plan) -> Self {
+        let beat = Beat::new(rate, plan.cycle);
         Self {
-            beat: Beat::new(rate, plan.cycle),
+            mark: beat.mark(),
+            beat,
             rate,
             plan,
             listener: Listener::default(),
@@ -108,10 +111,10 @@ impl Tester {
         self.mdt_end
     }
 
-    /// End of the MST that was sent last, or would have been.
+    /// End of this cycle's MST, sent or left out; a cycle begins when its MST is decided on.
     #[must_use]
-    pub fn mark(&self) -> Nanoseconds {
-        self.beat.mark()
+    pub const fn mark(&self) -> Nanoseconds {
+        self.mark
     }
 
     /// The last instant at which a new plan counts for the next MST.
@@ -138,6 +141,7 @@ impl Master for Tester {
     fn transmit(&mut self, now: Nanoseconds) -> Option<Transmission> {
         match self.beat.act() {
             Act::Decide => {
+                self.mark = self.beat.mark();
                 self.received.clear();
                 self.listener.begin_cycle();
                 self.beat.mst_comes(self.plan.mst.unwrap_or(0));
