@@ -8,7 +8,7 @@
 //! | [`app::capture_feedback`] | CAN1_RX0 | 4 | started by the two above at t4 | 30 us |
 //! | [`app::control_loop`] | TIM6_DAC | 4 | every 125 us | 30 us |
 //! | [`app::phase_change`] | CAN1_RX1 | 2 | the MST shows another phase, or supervision gives the ring up | one communication cycle |
-//! | [`app::service_channel`] | CAN1_SCE | 2 | the service container waits for us | 50 us |
+//! | [`app::service_channel`] | CAN1_SCE | 2 | the service container waits for us; the drive has become another state or has an error | 100 us |
 //! | [`app::idle`] | - | 0 | nothing else to do | - |
 //!
 //! Higher numbers interrupt lower ones. Everything that belongs to the cycle has one priority, so these tasks never interrupt each other and
@@ -179,7 +179,8 @@ mod app {
 
     /// One step of the service channel: reads or writes an element of a data block, or answers with an error.
     ///
-    /// Contract: 50 us from the interrupt to the release of the container; the master sees "busy" meanwhile, the cycle is not touched.
+    /// Contract: 100 us from the end of the MDT to the release of the container, for every element; the master sees "busy" meanwhile, the
+    /// cycle is not touched. Then, and when the motion side has news, diagnosis and error memory are brought up to date.
     #[task(binds = CAN1_SCE, priority = 2, shared = [motion, communication])]
     fn service_channel(mut context: service_channel::Context) {
         PROGRESS.begun(Work::SERVICE_CHANNEL.bits());

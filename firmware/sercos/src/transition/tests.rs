@@ -219,3 +219,16 @@ proptest! {
         }
     }
 }
+
+#[test]
+fn every_finding_fits_into_the_text_of_the_service_channel_and_every_reason_has_a_code_of_its_own() {
+    use std::string::ToString;
+    let mut codes = std::collections::BTreeSet::new();
+    for reason in Reason::ALL {
+        let text = Invalid { idn: Idn(0xFFFF), reason }.to_string();
+        assert!(text.len() <= crate::service::LIVE_TEXT_BYTES, "{text}");
+        assert!(codes.insert(reason.code()), "{reason}");
+    }
+    let longest = Reason::TooLate { latest_ns: u32::MAX };
+    assert!(Invalid { idn: Idn(0xFFFF), reason: longest }.to_string().len() <= crate::service::LIVE_TEXT_BYTES);
+}
