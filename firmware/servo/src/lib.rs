@@ -30,6 +30,7 @@
 
 mod axis;
 mod clock;
+pub mod current;
 mod encoder;
 mod gain;
 mod interpolation;
@@ -38,6 +39,7 @@ mod position_loop;
 mod ramp;
 mod scaling;
 mod settings;
+mod trigonometry;
 mod units;
 mod velocity_estimate;
 mod velocity_loop;
@@ -52,6 +54,7 @@ pub use position_loop::{PositionLoop, PositionLoopOutput, PositionLoopSettings};
 pub use ramp::Ramp;
 pub use scaling::{PositionScale, VelocityScale};
 pub use settings::{AxisParameters, AxisSettings, SettingsError};
+pub use trigonometry::Rotation;
 pub use units::{Acceleration, CurrentFraction, LOOP_PERIOD_MICROSECONDS, LOOP_TICKS_PER_SECOND, Position, Velocity};
 pub use velocity_estimate::{VelocityEstimate, VelocityFilter};
 pub use velocity_loop::{VelocityLoop, VelocityLoopOutput, VelocityLoopSettings};

@@ -37,6 +37,25 @@ pub enum SettingsError {
     PositionScaleOutOfRange,
     /// An increment of the velocity data must be 10^-9 to 100 rpm.
     VelocityScaleOutOfRange,
+    /// The measuring range of the phase currents must be 1 to 8 times the peak current.
+    MeasuringRange {
+        /// In mA.
+        actual: u32,
+        /// S-0-0110 in mA.
+        peak: u32,
+    },
+    /// The current loop gain is too high for the peak current and the integral action time.
+    CurrentGain {
+        /// In mV/A.
+        actual: u32,
+    },
+    /// The dead time must not exceed 10 us.
+    DeadTime {
+        /// In ns.
+        actual: u32,
+    },
+    /// Flux linkage of the magnets, or inductance times peak current, must stay below 2.5 Vs.
+    FluxLinkage,
     /// The loop timer must have 200 to 32 767 counts in a loop period.
     LoopTimerCounts {
         /// Counts given.
@@ -63,6 +82,14 @@ impl fmt::Display for SettingsError {
             }
             Self::VelocityScaleOutOfRange => {
                 formatter.write_str("velocity scaling is not within 10^-9 to 100 rpm per increment")
+            }
+            Self::MeasuringRange { actual, peak } => {
+                write!(formatter, "measuring range of {actual} mA, expected 1 to 8 times the peak current of {peak} mA")
+            }
+            Self::CurrentGain { actual } => write!(formatter, "current loop gain of {actual} mV/A is too high"),
+            Self::DeadTime { actual } => write!(formatter, "dead time of {actual} ns, expected at most 10000"),
+            Self::FluxLinkage => {
+                formatter.write_str("flux linkage or inductance times peak current is not below 2.5 Vs")
             }
             Self::LoopTimerCounts { actual } => {
                 write!(formatter, "{actual} counts per loop period, expected 200 to 32767")

@@ -1,0 +1,29 @@
+//! The current loop: from three phase currents and an angle to three compare values.
+//!
+//! ```text
+//! samples -> Clarke -> Park -> PI (d, q) + feed-forward -> voltage limit -> inverse Park -> space vector -> compare values
+//! ```
+//!
+//! | quantity | unit in the loop |
+//! |---|---|
+//! | phase current | ADC counts, 2^-3 |
+//! | d, q current | peak current S-0-0110, 2^-26 |
+//! | voltage | volt, 2^-14 |
+//! | angle | electrical revolution, 2^-32 |
+//! | output | counts of the timer, 0 ..= reload |
+//!
+//! A cycle multiplies 32 by 32 bits and keeps the high half, which is one instruction; it divides nowhere and has no branch whose
+//! length depends on data. What changes slower than the cycle comes from outside: gains when a parameter changes
+//! ([`CurrentLoopSettings`]), reference, feed-forward and bus voltage once a loop tick ([`CurrentCommand`]).
+
+mod command;
+mod control;
+mod modulator;
+mod protection;
+mod settings;
+
+pub use command::{BusScale, CurrentCommand, MotorModel};
+pub use control::{CurrentLoop, CurrentReadings};
+pub use modulator::DeadTimeCompensation;
+pub use protection::{Offsets, Protection, Trip};
+pub use settings::{CurrentLoopParameters, CurrentLoopSettings, PwmFrequency};

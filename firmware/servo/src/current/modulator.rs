@@ -1,0 +1,124 @@
+//! From a voltage to compare values: space vector modulation and dead-time compensation.
+
+use crate::SettingsError;
+use crate::units::divide_rounding;
+
+/// Compare values of the three phases for a voltage, before limiting. `alpha` in counts, `side` in counts: sqrt(3)/2 times beta.
+///
+/// The zero-sequence that puts the middle of the highest and the lowest phase into the middle of the period makes the same switching
+/// pattern as space vector modulation, and reaches the same voltage: 1/sqrt(3) of the bus.
+#[inline]
+pub(super) fn space_vector(alpha: i32, side: i32, middle: i32) -> [i32; 3] {
+    let half = alpha >> 1;
+    let a = alpha;
+    let b = side.wrapping_sub(half);
+    let c = half.wrapping_add(side).wrapping_neg();
+    let sum = a.max(b).max(c).wrapping_add(a.min(b).min(c));
+    let zero = middle.wrapping_sub(sum >> 1);
+    [a.wrapping_add(zero), b.wrapping_add(zero), c.wrapping_add(zero)]
+}
+
+/// A compare value within the period.
+#[inline]
+pub(super) fn limited_to_period(counts: i32, middle: i32) -> u16 {
+    // Within 0 ..= 10 500.
+    counts.min(middle.wrapping_shl(1)).max(0) as u16
+}
+
+/// Gives back the voltage that the dead time takes: while both transistors of a phase are off, the current chooses the diode, and with it
+/// the rail that makes it smaller.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
+pub struct DeadTimeCompensation {
+    /// Counts per ADC count 2^-3 near zero current, in 2^-16.
+    slope: i32,
+    /// Counts at full compensation, in 2^-16.
+    full: i32,
+}
+
+impl DeadTimeCompensation {
+    /// * `dead_time` in ns, up to 10 us; 0 switches the compensation off.
+    /// * `band`: current in mA up to which the compensation grows in proportion. The sign of a smaller current is noise, and in the
+    ///   inverter itself the capacitances of the transistors make the transition gradual.
+    /// * `measuring_range` in mA at 2 048 counts.
+    ///
+    /// # Errors
+    /// [`SettingsError::Zero`] for a band or range of zero, [`SettingsError::DeadTime`] above 10 us.
+    pub fn new(dead_time: u32, band: u32, measuring_range: u32) -> Result<Self, SettingsError> {
+        if band == 0 || measuring_range == 0 {
+            return Err(SettingsError::Zero { parameter: "band of the dead-time compensation" });
+        }
+        if dead_time > LONGEST_DEAD_TIME {
+            return Err(SettingsError::DeadTime { actual: dead_time });
+        }
+        // The high side is on for twice the compare value: half the dead time in counts of 168 MHz.
+        let full = divide_rounding(i128::from(dead_time).saturating_mul(168) << 16, 2_000);
+        // counts 2^-3 in the band: band / range * 2048 * 8
+        let in_band = divide_rounding(i128::from(band).saturating_mul(2_048 * 8), i128::from(measuring_range)).max(1);
+        let slope = divide_rounding(full.into(), in_band.into());
+        // At most 10 us: 840 counts 2^-16.
+        Ok(Self { slope: slope as i32, full: full as i32 })
+    }
+
+    /// Counts to add to the compare value of a phase with this current, in ADC counts 2^-3.
+    #[inline]
+    pub(super) fn counts(self, current: i32) -> i32 {
+        // A current of 2^15 and a slope of 840 * 2^16 would leave 32 bits; beyond the band the result is the same.
+        let near = current.clamp(-BAND_LIMIT, BAND_LIMIT);
+        let wanted = i64::from(near).wrapping_mul(i64::from(self.slope));
+        let limit = i64::from(self.full);
+        (wanted.min(limit).max(limit.wrapping_neg()).wrapping_add(1 << 15) >> 16) as i32
+    }
+}
+
+/// In ADC counts 2^-3: the whole range of the converter.
+const BAND_LIMIT: i32 = 1 << 14;
+const LONGEST_DEAD_TIME: u32 = 10_000;
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+
+    #[test]
+    fn the_longest_voltage_in_the_linear_range_just_fits_the_period_at_every_angle() {
+        let middle = 2_625;
+        let longest = f64::from(2 * middle) / 3_f64.sqrt();
+        for step in 0..720 {
+            let angle = f64::from(step) * core::f64::consts::TAU / 720.0;
+            let side = longest * angle.sin() * 0.75_f64.sqrt();
+            let counts = space_vector((longest * angle.cos()) as i32, side as i32, middle);
+            assert!(counts.iter().all(|&counts| (-2..=5_252).contains(&counts)), "{step}: {counts:?}");
+        }
+    }
+
+    proptest! {
+        #[test]
+        fn the_differences_of_the_phases_are_the_voltage(alpha in -3_000_i32..3_000, side in -3_000_i32..3_000) {
+            let [a, b, c] = space_vector(alpha, side, 2_625).map(f64::from);
+            prop_assert!(((2.0 * a - b - c) / 3.0 - f64::from(alpha)).abs() < 0.7);
+            prop_assert!(((b - c) / 2.0 - f64::from(side)).abs() < 0.1);
+            let (high, low) = (a.max(b).max(c), a.min(b).min(c));
+            prop_assert!((high + low - 5_250.0).abs() <= 3.0, "the same share of both zero vectors");
+        }
+
+        #[test]
+        fn the_compensation_is_odd_and_never_more_than_half_the_dead_time(current in -40_000_i32..40_000) {
+            let compensation = DeadTimeCompensation::new(1_000, 200, 25_000).unwrap();
+            let counts = compensation.counts(current);
+            prop_assert!(counts.abs() <= 84);
+            prop_assert!((counts + compensation.counts(-current)).abs() <= 1);
+        }
+    }
+
+    #[test]
+    fn the_compensation_reaches_half_the_dead_time_at_the_end_of_its_band() {
+        let compensation = DeadTimeCompensation::new(1_000, 200, 25_000).unwrap();
+        // 200 mA of 25 A: 131 counts 2^-3
+        assert_eq!(compensation.counts(131), 84);
+        assert!((41..=43).contains(&compensation.counts(66)));
+        assert_eq!(compensation.counts(0), 0);
+        assert_eq!(DeadTimeCompensation::new(0, 200, 25_000).unwrap().counts(1_000), 0);
+        assert_eq!(DeadTimeCompensation::new(10_001, 1, 1), Err(SettingsError::DeadTime { actual: 10_001 }));
+    }
+}

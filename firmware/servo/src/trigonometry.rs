@@ -1,0 +1,77 @@
+//! Sine and cosine, the one place where [`idsp`] is used for them: its interface changes between releases.
+
+/// Sine and cosine of an angle.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
+pub struct Rotation {
+    /// In 2^-31.
+    pub cosine: i32,
+    /// In 2^-31.
+    pub sine: i32,
+}
+
+impl Rotation {
+    /// No rotation; short of 1 by 2^-31.
+    pub const NONE: Self = Self { cosine: i32::MAX, sine: 0 };
+
+    /// The rotation by an angle in 2^-32 revolution. Sine and cosine are at most 2e-5 off.
+    #[inline]
+    #[must_use]
+    pub fn by(angle: u32) -> Self {
+        let (cosine, sine) = idsp::cossin(angle.cast_signed());
+        Self { cosine, sine }
+    }
+
+    /// This rotation and then another one, in 2^-30.
+    #[inline]
+    #[must_use]
+    pub fn half_then(self, then: Self) -> Self {
+        Self {
+            cosine: sum_of_products(self.cosine, then.cosine, self.sine.wrapping_neg(), then.sine),
+            sine: sum_of_products(self.sine, then.cosine, self.cosine, then.sine),
+        }
+    }
+}
+
+/// `(a * b + c * d) / 2^32`, rounded down.
+#[inline]
+pub(crate) fn sum_of_products(a: i32, b: i32, c: i32, d: i32) -> i32 {
+    let sum = i64::from(a).wrapping_mul(i64::from(b)).wrapping_add(i64::from(c).wrapping_mul(i64::from(d)));
+    (sum >> 32) as i32
+}
+
+/// `a * b / 2^32`, rounded down.
+#[inline]
+pub(crate) fn high_product(a: i32, b: i32) -> i32 {
+    (i64::from(a).wrapping_mul(i64::from(b)) >> 32) as i32
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const UNIT: f64 = 2_147_483_648.0;
+
+    #[test]
+    fn sine_and_cosine_are_within_the_error_that_is_stated() {
+        let mut worst = 0.0_f64;
+        for step in 0..100_000_u32 {
+            let angle = step.wrapping_mul(42_949);
+            let exact = f64::from(angle) / 4_294_967_296.0 * core::f64::consts::TAU;
+            let rotation = Rotation::by(angle);
+            worst = worst.max((f64::from(rotation.cosine) / UNIT - exact.cos()).abs());
+            worst = worst.max((f64::from(rotation.sine) / UNIT - exact.sin()).abs());
+        }
+        assert!((5e-6..2e-5).contains(&worst), "{worst}");
+    }
+
+    #[test]
+    fn two_rotations_make_the_rotation_by_their_sum() {
+        for (angle, then) in [(0, 0), (1 << 29, 1 << 28), (3 << 30, 1 << 27), (0xF000_0000, 0xF800_0000)] {
+            let sum = Rotation::by(angle).half_then(Rotation::by(then));
+            let exact = Rotation::by(angle.wrapping_add(then));
+            assert!((2.0 * f64::from(sum.cosine) - f64::from(exact.cosine)).abs() < 4e-5 * UNIT, "{angle:X} {then:X}");
+            assert!((2.0 * f64::from(sum.sine) - f64::from(exact.sine)).abs() < 4e-5 * UNIT, "{angle:X} {then:X}");
+        }
+    }
+}
