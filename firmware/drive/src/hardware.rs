@@ -1,10 +1,10 @@
-//! What the drive needs of the board: the position measurement, the torque output, the power stage, the loop timer.
+//! What the drive needs of the board: two traits, one for the tasks of the loop tick, one for the current loop above them.
 
-use fixed::types::I1F15;
+use servo::current::PwmFrequency;
 
-/// The motor side of a board, as the hot tasks see it.
+/// The motor side of a board, as the tasks of the loop tick see it.
 ///
-/// Every call is one or two register accesses; none may wait.
+/// Every call is a few register accesses; none may wait.
 pub trait Hardware {
     /// The encoder counter now, in increments (four per line), wrapping at 2^32.
     fn encoder_count(&mut self) -> u32;
@@ -13,29 +13,128 @@ pub trait Hardware {
     /// on the given line: the feedback value of t4 without software jitter.
     fn encoder_latch(&mut self, line: InterruptLine) -> u32;
 
-    /// The torque-producing current command, as a fraction of the amplifier's peak current (S-0-0110);
-    /// positive accelerates in counting direction of the encoder.
-    ///
-    /// This is the seam of the current loop: today an analogue command to a current-controlled amplifier.
-    fn set_current(&mut self, fraction_of_peak: I1F15);
+    /// The time at which the hardware saw the last edge of this line, in counts of a free-running clock of the board. Read with the
+    /// latch, before the interrupt is acknowledged.
+    fn edge_time(&mut self, line: InterruptLine) -> u16;
 
-    /// Switches the amplifier on or off. Off means torque-free at once.
-    fn set_amplifier(&mut self, on: bool);
+    /// The present time in the unit of [`Hardware::edge_time`].
+    fn time_now(&mut self) -> u16;
 
-    /// Reads the amplifier's status lines.
-    fn amplifier(&mut self) -> Amplifier;
+    /// Time from the last loop tick before it to an instant of [`Hardware::edge_time`], at most 300 us ago, in counts of
+    /// [`Hardware::LOOP_TIMER_COUNTS`] to the tick.
+    fn phase_of(&mut self, edge_time: u16) -> u16;
 
-    /// Time since the last tick of the loop timer, in counts of its clock (see [`Hardware::LOOP_TIMER_COUNTS`]).
-    fn loop_timer_phase(&mut self) -> u16;
+    /// All digital inputs at the same instant.
+    fn inputs(&mut self) -> Inputs;
 
-    /// Lengthens (positive) or shortens the following loop periods by so many counts, until changed again.
-    fn trim_loop_timer(&mut self, counts: i16);
+    /// Lets the bridge switch, or switches all six transistors off. On has no effect while a break input holds the bridge off.
+    fn set_bridge(&mut self, on: bool);
+
+    /// Whether the bridge switches. It does not any more after a break, whatever was set.
+    fn bridge_is_on(&mut self) -> bool;
+
+    /// Current through the coil of the holding brake: `true` opens the brake.
+    fn set_brake(&mut self, open: bool);
+
+    /// Forgets the index pulses seen so far.
+    fn arm_index(&mut self);
+
+    /// The count at the last index pulse since [`Hardware::arm_index`] or since the last call.
+    fn index_latch(&mut self) -> Option<u32>;
+
+    /// Forgets the edges of a probe seen so far.
+    fn arm_probe(&mut self, probe: ProbeInput);
+
+    /// The count at an edge of a probe since it was armed or since the last call.
+    fn probe_latch(&mut self, probe: ProbeInput, rising: bool) -> Option<u32>;
 
     /// Why the processor was started; read once at start.
     fn reset_cause(&self) -> ResetCause;
 
     /// Counts of the loop timer's clock in one untrimmed loop period of [`LOOP_PERIOD_MICROSECONDS`].
     const LOOP_TIMER_COUNTS: u16;
+}
+
+/// Inverter and sensors, as the current loop sees them.
+///
+/// Every call is a few register accesses; none may wait.
+pub trait PowerStage {
+    /// To be called first in a cycle: acknowledges the interrupt, and tells which cycle this is.
+    fn begin(&mut self) -> Cycle;
+
+    /// What the converters measured for this cycle.
+    fn samples(&mut self) -> Samples;
+
+    /// The encoder counter now.
+    fn encoder_count(&mut self) -> u32;
+
+    /// Compare values of the three phases, 0 (low side) to the reload value (high side); they act from the next bottom of the period on.
+    fn set_compare(&mut self, counts: [u16; 3]);
+
+    /// Lengthens the next period by so many counts of [`Hardware::LOOP_TIMER_COUNTS`].
+    fn trim(&mut self, counts: i16);
+
+    /// Another rate of the modulation; only while the bridge is off.
+    fn set_frequency(&mut self, frequency: PwmFrequency);
+
+    /// Switches all six transistors off, at once.
+    fn switch_off(&mut self);
+}
+
+/// Which cycle of the current loop this is.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
+pub struct Cycle {
+    /// The first of a loop tick.
+    pub first: bool,
+    /// The bottom of the period has passed: what is set now acts a period too late.
+    pub late: bool,
+}
+
+/// Results of the converters, 12 bits each.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
+pub struct Samples {
+    /// Phase currents, 2 048 at zero; positive flows into the motor.
+    pub currents: [u16; 3],
+    /// Bus voltage.
+    pub bus: u16,
+    /// Temperature of the heat sink.
+    pub heat_sink: u16,
+    /// Temperature of the motor.
+    pub motor: u16,
+}
+
+/// Digital inputs. A broken wire reads as `false`, which is the safe state of each of them.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
+pub struct Inputs {
+    /// Main power is applied and the DC link is charged.
+    pub main_power: bool,
+    /// The gate drivers report no fault; a fault also holds the bridge off by the break input.
+    pub bridge_ready: bool,
+    /// First channel of safe torque off permits torque. Observed, never relied on.
+    pub safe_torque_1: bool,
+    /// Second channel.
+    pub safe_torque_2: bool,
+    /// Home switch S-0-0400.
+    pub home_switch: bool,
+    /// Contact of the holding brake: it is open.
+    pub brake_open: bool,
+    /// Probe 1 (S-0-0401).
+    pub probe_1: bool,
+    /// Probe 2 (S-0-0402).
+    pub probe_2: bool,
+}
+
+/// One of the two probe inputs.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
+pub enum ProbeInput {
+    /// Probe 1.
+    One,
+    /// Probe 2.
+    Two,
 }
 
 /// Period of the velocity and position loops in microseconds; divides every legal S-0-0002 (multiples of 250 us).
@@ -49,16 +148,6 @@ pub enum InterruptLine {
     Int0,
     /// Pin INT1.
     Int1,
-}
-
-/// Status lines of the amplifier.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-#[cfg_attr(feature = "defmt", derive(defmt::Format))]
-pub struct Amplifier {
-    /// Main power is applied and the DC link is charged.
-    pub main_power: bool,
-    /// The amplifier reports a fault and has switched itself off.
-    pub fault: bool,
 }
 
 /// Why the processor was started.

@@ -82,6 +82,30 @@ impl BusScale {
         }
     }
 
+    /// As words, for a mailbox; see [`BusScale::from_words`].
+    #[must_use]
+    pub const fn to_words(&self) -> [u32; 5] {
+        [
+            self.longest.cast_unsigned(),
+            self.longest_direct.cast_unsigned(),
+            self.inverse.cast_unsigned(),
+            self.counts.cast_unsigned(),
+            self.side.cast_unsigned(),
+        ]
+    }
+
+    /// From [`BusScale::to_words`].
+    #[must_use]
+    pub const fn from_words([longest, longest_direct, inverse, counts, side]: [u32; 5]) -> Self {
+        Self {
+            longest: longest.cast_signed(),
+            longest_direct: longest_direct.cast_signed(),
+            inverse: inverse.cast_signed(),
+            counts: counts.cast_signed(),
+            side: side.cast_signed(),
+        }
+    }
+
     /// Longest voltage vector, volt 2^-14.
     #[must_use]
     pub const fn longest(&self) -> i32 {

@@ -2,7 +2,7 @@
 
 use super::modulator::{limited_to_period, space_vector};
 use super::settings::CURRENT_BITS;
-use super::{CurrentCommand, CurrentLoopSettings, Offsets};
+use super::{CurrentCommand, CurrentLoopSettings};
 use crate::CurrentFraction;
 use crate::trigonometry::{Rotation, high_product, sum_of_products};
 
@@ -64,18 +64,17 @@ impl CurrentLoop {
         &self.readings
     }
 
-    /// One cycle with the bridge on: samples and encoder count go in, compare values come out.
+    /// One cycle with the bridge on: phase currents in ADC counts 2^-3 ([`super::Offsets::remove`]) and the electrical angle in 2^-32
+    /// revolution go in, compare values come out.
     #[inline]
     pub fn cycle(
         &mut self,
         settings: &CurrentLoopSettings,
         command: &CurrentCommand,
-        offsets: &Offsets,
-        samples: [u16; 3],
-        count: u32,
+        currents: [i32; 3],
+        angle: u32,
     ) -> [u16; 3] {
-        let currents = offsets.remove(samples);
-        self.current_loop_core(settings, command, &Measurement { currents, angle: command.angle_at(count) });
+        self.current_loop_core(settings, command, &Measurement { currents, angle });
         let [a, b, c] = self.counts;
         let [current_a, current_b, current_c] = currents;
         let dead_time = settings.dead_time;
@@ -84,11 +83,6 @@ impl CurrentLoop {
             limited_to_period(b.wrapping_add(dead_time.counts(current_b)), settings.middle),
             limited_to_period(c.wrapping_add(dead_time.counts(current_c)), settings.middle),
         ]
-    }
-
-    /// One cycle with the bridge off: the currents are measured, the integral parts are empty.
-    pub fn idle(&mut self) {
-        *self = Self::default();
     }
 
     /// Clarke, Park, two PI, voltage limit, inverse Park, space vector, with sine and cosine of the angle. A function of its own, because

@@ -60,6 +60,14 @@ impl DeadTimeCompensation {
         Ok(Self { slope: slope as i32, full: full as i32 })
     }
 
+    pub(super) const fn to_words(self) -> [u32; 2] {
+        [self.slope.cast_unsigned(), self.full.cast_unsigned()]
+    }
+
+    pub(super) const fn from_words([slope, full]: [u32; 2]) -> Self {
+        Self { slope: slope.cast_signed(), full: full.cast_signed() }
+    }
+
     /// Counts to add to the compare value of a phase with this current, in ADC counts 2^-3.
     #[inline]
     pub(super) fn counts(self, current: i32) -> i32 {

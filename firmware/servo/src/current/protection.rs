@@ -155,6 +155,23 @@ impl Protection {
         })
     }
 
+    /// As words, for a mailbox; see [`Protection::from_words`].
+    #[must_use]
+    pub const fn to_words(&self) -> [u32; 4] {
+        [self.current.cast_unsigned(), self.sum.cast_unsigned(), self.bus as u32, self.increments.cast_unsigned()]
+    }
+
+    /// From [`Protection::to_words`].
+    #[must_use]
+    pub const fn from_words([current, sum, bus, increments]: [u32; 4]) -> Self {
+        Self {
+            current: current.cast_signed(),
+            sum: sum.cast_signed(),
+            bus: (bus & 0xFFFF) as u16,
+            increments: increments.cast_signed(),
+        }
+    }
+
     /// Looks at one cycle. `moved`: increments since the last one.
     #[inline]
     #[must_use]

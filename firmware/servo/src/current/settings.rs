@@ -135,5 +135,35 @@ impl CurrentLoopSettings {
     }
 }
 
+impl CurrentLoopSettings {
+    /// As words, for a mailbox; see [`CurrentLoopSettings::from_words`].
+    #[must_use]
+    pub const fn to_words(&self) -> [u32; 7] {
+        let [slope, full] = self.dead_time.to_words();
+        [
+            self.alpha.cast_unsigned(),
+            self.beta.cast_unsigned(),
+            self.proportional.cast_unsigned(),
+            self.integral.cast_unsigned(),
+            self.middle.cast_unsigned(),
+            slope,
+            full,
+        ]
+    }
+
+    /// From [`CurrentLoopSettings::to_words`].
+    #[must_use]
+    pub const fn from_words([alpha, beta, proportional, integral, middle, slope, full]: [u32; 7]) -> Self {
+        Self {
+            alpha: alpha.cast_signed(),
+            beta: beta.cast_signed(),
+            proportional: proportional.cast_signed(),
+            integral: integral.cast_signed(),
+            middle: middle.cast_signed(),
+            dead_time: DeadTimeCompensation::from_words([slope, full]),
+        }
+    }
+}
+
 /// 1 / sqrt(3) in 2^-32.
 const ROOT_OF_A_THIRD: i128 = 2_479_700_525;
