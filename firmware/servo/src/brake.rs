@@ -295,11 +295,14 @@ impl BrakeSequencer {
             return self.fail(State::Engaging, error);
         }
         let stopping = inputs.request != BrakeRequest::Release;
+        let closed = if settings.fitted { State::Engaging } else { State::Off };
         if stopping && inputs.standstill {
-            self.enter(if settings.fitted { State::Engaging } else { State::Off });
-        } else if self.unsettled.holds(stopping, settings.standstill_limit) {
-            let error = BrakeError::NoStandstill { expected: milliseconds_of(settings.standstill_limit) };
-            return self.fail(if settings.fitted { State::Engaging } else { State::Off }, error);
+            self.enter(closed);
+            return None;
+        }
+        let limit = settings.standstill_limit?;
+        if self.unsettled.holds(stopping, limit) {
+            return self.fail(closed, BrakeError::NoStandstill { expected: milliseconds_of(limit) });
         }
         None
     }

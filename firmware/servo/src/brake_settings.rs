@@ -43,7 +43,8 @@ pub struct BrakeSettings {
     pub(crate) on_limit: u32,
     pub(crate) off_delay: u32,
     pub(crate) off_limit: u32,
-    pub(crate) standstill_limit: u32,
+    /// `None` waits for ever.
+    pub(crate) standstill_limit: Option<u32>,
     pub(crate) proof_current: i16,
     pub(crate) proof_tolerance: i32,
     pub(crate) proof_ticks: u32,
@@ -91,8 +92,8 @@ impl BrakeSettings {
             off_delay,
             off_limit: off_delay.saturating_mul(2).max(shortest),
             standstill_limit: match parameters.maximum_drive_off_delay {
-                0 => u32::MAX,
-                limit => ticks_of(limit.into()),
+                0 => None,
+                limit => Some(ticks_of(limit.into())),
             },
             proof_current,
             proof_tolerance: tolerance.into(),

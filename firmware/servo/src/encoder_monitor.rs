@@ -142,7 +142,7 @@ pub struct EncoderMonitorInputs {
     pub count: u32,
     /// Counter latched at an index pulse since the last tick.
     pub index: Option<u32>,
-    /// Command of the velocity loop; zero when no motion is demanded.
+    /// Command of the velocity loop; zero when no motion is demanded, as in torque control.
     pub velocity_command: Velocity,
     /// Measured torque-producing current.
     pub current: CurrentFraction,

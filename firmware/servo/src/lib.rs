@@ -11,6 +11,12 @@
 //!
 //! [`Axis`] joins the chain; the parts can be used alone. The crate knows no bus and no hardware.
 //!
+//! Beside the chain, ticked like it:
+//!
+//! * [`BrakeSequencer`]: the order of holding brake and torque.
+//! * [`LoadModel`], [`Temperature`], [`BusVoltage`], [`EncoderMonitor`]: supervision, each with warnings and errors of its own.
+//! * [`TorqueLimitSettings`]: what the torque is limited to, and [`Limiting`]: what limits the drive at the moment.
+//!
 //! * All arithmetic is integer: the same input gives the same output, bit for bit, on the host and on the target.
 //! * What a tick calls contains no division, no float, no panic and no loop whose length depends on data.
 //!   Divisions happen in constructors of settings ([`AxisSettings::new`], [`EncoderSettings::new`], ...), called when a parameter changes.

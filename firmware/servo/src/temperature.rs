@@ -19,9 +19,9 @@ pub struct TemperatureParameters {
     /// Highest sample of a sound sensor, at most 4095.
     pub highest_sample: u16,
     /// Warning temperature (S-0-0200, 0201, 0202) in 0.1 °C, below the shut-down temperature.
-    pub warning: i16,
-    /// Shut-down temperature (S-0-0203, 0204, 0205) in 0.1 °C.
-    pub shutdown: i16,
+    pub warning: u16,
+    /// Shut-down temperature (S-0-0203, 0204, 0205) in 0.1 °C, at most 32 767.
+    pub shutdown: u16,
     /// Time constant of the filter in ms, at most 60 000.
     pub filter: u16,
     /// Time in ms for which a condition must hold before it counts.
@@ -60,15 +60,9 @@ impl TemperatureSettings {
         let highest = in_range("highest sample of the temperature sensor", parameters.highest_sample.into(), 1, 4_095)?;
         in_range("lowest sample of the temperature sensor", parameters.lowest_sample.into(), 0, highest)?;
         in_range("filter of the temperature", parameters.filter.into(), 0, 60_000)?;
-        if parameters.warning >= parameters.shutdown {
-            return Err(SettingsError::OutOfRange {
-                parameter: "warning temperature",
-                // Negative thresholds are shown as zero.
-                actual: u32::from(parameters.warning.max(0).unsigned_abs()),
-                minimum: 0,
-                maximum: u32::from(parameters.shutdown.max(0).unsigned_abs()),
-            });
-        }
+        let shutdown =
+            in_range("shut-down temperature", parameters.shutdown.into(), 1, i16::MAX.unsigned_abs().into())?;
+        let warning = in_range("warning temperature", parameters.warning.into(), 0, shutdown.saturating_sub(1))?;
         let period = u128::from(LOOP_PERIOD_MICROSECONDS);
         let time_constant = u128::from(parameters.filter).saturating_mul(1_000);
         Ok(Self {
@@ -78,8 +72,9 @@ impl TemperatureSettings {
             share: Gain::from_ratio(period, period.saturating_add(time_constant)).unwrap_or(Gain::ONE),
             lowest_sample: parameters.lowest_sample,
             highest_sample: parameters.highest_sample,
-            warning: parameters.warning,
-            shutdown: parameters.shutdown,
+            // Range checked.
+            warning: warning as i16,
+            shutdown: shutdown as i16,
             debounce: ticks_of(parameters.debounce.into()),
         })
     }
@@ -298,6 +293,7 @@ mod tests {
         assert!(refused(TemperatureParameters { lowest_sample: 4_001, ..PARAMETERS }));
         assert!(refused(TemperatureParameters { filter: 60_001, ..PARAMETERS }));
         assert!(refused(TemperatureParameters { warning: 900, ..PARAMETERS }));
+        assert!(refused(TemperatureParameters { shutdown: 32_768, ..PARAMETERS }));
         assert!(!refused(TemperatureParameters { warning: 899, ..PARAMETERS }));
     }
 
