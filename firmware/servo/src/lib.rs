@@ -11,6 +11,12 @@
 //!
 //! [`Axis`] joins the chain; the parts can be used alone. The crate knows no bus and no hardware.
 //!
+//! Beside the chain, ticked like it:
+//!
+//! * [`BrakeSequencer`]: the order of holding brake and torque.
+//! * [`LoadModel`], [`Temperature`], [`BusVoltage`], [`EncoderMonitor`]: supervision, each with warnings and errors of its own.
+//! * [`TorqueLimitSettings`]: what the torque is limited to, and [`Limiting`]: what limits the drive at the moment.
+//!
 //! * All arithmetic is integer: the same input gives the same output, bit for bit, on the host and on the target.
 //! * What a tick calls contains no division, no float, no panic and no loop whose length depends on data.
 //!   Divisions happen in constructors of settings ([`AxisSettings::new`], [`EncoderSettings::new`], ...), called when a parameter changes.
@@ -29,32 +35,53 @@
 )]
 
 mod axis;
+mod brake;
+mod brake_error;
+mod brake_settings;
 mod clock;
 pub mod current;
+mod debounce;
 mod encoder;
+mod encoder_monitor;
 mod gain;
 mod interpolation;
+mod limits;
+mod load_model;
 mod modulo;
 mod position_loop;
 mod ramp;
 mod scaling;
 mod settings;
 mod trigonometry;
+mod temperature;
 mod units;
 mod velocity_estimate;
 mod velocity_loop;
+mod voltage;
 
 pub use axis::{Axis, AxisOutput, Mode};
+pub use brake::{BrakeInputs, BrakeOutput, BrakeRequest, BrakeSequencer, TorqueScale};
+pub use brake_error::BrakeError;
+pub use brake_settings::{BrakeParameters, BrakeSettings};
 pub use clock::{LoopClock, LoopClockSettings};
 pub use encoder::{Encoder, EncoderSettings};
+pub use encoder_monitor::{
+    EncoderError, EncoderMonitor, EncoderMonitorInputs, EncoderMonitorParameters, EncoderMonitorSettings,
+};
 pub use gain::Gain;
 pub use interpolation::{CommandSource, Interpolator, InterpolatorSettings, Setpoint, VelocityInterpolator};
+pub use limits::{Limiting, TorqueLimitParameters, TorqueLimitSettings, TorqueLimits};
+pub use load_model::{LoadModel, LoadOutput, LoadParameters, LoadSettings};
 pub use modulo::{Modulo, ModuloCounter};
 pub use position_loop::{PositionLoop, PositionLoopOutput, PositionLoopSettings};
 pub use ramp::Ramp;
 pub use scaling::{PositionScale, VelocityScale};
 pub use settings::{AxisParameters, AxisSettings, SettingsError};
 pub use trigonometry::Rotation;
+pub use temperature::{Temperature, TemperatureError, TemperatureOutput, TemperatureParameters, TemperatureSettings};
 pub use units::{Acceleration, CurrentFraction, LOOP_PERIOD_MICROSECONDS, LOOP_TICKS_PER_SECOND, Position, Velocity};
 pub use velocity_estimate::{VelocityEstimate, VelocityFilter};
 pub use velocity_loop::{VelocityLoop, VelocityLoopOutput, VelocityLoopSettings};
+pub use voltage::{
+    BusVoltage, Duty, Reciprocal, VoltageError, VoltageOutput, VoltageParameters, VoltageSettings, Volts,
+};

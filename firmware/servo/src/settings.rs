@@ -61,6 +61,17 @@ pub enum SettingsError {
         /// Counts given.
         actual: u16,
     },
+    /// This parameter must lie within `minimum ..= maximum`.
+    OutOfRange {
+        /// Name and, where it has one, IDN.
+        parameter: &'static str,
+        /// Value given, in the unit of the parameter.
+        actual: u32,
+        /// Smallest value that the loops can work with.
+        minimum: u32,
+        /// Largest value that the loops can work with.
+        maximum: u32,
+    },
 }
 
 impl fmt::Display for SettingsError {
@@ -94,11 +105,27 @@ impl fmt::Display for SettingsError {
             Self::LoopTimerCounts { actual } => {
                 write!(formatter, "{actual} counts per loop period, expected 200 to 32767")
             }
+            Self::OutOfRange { parameter, actual, minimum, maximum } => {
+                write!(formatter, "{parameter} of {actual}, expected {minimum} to {maximum}")
+            }
         }
     }
 }
 
 impl core::error::Error for SettingsError {}
+
+/// `actual` when it lies within `minimum ..= maximum`, else [`SettingsError::OutOfRange`].
+pub(crate) const fn in_range(
+    parameter: &'static str,
+    actual: u32,
+    minimum: u32,
+    maximum: u32,
+) -> Result<u32, SettingsError> {
+    if actual < minimum || actual > maximum {
+        return Err(SettingsError::OutOfRange { parameter, actual, minimum, maximum });
+    }
+    Ok(actual)
+}
 
 /// Parameters of an axis in physical units, as the IDNs carry them.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

@@ -1,0 +1,304 @@
+//! What limits the drive at the moment, and the limits of the torque.
+//!
+//! A drive that does not do what it is told is most often at one of its limits. [`Limiting`] names them, one bit each, so that the
+//! question "why does it not turn faster" has an answer that can be read.
+
+use bitflags::bitflags;
+
+use crate::settings::in_range;
+use crate::{CurrentFraction, SettingsError};
+
+bitflags! {
+    /// The limits at which the drive stands in this tick.
+    #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+    pub struct Limiting: u16 {
+        /// Positive torque limit S-0-0082.
+        const TORQUE_POSITIVE = 1 << 0;
+        /// Negative torque limit S-0-0083.
+        const TORQUE_NEGATIVE = 1 << 1;
+        /// Bipolar torque limit S-0-0092.
+        const TORQUE_BIPOLAR = 1 << 2;
+        /// Motor peak current S-0-0109.
+        const MOTOR_PEAK = 1 << 3;
+        /// Amplifier peak current S-0-0110.
+        const AMPLIFIER_PEAK = 1 << 4;
+        /// Foldback of the motor's thermal model (S-0-0111, S-0-0114).
+        const MOTOR_LOAD = 1 << 5;
+        /// Foldback of the amplifier's thermal model (S-0-0112).
+        const AMPLIFIER_LOAD = 1 << 6;
+        /// Bus voltage: the modulator is saturated.
+        const VOLTAGE = 1 << 7;
+        /// Field weakening takes current from the torque.
+        const FIELD_WEAKENING = 1 << 8;
+        /// Positive velocity limit S-0-0038.
+        const VELOCITY_POSITIVE = 1 << 9;
+        /// Negative velocity limit S-0-0039.
+        const VELOCITY_NEGATIVE = 1 << 10;
+        /// Bipolar velocity limit S-0-0091.
+        const VELOCITY_BIPOLAR = 1 << 11;
+        /// Acceleration limit S-0-0138.
+        const ACCELERATION = 1 << 12;
+        /// Jerk limit S-0-0349.
+        const JERK = 1 << 13;
+        /// Positive position limit S-0-0049.
+        const POSITION_POSITIVE = 1 << 14;
+        /// Negative position limit S-0-0050.
+        const POSITION_NEGATIVE = 1 << 15;
+    }
+}
+
+#[cfg(feature = "defmt")]
+impl defmt::Format for Limiting {
+    fn format(&self, formatter: defmt::Formatter<'_>) {
+        defmt::write!(formatter, "Limiting({=u16:#018b})", self.bits());
+    }
+}
+
+/// Limits of the torque, as the IDNs carry them.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct TorqueLimitParameters {
+    /// Positive torque limit S-0-0082 in 0.1 % of S-0-0111; negative counts as zero.
+    pub positive: i16,
+    /// Negative torque limit S-0-0083 in 0.1 % of S-0-0111; positive counts as zero.
+    pub negative: i16,
+    /// Bipolar torque limit S-0-0092 in 0.1 % of S-0-0111.
+    pub bipolar: u16,
+    /// Motor peak current S-0-0109 in mA.
+    pub motor_peak: u32,
+    /// Amplifier peak current S-0-0110 in mA: the unit of [`CurrentFraction`].
+    pub amplifier_peak: u32,
+    /// Motor continuous stall current S-0-0111 in mA.
+    pub motor_continuous: u32,
+}
+
+/// The limits that only change with parameters, combined: the smallest for each sign, and which one it is.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
+pub struct TorqueLimitSettings {
+    positive: Bound,
+    negative: Bound,
+}
+
+/// A magnitude of the current in 2^-15 of the peak, and what sets it.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
+struct Bound {
+    magnitude: i16,
+    cause: Limiting,
+}
+
+impl Bound {
+    /// The smaller of the two; of equal ones the first.
+    #[inline]
+    fn or_smaller(self, magnitude: i16, cause: Limiting) -> Self {
+        if magnitude < self.magnitude { Self { magnitude: magnitude.max(0), cause } } else { self }
+    }
+}
+
+impl TorqueLimitSettings {
+    /// Combines the parameters. Divides.
+    ///
+    /// Of equal limits the amplifier's is named, then the motor's, then the bipolar one: the one that is hardest to change.
+    ///
+    /// # Errors
+    /// [`SettingsError::OutOfRange`] without an amplifier peak current or a motor continuous current.
+    pub fn new(parameters: &TorqueLimitParameters) -> Result<Self, SettingsError> {
+        let amplifier_peak = in_range("amplifier peak current S-0-0110", parameters.amplifier_peak, 1, u32::MAX)?;
+        in_range("motor continuous stall current S-0-0111", parameters.motor_continuous, 1, u32::MAX)?;
+        let of_peak = |numerator: u128, unit: u128| {
+            let denominator = u128::from(amplifier_peak).saturating_mul(unit);
+            let bits = (numerator << 15).checked_div(denominator).unwrap_or(0);
+            i16::try_from(bits).unwrap_or(i16::MAX)
+        };
+        let of_continuous = |per_mille: u16| {
+            of_peak(u128::from(per_mille).saturating_mul(u128::from(parameters.motor_continuous)), 1_000)
+        };
+        let common = Bound { magnitude: i16::MAX, cause: Limiting::AMPLIFIER_PEAK }
+            .or_smaller(of_peak(u128::from(parameters.motor_peak), 1), Limiting::MOTOR_PEAK)
+            .or_smaller(of_continuous(parameters.bipolar), Limiting::TORQUE_BIPOLAR);
+        let positive = of_continuous(parameters.positive.max(0).unsigned_abs());
+        let negative = of_continuous(parameters.negative.min(0).unsigned_abs());
+        Ok(Self {
+            positive: common.or_smaller(positive, Limiting::TORQUE_POSITIVE),
+            negative: common.or_smaller(negative, Limiting::TORQUE_NEGATIVE),
+        })
+    }
+
+    /// The limits of this tick: those of the settings and what the thermal models allow ([`crate::LoadOutput::allowed`]).
+    #[inline]
+    #[must_use]
+    pub fn combine(&self, motor_allowed: CurrentFraction, amplifier_allowed: CurrentFraction) -> TorqueLimits {
+        let (motor, amplifier) = (motor_allowed.to_bits(), amplifier_allowed.to_bits());
+        let combined = |bound: Bound| {
+            bound.or_smaller(motor, Limiting::MOTOR_LOAD).or_smaller(amplifier, Limiting::AMPLIFIER_LOAD)
+        };
+        let (positive, negative) = (combined(self.positive), combined(self.negative));
+        TorqueLimits {
+            positive: CurrentFraction::from_bits(positive.magnitude),
+            // A magnitude is at most 2^15 - 1.
+            negative: CurrentFraction::from_bits(negative.magnitude.wrapping_neg()),
+            positive_cause: positive.cause,
+            negative_cause: negative.cause,
+        }
+    }
+}
+
+/// Limits of the torque-producing current in a tick.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct TorqueLimits {
+    /// Highest current, 0 or more.
+    pub positive: CurrentFraction,
+    /// Lowest current, 0 or less.
+    pub negative: CurrentFraction,
+    /// What sets the highest current.
+    pub positive_cause: Limiting,
+    /// What sets the lowest current.
+    pub negative_cause: Limiting,
+}
+
+impl TorqueLimits {
+    /// `current` within the limits, and which of them it met; none when it was within.
+    #[inline]
+    #[must_use]
+    pub fn apply(&self, current: CurrentFraction) -> (CurrentFraction, Limiting) {
+        if current > self.positive {
+            (self.positive, self.positive_cause)
+        } else if current < self.negative {
+            (self.negative, self.negative_cause)
+        } else {
+            (current, Limiting::empty())
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+
+    /// Motor of 5 A and 15 A, amplifier of 20 A: 300 % are 15 A.
+    const PARAMETERS: TorqueLimitParameters = TorqueLimitParameters {
+        positive: 4_000,
+        negative: -4_000,
+        bipolar: 5_000,
+        motor_peak: 20_000,
+        amplifier_peak: 20_000,
+        motor_continuous: 5_000,
+    };
+
+    fn limits(parameters: TorqueLimitParameters) -> TorqueLimits {
+        TorqueLimitSettings::new(&parameters).unwrap().combine(CurrentFraction::MAX, CurrentFraction::MAX)
+    }
+
+    fn near(current: CurrentFraction, expected: f64) -> bool {
+        (current.to_num::<f64>() - expected).abs() <= 0.000_04
+    }
+
+    #[test]
+    fn each_limit_can_be_the_smallest_and_is_named() {
+        for (parameters, positive, positive_cause, negative, negative_cause) in [
+            (PARAMETERS, 1.0, Limiting::AMPLIFIER_PEAK, -1.0, Limiting::AMPLIFIER_PEAK),
+            (
+                TorqueLimitParameters { motor_peak: 15_000, ..PARAMETERS },
+                0.75,
+                Limiting::MOTOR_PEAK,
+                -0.75,
+                Limiting::MOTOR_PEAK,
+            ),
+            (
+                TorqueLimitParameters { bipolar: 2_000, ..PARAMETERS },
+                0.5,
+                Limiting::TORQUE_BIPOLAR,
+                -0.5,
+                Limiting::TORQUE_BIPOLAR,
+            ),
+            (
+                TorqueLimitParameters { positive: 1_000, ..PARAMETERS },
+                0.25,
+                Limiting::TORQUE_POSITIVE,
+                -1.0,
+                Limiting::AMPLIFIER_PEAK,
+            ),
+            (
+                TorqueLimitParameters { negative: -600, motor_peak: 15_000, ..PARAMETERS },
+                0.75,
+                Limiting::MOTOR_PEAK,
+                -0.15,
+                Limiting::TORQUE_NEGATIVE,
+            ),
+            (
+                TorqueLimitParameters { positive: -5, negative: 5, ..PARAMETERS },
+                0.0,
+                Limiting::TORQUE_POSITIVE,
+                0.0,
+                Limiting::TORQUE_NEGATIVE,
+            ),
+        ] {
+            let limits = limits(parameters);
+            assert!(near(limits.positive, positive) && near(limits.negative, negative), "{limits:?}");
+            assert_eq!((limits.positive_cause, limits.negative_cause), (positive_cause, negative_cause));
+        }
+    }
+
+    #[test]
+    fn the_foldback_of_motor_and_amplifier_limits_both_signs_and_is_named() {
+        let settings = TorqueLimitSettings::new(&TorqueLimitParameters { positive: 1_000, ..PARAMETERS }).unwrap();
+        let (half, fifth) = (CurrentFraction::from_num(0.5), CurrentFraction::from_num(0.2));
+        let motor = settings.combine(half, CurrentFraction::MAX);
+        assert_eq!((motor.negative, motor.negative_cause), (-half, Limiting::MOTOR_LOAD));
+        assert_eq!(motor.positive_cause, Limiting::TORQUE_POSITIVE, "which is smaller");
+        let amplifier = settings.combine(half, fifth);
+        assert_eq!((amplifier.negative, amplifier.negative_cause), (-fifth, Limiting::AMPLIFIER_LOAD));
+        assert_eq!((amplifier.positive, amplifier.positive_cause), (fifth, Limiting::AMPLIFIER_LOAD));
+    }
+
+    #[test]
+    fn a_current_within_the_limits_passes_and_names_none() {
+        let limits = limits(TorqueLimitParameters { bipolar: 2_000, negative: -600, ..PARAMETERS });
+        let apply = |current: f64| limits.apply(CurrentFraction::from_num(current));
+        assert_eq!(apply(0.49), (CurrentFraction::from_num(0.49), Limiting::empty()));
+        assert_eq!(apply(-0.14), (CurrentFraction::from_num(-0.14), Limiting::empty()));
+        assert_eq!(apply(0.6), (limits.positive, Limiting::TORQUE_BIPOLAR));
+        assert_eq!(apply(-0.6), (limits.negative, Limiting::TORQUE_NEGATIVE));
+    }
+
+    #[test]
+    fn impossible_settings_are_refused() {
+        assert!(TorqueLimitSettings::new(&TorqueLimitParameters { amplifier_peak: 0, ..PARAMETERS }).is_err());
+        assert!(TorqueLimitSettings::new(&TorqueLimitParameters { motor_continuous: 0, ..PARAMETERS }).is_err());
+        assert!(TorqueLimitSettings::new(&TorqueLimitParameters { motor_peak: 0, ..PARAMETERS }).is_ok(), "no torque");
+    }
+
+    #[test]
+    fn the_flags_have_a_bit_each() {
+        assert_eq!(Limiting::all().bits(), u16::MAX);
+        assert_eq!(Limiting::all().iter().count(), 16);
+    }
+
+    proptest! {
+        #[test]
+        fn the_limits_are_the_smallest_of_all(
+            positive in any::<i16>(), negative in any::<i16>(), bipolar in any::<u16>(), motor_peak in 0_u32..500_000,
+            amplifier_peak in 1_u32..500_000, motor_continuous in 1_u32..500_000, motor in 0_i16.., amplifier in 0_i16..,
+            command in any::<i16>(),
+        ) {
+            let parameters = TorqueLimitParameters { positive, negative, bipolar, motor_peak, amplifier_peak, motor_continuous };
+            let settings = TorqueLimitSettings::new(&parameters).unwrap();
+            let limits = settings.combine(CurrentFraction::from_bits(motor), CurrentFraction::from_bits(amplifier));
+            let peak = f64::from(amplifier_peak);
+            let continuous = f64::from(motor_continuous) / 1_000.0 / peak;
+            let common = [
+                1.0, f64::from(motor_peak) / peak, f64::from(bipolar) * continuous,
+                f64::from(motor) / 32_768.0, f64::from(amplifier) / 32_768.0,
+            ].into_iter().fold(1.0, f64::min);
+            let expected = common.min(f64::from(positive.max(0)) * continuous);
+            prop_assert!(near(limits.positive, expected), "{:?} {}", limits, expected);
+            let expected = common.min(-f64::from(negative.min(0)) * continuous);
+            prop_assert!(near(limits.negative, -expected), "{:?} {}", limits, expected);
+
+            let (current, limiting) = limits.apply(CurrentFraction::from_bits(command));
+            prop_assert!(limits.negative <= current && current <= limits.positive);
+            prop_assert_eq!(limiting.is_empty(), current.to_bits() == command);
+        }
+    }
+}
