@@ -30,11 +30,14 @@
 
 mod axis;
 mod clock;
+mod commutation;
 mod encoder;
 mod gain;
+mod homing;
 mod interpolation;
 mod modulo;
 mod position_loop;
+mod probe;
 mod ramp;
 mod scaling;
 mod settings;
@@ -44,11 +47,20 @@ mod velocity_loop;
 
 pub use axis::{Axis, AxisOutput, Mode};
 pub use clock::{LoopClock, LoopClockSettings};
+pub use commutation::{
+    Alignment, AlignmentError, AlignmentOutput, AlignmentSettings, AlignmentState, AngleBase, CommutationAngle,
+    CommutationError, CommutationSettings, IndexCorrection, IndexError, IndexOutput, IndexState,
+};
 pub use encoder::{Encoder, EncoderSettings};
 pub use gain::Gain;
+pub use homing::{
+    Homing, HomingError, HomingInputs, HomingMotion, HomingOutput, HomingParameters, HomingSettings,
+    HomingSettingsError, HomingState, Reference,
+};
 pub use interpolation::{CommandSource, Interpolator, InterpolatorSettings, Setpoint, VelocityInterpolator};
 pub use modulo::{Modulo, ModuloCounter};
 pub use position_loop::{PositionLoop, PositionLoopOutput, PositionLoopSettings};
+pub use probe::{Edge, Probe, ProbeError, ProbeInput, ProbeInputs, ProbeSettings, ProbingCycle};
 pub use ramp::Ramp;
 pub use scaling::{PositionScale, VelocityScale};
 pub use settings::{AxisParameters, AxisSettings, SettingsError};
