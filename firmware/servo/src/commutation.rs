@@ -23,7 +23,7 @@ use core::fmt;
 pub use alignment::{Alignment, AlignmentError, AlignmentOutput, AlignmentSettings, AlignmentState};
 pub use index::{IndexCorrection, IndexError, IndexOutput, IndexState};
 
-use crate::{CurrentFraction, Position};
+use crate::Position;
 
 /// One electrical degree.
 const DEGREE: i32 = 11_930_465;
@@ -49,8 +49,8 @@ pub enum CommutationError {
     },
     /// The current of the alignment must be above zero.
     Current {
-        /// Current given.
-        actual: CurrentFraction,
+        /// Current given, in 2^-15 of the peak current.
+        actual: i16,
     },
 }
 
@@ -62,7 +62,7 @@ impl fmt::Display for CommutationError {
                 write!(formatter, "{actual} increments per revolution, expected {expected} or more for commutation")
             }
             Self::Current { actual } => {
-                write!(formatter, "alignment current of {actual} of peak, expected more than 0")
+                write!(formatter, "alignment current of {actual}/32768 of peak, expected more than 0")
             }
         }
     }
@@ -104,7 +104,8 @@ impl CommutationSettings {
 
     /// Electrical angle that belongs to a mechanical one, without offset. A whole electrical revolution is 0.
     ///
-    /// Exact for the position given: two steps of it (2^-32 revolution, see [`crate::Encoder`]) are 11e-6 electrical degrees at 64 pole pairs.
+    /// Exact for the position given: two steps of it (2^-32 revolution, see [`crate::Encoder`]) are 11e-6 electrical degrees at 64 pole
+    /// pairs.
     #[inline]
     #[must_use]
     pub const fn electrical(&self, position: Position) -> u32 {
@@ -165,8 +166,8 @@ pub struct AngleBase {
 }
 
 impl AngleBase {
-    /// Electrical angle at a count, at most 2^31 increments from that of the base. The error grows by 2^-30 of the way: 0.000 022 degrees in
-    /// a mechanical revolution of a motor with 64 pole pairs. One multiplication and one shift.
+    /// Electrical angle at a count, at most 2^31 increments from that of the base. The error grows by 2^-30 of the way: 0.000 022 degrees
+    /// in a mechanical revolution of a motor with 64 pole pairs. One multiplication and one shift.
     #[inline]
     #[must_use]
     pub const fn at(&self, count: u32) -> u32 {

@@ -119,8 +119,8 @@ impl ProbingCycle {
         Self::default()
     }
 
-    /// One tick. The edges of the period in which an enable bit rises came before the arming and are not taken; one that is already set when the
-    /// command starts does not arm.
+    /// One tick. The edges of the period in which an enable bit rises came before the arming and are not taken; one that is already set
+    /// when the command starts does not arm.
     #[inline]
     pub fn tick(&mut self, settings: &ProbeSettings, inputs: &ProbeInputs) {
         if inputs.active && !self.active {
@@ -142,7 +142,8 @@ impl ProbingCycle {
             | u16::from(self.two.latched.negative) << 3
     }
 
-    /// This edge has been latched since the arming (S-0-0409 to S-0-0412). Cleared by the next arming of its probe and by the start of the command.
+    /// This edge has been latched since the arming (S-0-0409 to S-0-0412). Cleared by the next arming of its probe and by the start of
+    /// the command.
     #[inline]
     #[must_use]
     pub const fn is_latched(&self, probe: Probe, edge: Edge) -> bool {

@@ -21,8 +21,8 @@ const ANGLES: [u32; STEPS] = [
     0x0001_45F3,
 ];
 
-/// Angle of the vector (x, y) from the x axis, counted towards y; 2^32 is one revolution. Within 0.008 degrees for vectors longer than 2^16; some value for
-/// (0, 0). Fourteen steps, always.
+/// Angle of the vector (x, y) from the x axis, counted towards y; 2^32 is one revolution. Within 0.008 degrees for vectors longer than
+/// 2^16; some value for (0, 0). Fourteen steps, always.
 #[inline]
 pub(super) fn arctangent(y: i32, x: i32) -> u32 {
     // The rotations lengthen the vector by 1.65; two bits of headroom, and the more of them below for the shifts.

@@ -1,7 +1,7 @@
 //! The first index pulse after the alignment: the commutation angle becomes that of the stored parameter.
 //!
-//! An alignment is right within a few degrees; the index pulse is right within one increment. The electrical angle of the rotor at the index
-//! is a property of the motor with its encoder: measured once, and stored.
+//! An alignment is right within a few degrees; the index pulse is right within one increment. The electrical angle of the rotor at the
+//! index is a property of the motor with its encoder: measured once, and stored.
 
 use core::fmt;
 
@@ -17,8 +17,8 @@ const SLEW: i32 = LARGEST_DEVIATION / 40;
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub enum IndexError {
-    /// More than 30 electrical degrees apart. Encoder or motor changed without a new measurement, lost increments, wrong number of increments or pole
-    /// pairs, a second index mark.
+    /// More than 30 electrical degrees apart. Encoder or motor changed without a new measurement, lost increments, wrong number of
+    /// increments or pole pairs, a second index mark.
     Deviation {
         /// Electrical angle of the rotor at the index by the alignment; 2^32 is one revolution.
         actual: u32,
@@ -92,8 +92,8 @@ impl IndexCorrection {
         Self { stored, deviation: 0, left: 0, state: IndexState::Waiting }
     }
 
-    /// One tick. `index` is the electrical angle, as it is believed now, of the position latched in hardware at the first index pulse; only the
-    /// first `Some` is looked at.
+    /// One tick. `index` is the electrical angle, as it is believed now, of the position latched in hardware at the first index pulse;
+    /// only the first `Some` is looked at.
     #[inline]
     pub fn tick(&mut self, index: Option<u32>) -> IndexOutput {
         if let (IndexState::Waiting, Some(actual)) = (self.state, index) {

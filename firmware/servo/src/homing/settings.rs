@@ -9,13 +9,15 @@ use crate::{Position, Velocity};
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub struct HomingParameters {
     /// Homing parameter S-0-0147: bit 0 negative direction, 1 switch active at 0 (falling edge), 2 switch at the drive, 3 external
-    /// feedback, 4 homing enable evaluated, 5 switch not evaluated, 6 marker not evaluated, 7 stop at the reference point, 8 distance coded.
+    /// feedback, 4 homing enable evaluated, 5 switch not evaluated, 6 marker not evaluated, 7 stop at the reference point, 8 distance
+    /// coded.
     pub homing_parameter: u16,
     /// Homing velocity S-0-0041, above zero.
     pub velocity: Velocity,
     /// Reference distance S-0-0052: coordinate of the reference point.
     pub reference_distance: Position,
-    /// Reference offset S-0-0150, from the marker (without marker: from the edge of the switch) to the reference point, in counting direction.
+    /// Reference offset S-0-0150, from the marker (without marker: from the edge of the switch) to the reference point, in counting
+    /// direction.
     pub reference_offset: Position,
     /// Home switch offset S-0-0299: way behind the edge of the switch from which the next marker counts; 0 to 1 revolution.
     pub switch_offset: Position,
