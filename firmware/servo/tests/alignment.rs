@@ -78,7 +78,7 @@ impl Motor {
     }
 
     fn tick(&mut self, output: &AlignmentOutput) {
-        const STEPS: u32 = 5;
+        const STEPS: u32 = 4;
         const DT: f64 = 125e-6 / STEPS as f64;
         self.ticks += 1;
         self.is_later |= output.iq != 0;
@@ -196,13 +196,11 @@ fn cogging_costs_accuracy_and_not_more() {
 
 #[test]
 fn swapped_phases_are_a_wrong_direction_from_every_angle() {
-    for natural in [90.0, 360.0] {
-        for friction in [0.0, 0.1] {
-            for motor in motors(natural, friction, 10_000) {
-                let run = run(Motor { fault: Fault::PhasesSwapped, ..motor });
-                assert_eq!(run.state, AlignmentState::Failed(AlignmentError::WrongDirection));
-                assert!((2.5..18.0).contains(&run.moved), "{run:?}");
-            }
+    for (natural, friction) in [(90.0, 0.1), (360.0, 0.0)] {
+        for motor in motors(natural, friction, 10_000) {
+            let run = run(Motor { fault: Fault::PhasesSwapped, ..motor });
+            assert_eq!(run.state, AlignmentState::Failed(AlignmentError::WrongDirection));
+            assert!((2.5..18.0).contains(&run.moved), "{run:?}");
         }
     }
 }
