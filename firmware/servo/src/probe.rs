@@ -326,6 +326,24 @@ mod tests {
     }
 
     #[test]
+    fn without_enable_or_command_an_armed_edge_is_given_up() {
+        for take_away in [
+            |inputs: &mut ProbeInputs| inputs.active = false,
+            |inputs: &mut ProbeInputs| {
+                inputs.one.enable = false;
+                inputs.two.enable = false;
+            },
+        ] {
+            let (settings, mut cycle, mut inputs) = armed(0xF);
+            take_away(&mut inputs);
+            cycle.tick(&settings, &inputs);
+            cycle.tick(&settings, &with_edges(inputs, 100));
+            assert_eq!(cycle.measurement_value_status(), 0);
+            assert_eq!(values(&cycle), [0; 4]);
+        }
+    }
+
+    #[test]
     fn the_command_enables_clears_and_ends_the_function() {
         let settings = ProbeSettings::new(0xF).unwrap();
         let mut cycle = ProbingCycle::new();

@@ -18,7 +18,8 @@ enum Fault {
     None,
     PhasesSwapped,
     PhaseMissing,
-    Blocked,
+    /// From this tick on.
+    Blocked(u32),
     /// As soon as there is q current.
     BlockedLater,
     ReversedLater,
@@ -91,7 +92,12 @@ impl Motor {
             Fault::ReversedLater if self.is_later => wanted = (-wanted.0, -wanted.1),
             _ => {}
         }
-        if self.fault == Fault::Blocked || (self.fault == Fault::BlockedLater && self.is_later) {
+        let is_blocked = match self.fault {
+            Fault::Blocked(from) => self.ticks > from,
+            Fault::BlockedLater => self.is_later,
+            _ => false,
+        };
+        if is_blocked {
             self.speed = 0.0;
             return;
         }
@@ -219,11 +225,34 @@ fn a_missing_phase_is_never_aligned_and_nearly_always_named() {
 }
 
 #[test]
-fn a_blocked_motor_is_given_up_after_the_longest_pulses() {
-    let run = run(Motor { fault: Fault::Blocked, ..Motor::new(180.0, 0.0, 10_000, 1.0) });
-    assert_eq!(run.state, AlignmentState::Failed(AlignmentError::NoMovement));
-    // 12 T for T = 0.5, 1, 2 ... 16 ms.
-    assert!((377.0..382.0).contains(&run.duration), "{run:?}");
+fn a_blocked_motor_is_given_up_after_the_longest_pulses_or_six_periods() {
+    // 12 T for T = 0.5, 1, 2 ... 16 ms; with T = 1 ms, 18 ms and six periods of 64 ms.
+    for (from, shortest, longest) in [(0, 377.0, 382.0), (160, 400.0, 406.0)] {
+        let run = run(Motor { fault: Fault::Blocked(from), ..Motor::new(180.0, 0.0, 10_000, 1.0) });
+        assert_eq!(run.state, AlignmentState::Failed(AlignmentError::NoMovement));
+        assert!((shortest..longest).contains(&run.duration), "{run:?}");
+    }
+}
+
+#[test]
+fn the_holding_current_is_ramped() {
+    let mut motor = Motor::new(180.0, 0.0, 1 << 20, 1.0);
+    let mut alignment = Alignment::start(settings(motor.resolution), motor.position());
+    let mut last = 0.0;
+    for tick in 0..300 {
+        let output = alignment.tick(motor.position());
+        motor.tick(&output);
+        let current = output.id.to_num::<f64>() / CURRENT;
+        // The pulses take 12 T for T = 4 and 8 ticks, and end without current; the ramp takes 8 T.
+        if (144..200).contains(&tick) {
+            let step: f64 = current - last;
+            assert!((-1e-9..1.01 / 64.0).contains(&step), "{step} at {tick}");
+        }
+        last = current;
+        if tick == 146 || tick == 250 {
+            assert_eq!(current > 0.99, tick == 250, "{current}");
+        }
+    }
 }
 
 #[test]

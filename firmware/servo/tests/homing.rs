@@ -183,6 +183,23 @@ fn on_the_switch_the_axis_first_leaves_it_and_approaches_again() {
 }
 
 #[test]
+fn a_switch_that_is_on_again_after_the_turn_is_left_once_more() {
+    let settings = settings(MARKER_NOT_EVALUATED);
+    let mut homing = Homing::start(Position::ZERO);
+    let mut motion = |home_switch, standstill| {
+        let machine = Machine::new(0, 0, 0, None);
+        homing.tick(&settings, HomingInputs { home_switch, standstill, ..machine.inputs() }).motion
+    };
+    let (on, off) = (true, false);
+    assert_eq!(motion(on, true), HomingMotion::Velocity(-SPEED));
+    assert_eq!(motion(off, false), HomingMotion::Hold);
+    assert_eq!(motion(on, false), HomingMotion::Hold, "an edge against the homing direction does not count");
+    assert_eq!(motion(on, true), HomingMotion::Velocity(-SPEED));
+    assert_eq!(motion(off, false), HomingMotion::Hold);
+    assert_eq!(motion(off, true), HomingMotion::Velocity(SPEED));
+}
+
+#[test]
 fn the_edge_of_the_switch_alone_is_taken_within_half_a_tick() {
     for way in 0..4 {
         for start in [-TURN, -TURN / 7, TURN / 5] {
@@ -203,7 +220,10 @@ fn the_marker_alone_is_the_first_in_the_homing_direction() {
         let mut machine = Machine::new(way, start, 0, Some(TURN / 2));
         // A pulse from before the arming.
         machine.index = Some(Position::from_bits(99));
-        let output = machine.home(&settings(way | SWITCH_NOT_EVALUATED));
+        // Without switch its offset is none.
+        let switch_offset = Position::from_bits(TURN * 3 / 4);
+        let alone = HomingParameters { switch_offset, ..parameters(way | SWITCH_NOT_EVALUATED) };
+        let output = machine.home(&HomingSettings::new(&alone).unwrap());
         let reference = output.reference.unwrap();
         assert_eq!(reference.marker, Some(Position::from_bits(expected)));
         assert_eq!(reference.switch, None);
@@ -235,6 +255,8 @@ fn a_marker_near_the_switch_is_a_warning_and_the_home_switch_offset_is_its_remed
             let whole = if next { Position::REVOLUTION } else { Position::ZERO };
             let remedy = HomingParameters { switch_offset: reference.cam_shift + whole, ..parameters(way) };
             let mut machine = Machine::new(way, -forwards * TURN, 0, Some(marker));
+            // A pulse that was latched before the marker counts.
+            machine.index = Some(Position::from_bits(99));
             let better = machine.home(&HomingSettings::new(&remedy).unwrap()).reference.unwrap();
             assert!(!better.is_ambiguous);
             let moved = (better.marker.unwrap() - reference.marker.unwrap()).abs();
