@@ -39,21 +39,24 @@ mod brake;
 mod brake_error;
 mod brake_settings;
 mod clock;
+mod commutation;
 pub mod current;
 mod debounce;
 mod encoder;
 mod encoder_monitor;
 mod gain;
+mod homing;
 mod interpolation;
 mod limits;
 mod load_model;
 mod modulo;
 mod position_loop;
+mod probe;
 mod ramp;
 mod scaling;
 mod settings;
-mod trigonometry;
 mod temperature;
+mod trigonometry;
 mod units;
 mod velocity_estimate;
 mod velocity_loop;
@@ -64,21 +67,30 @@ pub use brake::{BrakeInputs, BrakeOutput, BrakeRequest, BrakeSequencer, TorqueSc
 pub use brake_error::BrakeError;
 pub use brake_settings::{BrakeParameters, BrakeSettings};
 pub use clock::{LoopClock, LoopClockSettings};
+pub use commutation::{
+    Alignment, AlignmentError, AlignmentOutput, AlignmentSettings, AlignmentState, AngleBase, CommutationAngle,
+    CommutationError, CommutationSettings, IndexCorrection, IndexError, IndexOutput, IndexState,
+};
 pub use encoder::{Encoder, EncoderSettings};
 pub use encoder_monitor::{
     EncoderError, EncoderMonitor, EncoderMonitorInputs, EncoderMonitorParameters, EncoderMonitorSettings,
 };
 pub use gain::Gain;
+pub use homing::{
+    Homing, HomingError, HomingInputs, HomingMotion, HomingOutput, HomingParameters, HomingSettings,
+    HomingSettingsError, HomingState, Reference,
+};
 pub use interpolation::{CommandSource, Interpolator, InterpolatorSettings, Setpoint, VelocityInterpolator};
 pub use limits::{Limiting, TorqueLimitParameters, TorqueLimitSettings, TorqueLimits};
 pub use load_model::{LoadModel, LoadOutput, LoadParameters, LoadSettings};
 pub use modulo::{Modulo, ModuloCounter};
 pub use position_loop::{PositionLoop, PositionLoopOutput, PositionLoopSettings};
+pub use probe::{Edge, Probe, ProbeError, ProbeInput, ProbeInputs, ProbeSettings, ProbingCycle};
 pub use ramp::Ramp;
 pub use scaling::{PositionScale, VelocityScale};
 pub use settings::{AxisParameters, AxisSettings, SettingsError};
-pub use trigonometry::Rotation;
 pub use temperature::{Temperature, TemperatureError, TemperatureOutput, TemperatureParameters, TemperatureSettings};
+pub use trigonometry::Rotation;
 pub use units::{Acceleration, CurrentFraction, LOOP_PERIOD_MICROSECONDS, LOOP_TICKS_PER_SECOND, Position, Velocity};
 pub use velocity_estimate::{VelocityEstimate, VelocityFilter};
 pub use velocity_loop::{VelocityLoop, VelocityLoopOutput, VelocityLoopSettings};
