@@ -30,28 +30,35 @@
 
 mod axis;
 mod clock;
+mod derivatives;
 mod encoder;
 mod gain;
 mod interpolation;
 mod modulo;
+mod motion_limits;
 mod position_loop;
 mod ramp;
 mod scaling;
 mod settings;
+mod stopping;
+mod trajectory;
 mod units;
 mod velocity_estimate;
 mod velocity_loop;
 
 pub use axis::{Axis, AxisOutput, Mode};
 pub use clock::{LoopClock, LoopClockSettings};
+pub use derivatives::{Jerk, SignedAcceleration};
 pub use encoder::{Encoder, EncoderSettings};
 pub use gain::Gain;
 pub use interpolation::{CommandSource, Interpolator, InterpolatorSettings, Setpoint, VelocityInterpolator};
 pub use modulo::{Modulo, ModuloCounter};
+pub use motion_limits::{FeedrateOverride, MotionLimits};
 pub use position_loop::{PositionLoop, PositionLoopOutput, PositionLoopSettings};
 pub use ramp::Ramp;
 pub use scaling::{PositionScale, VelocityScale};
 pub use settings::{AxisParameters, AxisSettings, SettingsError};
+pub use trajectory::Trajectory;
 pub use units::{Acceleration, CurrentFraction, LOOP_PERIOD_MICROSECONDS, LOOP_TICKS_PER_SECOND, Position, Velocity};
 pub use velocity_estimate::{VelocityEstimate, VelocityFilter};
 pub use velocity_loop::{VelocityLoop, VelocityLoopOutput, VelocityLoopSettings};
