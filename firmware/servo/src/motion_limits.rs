@@ -52,19 +52,26 @@ pub(crate) enum Shape {
         brake: Slope,
     },
     /// With limited jerk: S-curves of velocity.
-    Smooth {
-        /// In 2^-48 revolution per tick cubed.
-        jerk: i64,
-        /// Jerk that a movement counts on.
-        release: Slope,
-        brake: SmoothBrake,
-    },
+    Smooth(Smooth),
+}
+
+/// Jerk, and what a movement counts on of it.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
+pub(crate) struct Smooth {
+    /// In 2^-48 revolution per tick cubed.
+    pub(crate) jerk: i64,
+    /// For the end of an acceleration.
+    pub(crate) release: Slope,
+    /// For a stop at a position.
+    pub(crate) brake: SmoothBrake,
 }
 
 /// A brake is begun as if the limit was less by this share, 2^-8 of the deceleration and 2^-6 of the jerk: what is rounded, and steps
 /// that do not fall on a tick, are made good within the limit. It takes less than 0.4 % more of the time of a movement.
 const DECELERATION_RESERVE: u32 = 8;
 const JERK_RESERVE: u32 = 6;
+/// The same for the end of an acceleration. Less than that of the brake, which may then still be made harder.
 const RELEASE_RESERVE: u32 = 8;
 
 /// Ticks in which the jerk may make the whole acceleration: a shorter time is lengthened, a jerk has no effect on less than that.
@@ -126,7 +133,7 @@ impl MotionLimits {
             Slope::new(reserved),
         );
         braking_time(brake.time(velocity))?;
-        let shape = Shape::Smooth { jerk, release, brake };
+        let shape = Shape::Smooth(Smooth { jerk, release, brake });
         Ok(Self { full_velocity: velocity, velocity, acceleration, deceleration, shape })
     }
 

@@ -83,7 +83,9 @@ fn margin(slope: Slope, gap: i64, rate: i64, coarse: u32) -> i64 {
     if rate <= slope.step >> 1 {
         return gap.wrapping_sub(rate.max(0).wrapping_shr(coarse));
     }
-    let half = rate.wrapping_add(slope.step >> 2).wrapping_shr(coarse.wrapping_add(1));
+    // The time is rounded down by up to 2^-12 ticks.
+    let rounded = rate >> (TIME_BITS - 1);
+    let half = rate.wrapping_add(rounded).wrapping_add(slope.step >> 2).wrapping_shr(coarse.wrapping_add(1));
     gap.wrapping_sub(half).wrapping_sub(half_product(rate, slope.time(rate), coarse))
 }
 
@@ -176,6 +178,11 @@ impl SmoothBrake {
         Self { deceleration, jerk, build_up, knee: half_product(deceleration.step, build_up, 0).saturating_mul(2) }
     }
 
+    /// The jerk that it counts on.
+    pub(crate) const fn release(&self) -> Slope {
+        self.jerk
+    }
+
     /// Ticks that braking from `velocity` takes, in 2^-12 ticks; for a velocity that is not negative.
     #[inline]
     pub(crate) fn time(&self, velocity: i64) -> i64 {
@@ -193,6 +200,12 @@ impl SmoothBrake {
         let release = self.jerk.time(magnitude);
         // The velocity that is gained, or was lost, between this acceleration and none.
         let gained = half_product(magnitude, release, 0);
+        // A jerk that changes its sign within a tick costs up to a quarter of its step in velocity, until the last curve is reached, and
+        // up to an eighth at its end.
+        let ahead = if acceleration < 0 { velocity.wrapping_sub(gained) } else { velocity };
+        let partial = (self.jerk.step >> 2).min(ahead.max(0) >> 1);
+        let last = (self.jerk.step >> 3).min(velocity.max(0) >> 1);
+        let velocity = velocity.wrapping_add(partial).wrapping_add(last);
         let peak = velocity.wrapping_add(gained);
         if gained >= FAR || peak > 1 << 44 {
             return FAR;
@@ -218,9 +231,8 @@ impl SmoothBrake {
     pub(crate) fn margin(&self, gap: i64, velocity: i64, acceleration: i64) -> i64 {
         let velocity = velocity.wrapping_add(acceleration);
         // The continuous movement that the chain belongs to runs half a tick of acceleration behind; the sum until standstill is its
-        // way less v - a/6. A jerk that changes sign within a tick costs up to a quarter of its step.
-        let partial = (self.jerk.step >> 2).min(velocity.max(0) >> 1);
-        let behind = velocity.wrapping_sub(acceleration >> 1).wrapping_add(partial);
+        // way less v - a/6.
+        let behind = velocity.wrapping_sub(acceleration >> 1);
         let sixth = acceleration.wrapping_mul(10_923) >> 16;
         gap.wrapping_sub(sixth >> COARSE_POSITION).wrapping_sub(self.way(behind, acceleration))
     }

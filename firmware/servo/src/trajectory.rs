@@ -3,8 +3,8 @@
 //! A tick looks one step ahead: it takes the highest acceleration from which the movement can still stop at its target. There is no plan
 //! that a new target or a new limit would invalidate; both may change in any tick.
 
-use crate::motion_limits::Shape;
-use crate::stopping::{COARSE_POSITION, FAR, Slope, SmoothBrake, approach, approach_from, best_between};
+use crate::motion_limits::{Shape, Smooth};
+use crate::stopping::{COARSE_POSITION, FAR, Slope, approach, approach_from, best_between};
 use crate::units::limited;
 use crate::{MotionLimits, Position, Setpoint, SignedAcceleration, Velocity};
 
@@ -40,15 +40,11 @@ impl Trajectory {
     /// A movement away from the target first comes to a stop. One that cannot stop in time passes the target, stops and comes back.
     #[inline]
     pub fn tick_to(&mut self, limits: &MotionLimits, target: Position) -> Setpoint {
-        let gap = self.gap(target, 16);
-        let backwards = gap < 0;
-        let coarse = self.gap(target, 16_u32.wrapping_sub(COARSE_POSITION)).wrapping_abs();
+        let (gap, backwards) = self.gap(target);
         let motion = Motion { velocity: self.velocity, acceleration: self.acceleration }.mirrored(backwards);
         let acceleration = match &limits.shape {
-            Shape::Trapezoid { brake } => motion.straight_to(limits, *brake, gap.wrapping_abs(), coarse),
-            Shape::Smooth { jerk, release, brake } => {
-                motion.smoothly_to(limits, *jerk, *release, brake, gap.wrapping_abs(), coarse)
-            }
+            Shape::Trapezoid { brake } => motion.straight_to(limits, *brake, gap),
+            Shape::Smooth(smooth) => motion.smoothly_to(limits, smooth, gap),
         };
         self.advance(if backwards { acceleration.wrapping_neg() } else { acceleration });
         self.finished = self.velocity == 0 && self.acceleration == 0 && self.below == 0 && self.position == target;
@@ -88,13 +84,17 @@ impl Trajectory {
         self.position = self.position + difference;
     }
 
-    /// The way to `target` in 2^-(32 + `bits`) revolution, limited to what fits.
+    /// The way to `target`, and whether it leads backwards.
     #[inline]
-    fn gap(&self, target: Position, bits: u32) -> i64 {
-        let furthest = FAR.wrapping_shr(bits);
-        limited((target - self.position).to_bits(), furthest)
-            .wrapping_shl(bits)
-            .wrapping_sub(self.below.wrapping_shr(16_u32.wrapping_sub(bits)))
+    fn gap(&self, target: Position) -> (Gap, bool) {
+        let steps = (target - self.position).to_bits();
+        let backwards = steps < 0 || (steps == 0 && self.below > 0);
+        // Rounded towards zero, so that both directions go the same way.
+        let up = if backwards { 0 } else { (1 << COARSE_POSITION) - 1 };
+        let fine = (limited(steps, FAR >> 16) << 16).wrapping_sub(self.below);
+        let coarse =
+            (limited(steps, FAR >> 12) << 12).wrapping_sub(self.below.wrapping_add(up).wrapping_shr(COARSE_POSITION));
+        (Gap { fine: fine.wrapping_abs(), coarse: coarse.wrapping_abs() }, backwards)
     }
 
     #[inline]
@@ -105,6 +105,15 @@ impl Trajectory {
         self.position = self.position + Position::from_bits(fine >> 16);
         self.below = fine & 0xFFFF;
     }
+}
+
+/// What is left of the way; neither is negative.
+#[derive(Clone, Copy)]
+struct Gap {
+    /// In 2^-48 revolution, exact up to 2^14 revolutions and no more beyond.
+    fine: i64,
+    /// In 2^-44 revolution, up to 2^18 revolutions: more than any movement needs to stop.
+    coarse: i64,
 }
 
 /// Velocity and acceleration, seen so that the target lies ahead.
@@ -124,16 +133,18 @@ impl Motion {
         }
     }
 
-    /// Acceleration of the next tick towards a position that is `gap` ahead, without jerk limit.
+    /// Acceleration of the next tick towards a position ahead, without jerk limit.
     #[inline]
-    fn straight_to(self, limits: &MotionLimits, brake: Slope, gap: i64, coarse_gap: i64) -> i64 {
-        let velocity = self.velocity;
+    fn straight_to(self, limits: &MotionLimits, brake: Slope, gap: Gap) -> i64 {
         let (lowest, highest) = self.reachable(limits);
         // The next tick ends at the target, and the one after it stands.
-        let lands = (lowest..=highest).contains(&gap) && gap <= limits.deceleration;
-        let next =
-            if lands { gap } else { approach_from(brake, coarse_gap, velocity, lowest.max(0).min(highest), highest, COARSE_POSITION) };
-        next.wrapping_sub(velocity)
+        let lands = (lowest..=highest).contains(&gap.fine) && gap.fine <= limits.deceleration;
+        let next = if lands {
+            gap.fine
+        } else {
+            approach_from(brake, gap.coarse, self.velocity, lowest, highest, COARSE_POSITION)
+        };
+        next.wrapping_sub(self.velocity)
     }
 
     /// Lowest and highest velocity of the next tick without jerk limit; braking ends at zero.
@@ -148,39 +159,36 @@ impl Motion {
         (slower, velocity.wrapping_add(limits.acceleration).min(limits.velocity).max(slower))
     }
 
-    /// Acceleration of the next tick towards a position that is `gap` ahead, with jerk limit.
+    /// Acceleration of the next tick towards a position ahead, with jerk limit.
     #[inline]
-    fn smoothly_to(
-        self,
-        limits: &MotionLimits,
-        jerk: i64,
-        release: Slope,
-        brake: &SmoothBrake,
-        gap: i64,
-        coarse_gap: i64,
-    ) -> i64 {
+    fn smoothly_to(self, limits: &MotionLimits, smooth: &Smooth, gap: Gap) -> i64 {
         let Self { velocity, acceleration } = self;
         // The next tick ends at the target, the one after it stands, and the third one has no acceleration: three jerks within the limit.
-        let landing = gap.wrapping_sub(velocity);
-        let lands = limited(landing.wrapping_sub(acceleration), jerk) == landing.wrapping_sub(acceleration)
-            && landing.wrapping_add(gap).wrapping_abs() <= jerk
-            && gap <= jerk.min(limits.velocity.max(velocity));
-        if lands {
+        let landing = gap.fine.wrapping_sub(velocity);
+        let jerks = [landing.wrapping_sub(acceleration), landing.wrapping_add(gap.fine), gap.fine];
+        if jerks.iter().all(|jerk| jerk.wrapping_abs() <= smooth.jerk) && gap.fine <= limits.velocity.max(velocity) {
             return landing;
         }
-        let hardest = self.to_velocity_smoothly(limits, jerk, release, 0);
+        let hardest = self.to_velocity_smoothly(limits, smooth.jerk, smooth.release, 0);
         if velocity < 0 {
             return hardest;
         }
-        let fastest = self.to_velocity_smoothly(limits, jerk, release, limits.velocity);
-        best_between(hardest.min(fastest), fastest, |next| brake.margin(coarse_gap, velocity, next))
+        let fastest = self.to_velocity_smoothly(limits, smooth.jerk, smooth.release, limits.velocity);
+        // The brake as it is planned; harder only when the way does not suffice for it.
+        let planned = self.to_velocity_smoothly(limits, smooth.jerk, smooth.brake.release(), 0).min(fastest);
+        let margin = |next| smooth.brake.margin(gap.coarse, velocity, next);
+        if margin(planned) >= 0 {
+            best_between(planned, fastest, margin)
+        } else {
+            best_between(hardest.min(planned), planned, margin)
+        }
     }
 
     /// Acceleration of the next tick towards a velocity.
     #[inline]
     fn to_velocity(self, limits: &MotionLimits, target: i64) -> i64 {
         match &limits.shape {
-            Shape::Smooth { jerk, release, .. } => self.to_velocity_smoothly(limits, *jerk, *release, target),
+            Shape::Smooth(smooth) => self.to_velocity_smoothly(limits, smooth.jerk, smooth.release, target),
             Shape::Trapezoid { .. } => {
                 let backwards = if self.velocity == 0 { target < 0 } else { self.velocity < 0 };
                 let seen = self.mirrored(backwards);
