@@ -76,7 +76,7 @@ impl Axis {
     /// An axis in [`Mode::Off`], at standstill at this measured position. Divides.
     #[must_use]
     pub fn new(settings: AxisSettings, measured: Position) -> Self {
-        let here = Setpoint { position: measured, velocity: Velocity::ZERO };
+        let here = Setpoint::moving(measured, Velocity::ZERO);
         let ranges = ranges_at(&settings, measured);
         Self {
             settings,
@@ -125,21 +125,19 @@ impl Axis {
         }
         let positioned = matches!(self.mode, Mode::Position | Mode::Halt);
         let setpoint = match self.mode {
-            Mode::Position => {
-                Setpoint { position: self.interpolator.position(), velocity: self.interpolator.velocity() }
-            }
+            Mode::Position => self.interpolator.setpoint(),
             Mode::Halt => self.ramp.setpoint(),
-            Mode::Off | Mode::Torque | Mode::Velocity | Mode::Stopping => Setpoint {
-                position: self.measured + self.settings.position_loop.lag(self.velocity_command),
-                velocity: self.velocity_command,
-            },
+            Mode::Off | Mode::Torque | Mode::Velocity | Mode::Stopping => Setpoint::moving(
+                self.measured + self.settings.position_loop.lag(self.velocity_command),
+                self.velocity_command,
+            ),
         };
         match mode {
             Mode::Off => self.velocity_loop.reset(),
             Mode::Torque => self.torque_command = CurrentFraction::ZERO,
             Mode::Velocity => self.velocity_interpolator = VelocityInterpolator::new(self.velocity_command),
             Mode::Stopping => {
-                self.ramp = Ramp::new(Setpoint { position: self.measured, velocity: self.velocity_command })
+                self.ramp = Ramp::new(Setpoint::moving(self.measured, self.velocity_command));
             }
             Mode::Position => {
                 self.interpolator.start(&self.settings.interpolator, setpoint.position, setpoint.velocity, self.ranges);

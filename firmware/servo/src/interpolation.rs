@@ -6,7 +6,7 @@
 //! The loop timer is trimmed to the ring's clock, so a cycle has its number of ticks once locked, and may have one more or
 //! less before. Each line starts where the last tick left off: a tick too few or too many bends the slope, the position never jumps.
 
-use crate::{Modulo, ModuloCounter, Position, SettingsError, Velocity};
+use crate::{Modulo, ModuloCounter, Position, SettingsError, SignedAcceleration, Velocity};
 
 /// Where the setpoint of a tick comes from.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -20,14 +20,24 @@ pub enum CommandSource {
     Held,
 }
 
-/// Position and velocity that the position loop follows in one tick.
+/// What the loops follow in one tick.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub struct Setpoint {
     /// Commanded position, unbounded.
     pub position: Position,
-    /// Commanded velocity, for the feed-forward.
+    /// Commanded velocity, for the velocity feed-forward.
     pub velocity: Velocity,
+    /// Commanded acceleration, for the acceleration feed-forward S-0-0348.
+    pub acceleration: SignedAcceleration,
+}
+
+impl Setpoint {
+    /// Steady motion: no acceleration.
+    #[must_use]
+    pub const fn moving(position: Position, velocity: Velocity) -> Self {
+        Self { position, velocity, acceleration: SignedAcceleration::ZERO }
+    }
 }
 
 /// Ticks per cycle, the reciprocal of it, and the modulo value.
@@ -171,7 +181,14 @@ impl Interpolator {
                 self.remaining = 0;
             }
         }
-        (Setpoint { position: self.position(), velocity: self.velocity() }, source)
+        (self.setpoint(), source)
+    }
+
+    /// The setpoint of the last tick.
+    #[inline]
+    #[must_use]
+    pub fn setpoint(&self) -> Setpoint {
+        Setpoint::moving(self.position(), self.velocity())
     }
 
     /// The setpoint position of the last tick.

@@ -42,6 +42,7 @@ mod clock;
 mod commutation;
 pub mod current;
 mod debounce;
+mod derivatives;
 mod encoder;
 mod encoder_monitor;
 mod gain;
@@ -50,12 +51,15 @@ mod interpolation;
 mod limits;
 mod load_model;
 mod modulo;
+mod motion_limits;
 mod position_loop;
 mod probe;
 mod ramp;
 mod scaling;
 mod settings;
+mod stopping;
 mod temperature;
+mod trajectory;
 mod trigonometry;
 mod units;
 mod velocity_estimate;
@@ -71,6 +75,7 @@ pub use commutation::{
     Alignment, AlignmentError, AlignmentOutput, AlignmentSettings, AlignmentState, AngleBase, CommutationAngle,
     CommutationError, CommutationSettings, IndexCorrection, IndexError, IndexOutput, IndexState,
 };
+pub use derivatives::{Jerk, SignedAcceleration};
 pub use encoder::{Encoder, EncoderSettings};
 pub use encoder_monitor::{
     EncoderError, EncoderMonitor, EncoderMonitorInputs, EncoderMonitorParameters, EncoderMonitorSettings,
@@ -84,12 +89,14 @@ pub use interpolation::{CommandSource, Interpolator, InterpolatorSettings, Setpo
 pub use limits::{Limiting, TorqueLimitParameters, TorqueLimitSettings, TorqueLimits};
 pub use load_model::{LoadModel, LoadOutput, LoadParameters, LoadSettings};
 pub use modulo::{Modulo, ModuloCounter};
+pub use motion_limits::{FeedrateOverride, MotionLimits};
 pub use position_loop::{PositionLoop, PositionLoopOutput, PositionLoopSettings};
 pub use probe::{Edge, Probe, ProbeError, ProbeInput, ProbeInputs, ProbeSettings, ProbingCycle};
 pub use ramp::Ramp;
 pub use scaling::{PositionScale, VelocityScale};
 pub use settings::{AxisParameters, AxisSettings, SettingsError};
 pub use temperature::{Temperature, TemperatureError, TemperatureOutput, TemperatureParameters, TemperatureSettings};
+pub use trajectory::Trajectory;
 pub use trigonometry::Rotation;
 pub use units::{Acceleration, CurrentFraction, LOOP_PERIOD_MICROSECONDS, LOOP_TICKS_PER_SECOND, Position, Velocity};
 pub use velocity_estimate::{VelocityEstimate, VelocityFilter};

@@ -131,7 +131,7 @@ mod tests {
     const LIMIT: Velocity = Velocity::MAX;
 
     fn at(position: i64, velocity: i32) -> Setpoint {
-        Setpoint { position: Position::from_bits(position), velocity: Velocity::from_bits(velocity) }
+        Setpoint::moving(Position::from_bits(position), Velocity::from_bits(velocity))
     }
 
     #[test]

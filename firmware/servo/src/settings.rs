@@ -72,6 +72,21 @@ pub enum SettingsError {
         /// Largest value that the loops can work with.
         maximum: u32,
     },
+    /// The acceleration or jerk of a movement is too low: braking from its velocity limit takes more than 16 000 000 loop ticks (2000 s).
+    BrakingTime {
+        /// Loop ticks that it takes.
+        actual: u64,
+    },
+    /// A jerk limit must be at least 0.74 rad/s³, and an acceleration limit four ticks of that.
+    TooSmooth {
+        /// The jerk in 2^-48 revolution per tick cubed, or a quarter of the acceleration.
+        actual: u64,
+    },
+    /// The feedrate override must not exceed 100 % (10 000).
+    FeedrateOverride {
+        /// In 0.01 %.
+        actual: u16,
+    },
 }
 
 impl fmt::Display for SettingsError {
@@ -107,6 +122,15 @@ impl fmt::Display for SettingsError {
             }
             Self::OutOfRange { parameter, actual, minimum, maximum } => {
                 write!(formatter, "{parameter} of {actual}, expected {minimum} to {maximum}")
+            }
+            Self::BrakingTime { actual } => {
+                write!(formatter, "braking takes {actual} loop ticks, expected at most 16000000")
+            }
+            Self::TooSmooth { actual } => {
+                write!(formatter, "jerk of {actual} in 2^-48 revolution per tick cubed, expected at least 64")
+            }
+            Self::FeedrateOverride { actual } => {
+                write!(formatter, "feedrate override of {actual} in 0.01 %, expected at most 10000")
             }
         }
     }

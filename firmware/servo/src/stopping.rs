@@ -1,0 +1,264 @@
+//! How far a movement still goes until it stands, and the choice of the next step that just lets it stand in time.
+//!
+//! A movement runs on a chain of sums: jerk into acceleration, acceleration into velocity, velocity into position, all in 2^-48
+//! revolution. For a chain, the sum of the rates until standstill is that of a continuous movement plus a half of the last rate
+//! (trapezoid rule, exact for straight lines), so that the formulas of continuous movements hold for it, without an error of a tick.
+
+/// Binary digits of a time below one tick.
+const TIME_BITS: u32 = 12;
+/// Longest time in ticks from a velocity to standstill, 2000 s: its product with the highest rate, 2^44, just fits.
+pub(crate) const LONGEST_BRAKING: i64 = 16_000_000;
+const LONGEST_TIME: i64 = LONGEST_BRAKING << TIME_BITS;
+/// Longest time from an acceleration to none, 65 s, where distances have full resolution.
+const LONGEST_FINE_TIME: i64 = 1 << (19 + TIME_BITS);
+/// Further than anything that is left to go.
+pub(crate) const FAR: i64 = 1 << 62;
+
+/// Multiplies by `1 / step`, the number of ticks that a rate needs to come down to zero.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
+pub(crate) struct Slope {
+    /// What the rate may change by in a tick, at least [`Slope::SMALLEST`].
+    step: i64,
+    /// 2^`shift` / `step`, normalised to 32 bits.
+    mantissa: u32,
+    shift: u32,
+}
+
+impl Slope {
+    /// Smallest step: coarser ones would be off by more than two percent.
+    pub(crate) const SMALLEST: i64 = 64;
+    /// Largest step: from zero to the end of the range of a velocity at once.
+    pub(crate) const LARGEST: i64 = 1 << 43;
+
+    /// A slope of `step` per tick, limited to the range of slopes. Divides.
+    pub(crate) fn new(step: i64) -> Self {
+        let step = step.clamp(Self::SMALLEST, Self::LARGEST);
+        // The mantissa lies within 2^31 ..= 2^32 - 1: 2^shift is above 2^31 * step, and at most 2^32 * step.
+        let shift = 95_u32.saturating_sub(step.leading_zeros());
+        let mantissa = (1_i128 << shift).checked_div(i128::from(step)).unwrap_or(0).min(i128::from(u32::MAX)) as u32;
+        Self { step, mantissa, shift }
+    }
+
+    /// `rate / step` in 2^-12 ticks, rounded down by a relative 2^-31; for a rate of `0 ..= 2^45`.
+    #[inline]
+    pub(crate) fn time(self, rate: i64) -> i64 {
+        let rate = rate << TIME_BITS;
+        let mantissa = i64::from(self.mantissa);
+        let upper = (rate >> 32).wrapping_mul(mantissa);
+        // The low half times the mantissa fills 64 bits without a sign.
+        let lower = ((rate & 0xFFFF_FFFF) as u64).wrapping_mul(u64::from(self.mantissa)) >> 32;
+        upper.wrapping_add(lower as i64).wrapping_shr(self.shift.wrapping_sub(32))
+    }
+}
+
+/// `rate * time / 2` in 2^`coarse` units of the rate's integral; for a rate of `0 ..= 2^44` and a time that is not negative.
+///
+/// `coarse` is 4 for positions, of which 2^-44 revolution is enough and 2^18 revolutions are needed, and 0 for velocities.
+#[inline]
+fn half_product(rate: i64, time: i64, coarse: u32) -> i64 {
+    let longest = if coarse == 0 { LONGEST_FINE_TIME } else { LONGEST_TIME };
+    if time > longest || rate > 1 << 44 {
+        return FAR;
+    }
+    let shift = coarse.wrapping_add(1);
+    let whole = time >> TIME_BITS;
+    let part = time & ((1 << TIME_BITS) - 1);
+    let below = rate & 1_i64.wrapping_shl(shift).wrapping_sub(1);
+    rate.wrapping_shr(shift)
+        .wrapping_mul(whole)
+        .wrapping_add(below.wrapping_mul(whole).wrapping_shr(shift))
+        .wrapping_add(rate.wrapping_mul(part).wrapping_shr(shift.wrapping_add(TIME_BITS)))
+        .min(FAR)
+}
+
+/// Positions are compared in 2^-44 revolution.
+pub(crate) const COARSE_POSITION: u32 = 4;
+
+/// What is left of `gap` when the rate goes to `rate` in this tick and then down by the slope: negative when it does not suffice.
+///
+/// The step may not divide the rate. A last, partial step costs up to an eighth of a step.
+#[inline]
+fn margin(slope: Slope, gap: i64, rate: i64, coarse: u32) -> i64 {
+    if rate <= slope.step >> 1 {
+        return gap.wrapping_sub(rate.max(0).wrapping_shr(coarse));
+    }
+    // The time is rounded down by up to 2^-12 ticks.
+    let rounded = rate >> (TIME_BITS - 1);
+    let half = rate.wrapping_add(rounded).wrapping_add(slope.step >> 2).wrapping_shr(coarse.wrapping_add(1));
+    gap.wrapping_sub(half).wrapping_sub(half_product(rate, slope.time(rate), coarse))
+}
+
+/// The highest rate within `low ..= high` from which the slope stops the rate before `gap` is used up; `low` when there is none.
+///
+/// `gap` is at least zero and in 2^`coarse` units. With a rate that is reached, the gap closes from above and never below zero.
+#[inline]
+pub(crate) fn approach(slope: Slope, gap: i64, low: i64, high: i64, coarse: u32) -> i64 {
+    best_between(low, high, |rate| margin(slope, gap, rate, coarse))
+}
+
+/// Like [`approach`], where `now` may lie far from either end: `high` by thousands of slopes.
+#[inline]
+pub(crate) fn approach_from(slope: Slope, gap: i64, now: i64, low: i64, high: i64, coarse: u32) -> i64 {
+    let margin = |rate| margin(slope, gap, rate, coarse);
+    if margin(high) >= 0 {
+        return high.max(low);
+    }
+    let now = now.max(low).min(high);
+    if margin(now) < 0 {
+        return best_between(low, now, margin);
+    }
+    // The range above `now` is halved as often as it takes to have a margin: a search in the number of halvings, six steps.
+    let range = high.wrapping_sub(now);
+    let mut halvings = 0_u32;
+    for step in [32, 16, 8, 4, 2, 1] {
+        let more = halvings.wrapping_add(step);
+        if margin(now.wrapping_add(range >> more.min(63))) < 0 {
+            halvings = more;
+        }
+    }
+    let above = now.wrapping_add(range >> halvings.min(63));
+    let below = now.wrapping_add(range >> halvings.wrapping_add(1).min(63));
+    best_between(below, above, margin)
+}
+
+/// The highest value within `low ..= high` whose margin is not negative, to a few thousandths of the range; the margin falls with the
+/// value and bends down. `low` when it has no margin either.
+#[inline]
+pub(crate) fn best_between(low: i64, high: i64, margin: impl Fn(i64) -> i64) -> i64 {
+    let above = margin(high);
+    if above >= 0 || high <= low {
+        return high.max(low);
+    }
+    let below = margin(low);
+    if below <= 0 {
+        return low;
+    }
+    // The chord lies below a curve that bends down: its zero has a margin.
+    let first = low.wrapping_add(share(high.wrapping_sub(low), below, above));
+    let middle = margin(first);
+    if middle < 0 {
+        return low.wrapping_add(share(first.wrapping_sub(low), below, middle));
+    }
+    first.wrapping_add(share(high.wrapping_sub(first), middle, above))
+}
+
+/// `range * positive / (positive - negative)`, rounded down to 2^-12 of the range: twelve conditional subtractions.
+#[inline]
+fn share(range: i64, positive: i64, negative: i64) -> i64 {
+    let mut rest = positive >> 2;
+    let whole = rest.wrapping_sub(negative >> 2);
+    let mut quotient = 0_i64;
+    for _ in 0..12 {
+        rest = rest.wrapping_mul(2);
+        quotient = quotient.wrapping_mul(2);
+        if rest >= whole {
+            rest = rest.wrapping_sub(whole);
+            quotient = quotient.wrapping_add(1);
+        }
+    }
+    range.wrapping_mul(quotient) >> 12
+}
+
+/// Braking with limited deceleration and jerk.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
+pub(crate) struct SmoothBrake {
+    deceleration: Slope,
+    jerk: Slope,
+    /// Time in which the jerk makes the whole deceleration, in 2^-12 ticks.
+    build_up: i64,
+    /// From this velocity on, braking from standing acceleration reaches the whole deceleration.
+    knee: i64,
+}
+
+impl SmoothBrake {
+    pub(crate) fn new(deceleration: Slope, jerk: Slope) -> Self {
+        let build_up = jerk.time(deceleration.step);
+        Self { deceleration, jerk, build_up, knee: half_product(deceleration.step, build_up, 0).saturating_mul(2) }
+    }
+
+    /// The jerk that it counts on.
+    pub(crate) const fn release(&self) -> Slope {
+        self.jerk
+    }
+
+    /// Ticks that braking from `velocity` takes, in 2^-12 ticks; for a velocity that is not negative.
+    #[inline]
+    pub(crate) fn time(&self, velocity: i64) -> i64 {
+        if velocity >= self.knee {
+            return self.deceleration.time(velocity).wrapping_add(self.build_up);
+        }
+        // Below 2^50: the root of a time in 2^-24 ticks has 2^-12 ticks.
+        2_i64.wrapping_mul(root(self.jerk.time(velocity) << TIME_BITS))
+    }
+
+    /// The way to standstill of a continuous movement at this velocity and acceleration, in 2^-44 revolution.
+    #[inline]
+    fn way(&self, velocity: i64, acceleration: i64) -> i64 {
+        let magnitude = acceleration.wrapping_abs();
+        let release = self.jerk.time(magnitude);
+        // The velocity that is gained, or was lost, between this acceleration and none.
+        let gained = half_product(magnitude, release, 0);
+        // A jerk that changes its sign within a tick costs up to a quarter of its step in velocity, until the last curve is reached, and
+        // up to an eighth at its end.
+        let ahead = if acceleration < 0 { velocity.wrapping_sub(gained) } else { velocity };
+        let partial = (self.jerk.step >> 2).min(ahead.max(0) >> 1);
+        let last = (self.jerk.step >> 3).min(velocity.max(0) >> 1);
+        let velocity = velocity.wrapping_add(partial).wrapping_add(last);
+        let peak = velocity.wrapping_add(gained);
+        if gained >= FAR || peak > 1 << 44 {
+            return FAR;
+        }
+        if peak <= 0 || (acceleration < 0 && velocity <= 0) {
+            return 0;
+        }
+        if acceleration < 0 && velocity <= gained {
+            // Braking harder than it takes. The way is less than on the curve where it is just right, v t / 3 with t² = 2 v / jerk.
+            let time = root(self.jerk.time(velocity.wrapping_mul(2)) << TIME_BITS);
+            return two_thirds(half_product(velocity, time, COARSE_POSITION));
+        }
+        let brake = half_product(peak, self.time(peak), COARSE_POSITION);
+        // t (v + 2/3 of the gain), and the same way back from an acceleration that brakes already.
+        let mean = velocity.wrapping_add(two_thirds(gained));
+        let lead = half_product(mean.wrapping_abs(), release, COARSE_POSITION).wrapping_mul(2);
+        if (acceleration < 0) == (mean < 0) { brake.wrapping_add(lead) } else { brake.wrapping_sub(lead) }
+    }
+
+    /// What is left of `gap`, in 2^-44 revolution before this tick, when the acceleration becomes `acceleration` and the velocity
+    /// `velocity` plus that in this tick, and the movement then brakes; negative when it does not suffice.
+    #[inline]
+    pub(crate) fn margin(&self, gap: i64, velocity: i64, acceleration: i64) -> i64 {
+        let velocity = velocity.wrapping_add(acceleration);
+        // The continuous movement that the chain belongs to runs half a tick of acceleration behind; the sum until standstill is its
+        // way less v - a/6.
+        let behind = velocity.wrapping_sub(acceleration >> 1);
+        let sixth = acceleration.wrapping_mul(10_923) >> 16;
+        gap.wrapping_sub(sixth >> COARSE_POSITION).wrapping_sub(self.way(behind, acceleration))
+    }
+}
+
+/// `value * 2 / 3`, for a value of at least zero.
+#[inline]
+fn two_thirds(value: i64) -> i64 {
+    // 2^31 * 2 / 3 to the nearest: a relative error of 2^-32.
+    (value >> 31).wrapping_mul(1_431_655_765).wrapping_add((value & 0x7FFF_FFFF).wrapping_mul(1_431_655_765) >> 31)
+}
+
+/// Square root, rounded down: one binary digit a step, 31 steps.
+#[inline]
+fn root(value: i64) -> i64 {
+    let mut rest = value;
+    let mut root = 0_i64;
+    let mut bit = 1_i64 << 60;
+    for _ in 0..31 {
+        let trial = root.wrapping_add(bit);
+        root >>= 1;
+        if rest >= trial {
+            rest = rest.wrapping_sub(trial);
+            root = root.wrapping_add(bit);
+        }
+        bit >>= 2;
+    }
+    root
+}
