@@ -23,6 +23,8 @@
 //! switches torque on, and [`off`] for fault and panic handlers. Each may switch off at any time; only [`Bridge`] can switch on, and
 //! nothing that another one of them does in between gets lost.
 //!
+//! A power stage that is not ready yet when the drive starts is a break like any other: it waits to be acknowledged.
+//!
 //! Debugger: TIM1 runs on while the core is halted. Do not halt with torque on; the break input stays in force.
 
 use core::sync::atomic::{AtomicBool, Ordering};
@@ -345,6 +347,7 @@ const _: () = {
     use PwmFrequency::{Khz8, Khz16};
     assert!(reload(Khz8, 0, true) == 10_500 && reload(Khz8, 1, true) == 10_501 && reload(Khz8, -7, true) == 10_493);
     assert!(reload(Khz8, i16::MAX, true) == 10_710 && reload(Khz8, i16::MIN, true) == 10_290);
+    assert!(reload(Khz8, 211, true) == 10_710 && reload(Khz8, -211, true) == 10_290);
     assert!(reload(Khz16, 1, true) == 5_251 && reload(Khz16, 1, false) == 5_250);
     assert!(reload(Khz16, -1, true) == 5_250 && reload(Khz16, -1, false) == 5_249);
     assert!(reload(Khz16, i16::MAX, true) == 5_355 && reload(Khz16, i16::MIN, false) == 5_145);

@@ -38,10 +38,9 @@ const APPROXIMATION: u32 = 12;
 const CONVERSIONS: u32 = 2;
 
 /// From the trigger to the end of the first sampling, when the currents are held, in counts of TIM1.
-pub(crate) const TRIGGER_TO_HOLD: u16 = timer_counts(LATENCY + SAMPLING);
+pub const TRIGGER_TO_HOLD: u16 = timer_counts(LATENCY + SAMPLING);
 /// From there to the interrupt, in counts of TIM1: 1.86 us.
-pub(crate) const HOLD_TO_INTERRUPT: u16 =
-    timer_counts(LATENCY + CONVERSIONS * (SAMPLING + APPROXIMATION)) - TRIGGER_TO_HOLD;
+pub const HOLD_TO_INTERRUPT: u16 = timer_counts(LATENCY + CONVERSIONS * (SAMPLING + APPROXIMATION)) - TRIGGER_TO_HOLD;
 
 const fn timer_counts(converter_cycles: u32) -> u16 {
     converter_cycles.wrapping_mul(APB2_TIMER_HZ / CONVERTER_HZ) as u16
@@ -79,7 +78,7 @@ impl CurrentSense {
         pac::ADC1::enable(rcc);
         pac::ADC2::enable(rcc);
         pac::ADC3::enable(rcc);
-        // The clock first, and the mode while all are off: it cannot be changed between two of the three starting.
+        // Clock and mode while all three are off: a converter that was on already could start on its own.
         common.ccr().write(|w| w.adcpre().div4().multi().triple_j());
         let (adc1, adc2, adc3) = &converters;
         for (adc, channels) in [&**adc1, &**adc2, &**adc3].into_iter().zip(CHANNELS) {

@@ -3,7 +3,7 @@
 //! A tick of 125 us starts at a peak of TIM1's counter, in the middle of the low-side pulses, where the currents are sampled. At 16 kHz
 //! every second peak starts one. TIM1 alone cannot tell which, nor can it be read together with the half-tick that software keeps:
 //! between the peak and the current loop, 2 us later, the two contradict each other. So the current loop, which nothing interrupts, reads
-//! TIM1 and TIM9 together and notes *in the time of TIM9* when the tick started ([`publish`], one store). From there on everything is
+//! TIM1 and TIM9 together and notes *in the time of TIM9* when the tick started (one store). From there on everything is
 //! a difference of two times of one counter:
 //!
 //! | edge | difference | phase |
@@ -119,7 +119,29 @@ const _: () = {
     assert!(phase(wrapped, 15_464) == 0 && phase(wrapped, 15_776) == 156);
     assert!(phase(tick(100, 21_000), 65_535) == 10_449);
 
+    // As the current loop finds it: 2 us behind the peak, and behind the valley when it is late.
+    assert!(phase(next(plain, 51_312u16.wrapping_sub(312)), 51_000) == 0);
+    assert!(phase(next(plain, 51_312u16.wrapping_sub(312)), 50_998) == 10_499);
+
     // Trimmed: the tick before was 2 % longer, or shorter; its last count is that of its own length.
+    assert!(phase(tick(30_000, 21_420), 51_000) == 10_499 && phase(tick(30_000, 21_420), 51_420) == 0);
     assert!(phase(tick(30_000, 21_420), 29_998) == 10_499 && phase(tick(30_000, 21_420), 8_580) == 0);
     assert!(phase(tick(30_000, 20_580), 29_998) == 10_289 && phase(tick(30_000, 20_580), 9_420) == 0);
+};
+
+// Every phase, from ticks that start anywhere: the same whether the edge is in the tick, a tick before or a tick behind.
+#[allow(clippy::arithmetic_side_effects, reason = "evaluated by the compiler only")]
+const _: () = {
+    let mut start = 0u16;
+    while start < 55_000 {
+        let mut since = 0u16;
+        while since < LENGTH {
+            let time = start.wrapping_add(since);
+            assert!(phase(tick(start, LENGTH), time) == since / 2);
+            assert!(since == 0 || phase(tick(start.wrapping_add(LENGTH), LENGTH), time) == since / 2);
+            assert!(since >= 11_000 || phase(tick(start.wrapping_sub(LENGTH), LENGTH), time) == since / 2);
+            since += 167;
+        }
+        start += 9_973;
+    }
 };

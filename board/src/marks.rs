@@ -10,7 +10,7 @@
 //! what they latch is extended with TIM2's 32 ([`extend`]): right as long as a mark is asked for within 32 767 increments,
 //! which is 50 ms at 10 000 increments a revolution and 3900 rpm, against a question every 125 us.
 //!
-//! All start at different times, so each has an offset to TIM2, measured once ([`offset`]). It only changes when a disturbance is counted
+//! All start at different times, so each has an offset to TIM2, measured once. It only changes when a disturbance is counted
 //! by one of them and not by the other: [`Marks::drift`] looks, and is a check of the encoder's lines that a single counter
 //! cannot make.
 //!
