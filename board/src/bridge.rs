@@ -12,11 +12,13 @@
 //! that is where the currents are sampled:
 //!
 //! ```text
-//! ARR          peak              peak
-//!               /\                /\         compare, reload: written after a peak, in force
-//!             /    \            /    \       from the next valley (RCR = 0: at both ends)
-//! 0  ______ /        \________/        \
-//!              ^ trigger, 144 counts before
+//! ARR         /\            /\
+//!          * /  \        * /  \        *  trigger, 144 counts before the peak
+//!           /    \        /    \       o  current loop: begins 2 us behind the peak
+//!          /      o      /      o
+//!         /        \    /        \    compare values and reload written here come into force in the next valley
+//!   0 \  /          \  /          \   (RCR = 0: at the peak too, where nothing is waiting unless the loop is late)
+//!      \/            \/
 //! ```
 //!
 //! Four hands, for four tasks: [`Modulator`] for the current loop, [`BreakInterrupt`] for the handler of the break, [`Bridge`] for who
@@ -56,7 +58,7 @@ impl PwmFrequency {
     }
 }
 
-/// Of this board.
+/// The board's PWM frequency, fixed when it starts.
 pub const PWM_FREQUENCY: PwmFrequency = PwmFrequency::Khz16;
 
 /// Dead time between high and low side, in nanoseconds: IGBT modules of this size switch within some 0.5 us.

@@ -106,9 +106,9 @@ impl Board {
     /// Sets the whole board up. Call it once, with interrupts disabled, as RTIC's `init` does.
     ///
     /// Bridge and amplifier are off before their pins are driven and stay off, and the brake holds; the current command is zero. The
-    /// bridge's timer and the converters run and interrupt from here on, though nothing is lost before the interrupts are enabled. The SERCON816 leaves its
-    /// reset with the straps of the selected baud rate. Waits for the crystal for as long as it takes: without a clock the drive must
-    /// stay dead, and the amplifier input is held off by its own pull-down.
+    /// bridge's timer and the converters run from here on. The SERCON816 leaves its reset with the straps of the selected baud rate.
+    /// Waits for the crystal for as long as it takes: without a clock the drive must stay dead, and the pull-downs at gate drivers,
+    /// brake and amplifier hold them off.
     #[must_use]
     pub fn new(peripherals: pac::Peripherals) -> Self {
         let mut rcc = clocks::start(peripherals.RCC);
