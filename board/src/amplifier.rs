@@ -5,9 +5,9 @@
 //!
 //! | line | pin | level 1 | wire broken |
 //! |---|---|---|---|
-//! | enable (output) | PC6 | torque allowed | off: pull-down at the amplifier's input, which also holds through our reset |
-//! | main power (input) | PC7 | DC link charged | no power |
-//! | ready (input) | PC8 | no fault | fault |
+//! | enable (output) | PC14 | torque allowed | off: pull-down at the amplifier's input, which also holds through our reset |
+//! | main power (input) | PC9 | DC link charged | no power |
+//! | ready (input) | PC15 | no fault | fault |
 //!
 //! This is a command path, not a safety function: safe torque off belongs to the amplifier's own inputs.
 
@@ -17,7 +17,7 @@ use stm32f4xx_hal::pac;
 use crate::pins;
 
 const ENABLE: u32 = pins::AMPLIFIER_ENABLE.mask();
-const MAIN_POWER: u32 = pins::AMPLIFIER_MAIN_POWER.mask();
+const MAIN_POWER: u32 = pins::MAIN_POWER.mask();
 const READY: u32 = pins::AMPLIFIER_READY.mask();
 
 /// Forbids torque from wherever the program has come to a standstill: for fault and panic handlers, which own nothing.

@@ -4,8 +4,9 @@
 //! |---|---|---|
 //! | HSE | 8 MHz | crystal at PH0/PH1: +-30 ppm parts are common, and the ring tolerates +-100 ppm |
 //! | SYSCLK, HCLK | 168 MHz | the part's maximum; core and FSMC |
-//! | APB1, its timers | 42, 84 MHz | APB1 maximum; TIM2, TIM5, TIM6 count at twice the bus clock |
-//! | APB2 | 84 MHz | APB2 maximum; EXTI, SYSCFG |
+//! | APB1, its timers | 42, 84 MHz | APB1 maximum; TIM2 to TIM6 count at twice the bus clock |
+//! | APB2, its timers | 84, 168 MHz | APB2 maximum; EXTI, SYSCFG; TIM1, TIM8, TIM9 count at twice the bus clock |
+//! | converters | 21 MHz | a quarter of APB2, see [`crate::current_sense`] |
 //!
 //! The PLL comes out as M = 4, N = 168, P = 2 (VCO 336 MHz). Voltage scale 1, which 168 MHz needs, is the reset value of PWR_CR.
 //! The clock of the SERCON816 (SCLK 64 MHz, MCLK 32 MHz) does not come from here, see the pin table.
@@ -20,8 +21,10 @@ use stm32f4xx_hal::{
 pub const HSE_HZ: u32 = 8_000_000;
 /// Core and AHB clock (FSMC), in hertz.
 pub const HCLK_HZ: u32 = 168_000_000;
-/// Clock of the APB1 timers (TIM2, TIM5, TIM6), in hertz.
+/// Clock of the APB1 timers (TIM2 to TIM6), in hertz.
 pub const APB1_TIMER_HZ: u32 = 84_000_000;
+/// Clock of the APB2 timers (TIM1, TIM8, TIM9), in hertz.
+pub const APB2_TIMER_HZ: u32 = 168_000_000;
 
 /// Switches to the PLL and sets the flash wait states (5), prefetch and caches.
 pub(crate) fn start(rcc: pac::RCC) -> Rcc {
@@ -30,6 +33,6 @@ pub(crate) fn start(rcc: pac::RCC) -> Rcc {
             .sysclk(HCLK_HZ.Hz())
             .hclk(HCLK_HZ.Hz())
             .pclk1((APB1_TIMER_HZ / 2).Hz())
-            .pclk2((HCLK_HZ / 2).Hz()),
+            .pclk2((APB2_TIMER_HZ / 2).Hz()),
     )
 }

@@ -20,6 +20,13 @@ use stm32f4xx_hal::{
     rcc::{Enable, Rcc},
 };
 
+/// Position now, as [`Encoder::count`]: for the counters that stand beside this one, see [`crate::marks`].
+#[inline(always)]
+pub(crate) fn count() -> u32 {
+    // SAFETY: reading TIM2_CNT has no side effect, and nobody writes it after set-up.
+    unsafe { (*pac::TIM2::ptr()).cnt().read().bits() }
+}
+
 /// The encoder counter and its two latches.
 #[derive(Debug)]
 pub struct Encoder {

@@ -10,7 +10,14 @@
 //! | [`fsmc`] | FSMC bank 1, NE1 | the SERCON816 as memory, [`fsmc::SercosBus`] |
 //! | [`chip_control`] | GPIO | reset, straps and wiring of the SERCON816 |
 //! | [`interrupt_pins`] | EXTI | INT0 and INT1 of the SERCON816 |
+//! | [`edge_time`] | TIM9 | when INT0 and INT1 had their edges |
 //! | [`encoder`] | TIM2 | position, latched in hardware by INT0 and INT1 |
+//! | [`marks`] | TIM3, TIM4, TIM8 | position, latched in hardware by the index and two probes |
+//! | [`bridge`], [`dead_time`] | TIM1 | PWM of the three half-bridges, break, trigger of the converters |
+//! | [`current_sense`] | ADC1, ADC2, ADC3 | phase currents, DC link voltage, temperatures |
+//! | [`loop_phase`] | TIM9 against TIM1 | where in the tick of the control loops an edge of INT0 or INT1 came |
+//! | [`inputs`] | GPIO | main power, safe torque off, home switch, brake, probes |
+//! | [`brake_coil`] | GPIO | output to the holding brake |
 //! | [`current_command`] | DAC | torque-producing current as an analogue voltage |
 //! | [`amplifier`] | GPIO | enable output, main power and ready inputs |
 //! | [`loop_timer`] | TIM6 | 125 us tick of the control loops, trimmed to the ring |
@@ -31,13 +38,21 @@
 )]
 
 pub mod amplifier;
+pub mod brake_coil;
+pub mod bridge;
 pub mod chip_control;
 pub mod clocks;
 pub mod current_command;
+pub mod current_sense;
+pub mod dead_time;
+pub mod edge_time;
 pub mod encoder;
 pub mod fsmc;
+pub mod inputs;
 pub mod interrupt_pins;
+pub mod loop_phase;
 pub mod loop_timer;
+pub mod marks;
 mod motor_side;
 pub mod pins;
 pub mod switches;
@@ -57,6 +72,22 @@ pub struct Board {
     pub bus: fsmc::SercosBus,
     /// Encoder, current command, amplifier and loop timer.
     pub motor_side: MotorSide,
+    /// Switches the bridge on and off.
+    pub bridge: bridge::Bridge,
+    /// Sets voltages and period of the bridge; for the current loop.
+    pub modulator: bridge::Modulator,
+    /// Takes the interrupt of the bridge's break input (TIM1_BRK_TIM9).
+    pub break_interrupt: bridge::BreakInterrupt,
+    /// Currents, DC link voltage, temperatures; interrupts (ADC) start the current loop.
+    pub current_sense: current_sense::CurrentSense,
+    /// Phase of the loops' tick to the edges of INT0 and INT1.
+    pub loop_phase: loop_phase::LoopPhase,
+    /// Positions of the index and of the probes.
+    pub marks: marks::Marks,
+    /// Digital inputs.
+    pub inputs: inputs::Inputs,
+    /// Output to the holding brake.
+    pub brake_coil: brake_coil::BrakeCoil,
     /// Acknowledges interrupts of pin INT0 (EXTI3).
     pub int0: interrupt_pins::InterruptPin,
     /// Acknowledges interrupts of pin INT1 (EXTI2).
@@ -74,9 +105,10 @@ pub struct Board {
 impl Board {
     /// Sets the whole board up. Call it once, with interrupts disabled, as RTIC's `init` does.
     ///
-    /// The amplifier is off before its output pin is driven and stays off; the current command is zero. The SERCON816 leaves its
-    /// reset with the straps of the selected baud rate. Waits for the crystal for as long as it takes: without a clock the drive must
-    /// stay dead, and the amplifier input is held off by its own pull-down.
+    /// Bridge and amplifier are off before their pins are driven and stay off, and the brake holds; the current command is zero. The
+    /// bridge's timer and the converters run from here on. The SERCON816 leaves its reset with the straps of the selected baud rate.
+    /// Waits for the crystal for as long as it takes: without a clock the drive must stay dead, and the pull-downs at gate drivers,
+    /// brake and amplifier hold them off.
     #[must_use]
     pub fn new(peripherals: pac::Peripherals) -> Self {
         let mut rcc = clocks::start(peripherals.RCC);
@@ -87,21 +119,49 @@ impl Board {
         chip_control::start(&peripherals.GPIOG, settings.bit_rate);
         let (int0, int1) = interrupt_pins::set_up(&peripherals.EXTI, &peripherals.SYSCFG, &mut rcc);
         let timestamp = timestamp::Timestamp::new(&peripherals.TIM5, &mut rcc);
+        let encoder = encoder::Encoder::new(peripherals.TIM2, &mut rcc);
+        let marks = marks::Marks::new((peripherals.TIM3, peripherals.TIM4, peripherals.TIM8), &mut rcc);
+        let edge_time = edge_time::EdgeTime::new(peripherals.TIM9, &mut rcc);
+        let current_sense = current_sense::CurrentSense::new(
+            (peripherals.ADC1, peripherals.ADC2, peripherals.ADC3),
+            &peripherals.ADC_COMMON,
+            &mut rcc,
+        );
+        // Behind the converters and TIM9: its first trigger finds them waiting.
+        let (bridge, modulator, break_interrupt) = bridge::start(peripherals.TIM1, bridge::PWM_FREQUENCY, &mut rcc);
         let (loop_timer, loop_tick) = loop_timer::LoopTimer::new(peripherals.TIM6, &mut rcc);
         let watchdog = watchdog::Watchdog::new(peripherals.IWDG, &mut rcc);
         let motor_side = MotorSide::new(
-            encoder::Encoder::new(peripherals.TIM2, &mut rcc),
+            encoder,
             current_command::CurrentCommand::new(peripherals.DAC, &mut rcc),
             amplifier::AmplifierPort::new(peripherals.GPIOC),
             loop_timer,
             watchdog.reset_cause(),
         );
-        Self { bus, motor_side, int0, int1, loop_tick, timestamp, watchdog, settings }
+        Self {
+            bus,
+            motor_side,
+            bridge,
+            modulator,
+            break_interrupt,
+            current_sense,
+            loop_phase: loop_phase::LoopPhase::new(edge_time),
+            marks,
+            inputs: inputs::Inputs::new(),
+            brake_coil: brake_coil::BrakeCoil::new(),
+            int0,
+            int1,
+            loop_tick,
+            timestamp,
+            watchdog,
+            settings,
+        }
     }
 }
 
 fn enable_ports(rcc: &mut Rcc) {
     pac::GPIOA::enable(rcc);
+    pac::GPIOB::enable(rcc);
     pac::GPIOC::enable(rcc);
     pac::GPIOD::enable(rcc);
     pac::GPIOE::enable(rcc);

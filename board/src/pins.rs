@@ -15,10 +15,28 @@
 //! | INT1 | PA2 | 36 | AF1 TIM2_CH3, EXTI2, pull-up | SERCON816 INT1 |
 //! | INT0 | PA3 | 37 | AF1 TIM2_CH4, EXTI3, pull-up | SERCON816 INT0 |
 //! | encoder A, B | PA0, PA1 | 34, 35 | AF1 TIM2_CH1, CH2, pull-up | line receivers of the encoder |
+//! | the same | PB4, PB5 | 134, 135 | AF2 TIM3_CH1, CH2, pull-up | the same receivers |
+//! | the same | PB6, PB7 | 136, 137 | AF2 TIM4_CH1, CH2, pull-up | the same receivers |
+//! | the same | PC6, PC7 | 96, 97 | AF3 TIM8_CH1, CH2, pull-up | the same receivers |
+//! | index | PB0 | 46 | AF2 TIM3_CH3, pull-down | line receiver of the encoder |
+//! | probe 1 | PB8 | 139 | AF2 TIM4_CH3, pull-down | touch probe, 1 = touched |
+//! | probe 2 | PC8 | 98 | AF3 TIM8_CH3, pull-down | touch probe, 1 = touched |
+//! | time of INT0, INT1 | PE5, PE6 | 4, 5 | AF3 TIM9_CH1, CH2, pull-up | SERCON816 INT0 and INT1, as PA3 and PA2 |
+//! | high sides A, B, C | PA8, PA9, PA10 | 100 to 102 | AF1 TIM1_CH1 to CH3, pull-down | gate drivers, 1 = on, pull-down there |
+//! | low sides A, B, C | PB13, PB14, PB15 | 74 to 76 | AF1 TIM1_CH1N to CH3N, pull-down | gate drivers, 1 = on, pull-down there |
+//! | break | PB12 | 73 | AF1 TIM1_BKIN, pull-down | gate drivers and overcurrent comparator, 1 = no fault |
+//! | currents A, B, C | PC0, PC1, PC2 | 26 to 28 | analogue, IN10 to IN12 | current amplifiers, half of the supply = 0 A |
+//! | DC link voltage | PC3 | 29 | analogue, IN13 | divider |
+//! | temperature, heat sink | PC4 | 44 | analogue, IN14 | resistor with negative coefficient |
+//! | temperature, motor | PF6 | 18 | analogue, ADC3_IN4 | sensor in the winding |
+//! | brake coil | PC5 | 45 | output, low at start | coil driver, 1 = released, pull-down there |
+//! | main power | PC9 | 99 | input, pull-down | charging circuit, 1 = DC link charged |
+//! | safe torque off 1, 2 | PC10, PC11 | 111, 112 | input, pull-down | safety circuit, 1 = torque permitted |
+//! | home switch | PC12 | 113 | input, pull-down | switch to the supply, 1 = actuated |
+//! | brake feedback | PC13 | 7 | input, pull-down | brake, 1 = released |
 //! | current command | PA4 | 40 | analogue, DAC_OUT1 | amplifier command input, +-10 V stage |
-//! | amplifier enable | PC6 | 96 | output, low at start | amplifier enable input, pull-down there |
-//! | main power | PC7 | 97 | input, pull-down | amplifier, 1 = DC link charged |
-//! | ready | PC8 | 98 | input, pull-down | amplifier, 1 = no fault |
+//! | amplifier enable | PC14 | 8 | output, low at start | amplifier enable input, pull-down there |
+//! | ready | PC15 | 9 | input, pull-down | amplifier, 1 = no fault |
 //! | chip reset | PG2 | 87 | output, low at start | SERCON816 RSTN, pull-down |
 //! | SBAUD, SBAUD16 | PG3, PG4 | 88, 89 | output, high at start | SERCON816 SBAUD, SBAUD16 |
 //! | address, low digit | PG5 to PG8 | 90 to 93 | input, pull-up | hexadecimal rotary switch to ground |
@@ -33,8 +51,9 @@
 //!
 //! Leads and signals agree with the pin data that ST publishes for the STM32F407Z(E-G)T in LQFP144.
 //!
-//! Kept free for what comes: TIM1 with complementary outputs and break (PA8 to PA10, PB12 to PB15), ADC (PA5 to PA7, PB0, PB1,
-//! PC0 to PC5), NE2 (PG9) for a W5100 on the same bus, USART1 (PB6, PB7), trace output (PB3).
+//! The last three lines are those of an amplifier with a current loop of its own, which the bridge replaces; main power is common to both.
+//!
+//! Kept free for what comes: ADC (PA5 to PA7, PB1), NE2 (PG9) for a W5100 on the same bus, USART3 (PB10, PB11), trace output (PB3).
 
 use stm32f4xx_hal::pac;
 
@@ -43,6 +62,8 @@ use stm32f4xx_hal::pac;
 pub enum Port {
     /// PA0 to PA15.
     A = 0,
+    /// PB0 to PB15.
+    B = 1,
     /// PC0 to PC15.
     C = 2,
     /// PD0 to PD15.
@@ -114,6 +135,10 @@ impl Pin {
 
 /// Alternate function of TIM1 and TIM2.
 const TIMER: u8 = 1;
+/// Alternate function of TIM3 and TIM4.
+const TIMER_3_4: u8 = 2;
+/// Alternate function of TIM8 and TIM9.
+const TIMER_8_9: u8 = 3;
 /// Alternate function of the FSMC.
 const FSMC: u8 = 12;
 
@@ -123,6 +148,20 @@ const fn bus(port: Port, number: u8) -> Pin {
 
 const fn timer(number: u8) -> Pin {
     Pin::new(Port::A, number, Function::Alternate(TIMER, Pull::Up))
+}
+
+/// Input of a gate driver: held low until TIM1 drives it.
+const fn gate(port: Port, number: u8) -> Pin {
+    Pin::new(port, number, Function::Alternate(TIMER, Pull::Down))
+}
+
+/// Digital input that reads 0 when its wire is broken.
+const fn active_high(number: u8) -> Pin {
+    Pin::new(Port::C, number, Function::Input(Pull::Down))
+}
+
+const fn analogue(port: Port, number: u8) -> Pin {
+    Pin::new(port, number, Function::Analogue)
 }
 
 const fn switch(number: u8) -> Pin {
@@ -173,14 +212,52 @@ pub const ENCODER: [Pin; 2] = [timer(0), timer(1)];
 pub const CHIP_INT1: Pin = timer(2);
 /// INT0 of the chip: TIM2_CH4 and EXTI3.
 pub const CHIP_INT0: Pin = timer(3);
+/// INT0 and INT1 of the chip once more: TIM9_CH1 and CH2.
+pub const CHIP_EDGES: [Pin; 2] = [
+    Pin::new(Port::E, 5, Function::Alternate(TIMER_8_9, Pull::Up)),
+    Pin::new(Port::E, 6, Function::Alternate(TIMER_8_9, Pull::Up)),
+];
+/// Encoder tracks A and B once more: of TIM3, TIM4 and TIM8.
+pub const ENCODER_COPIES: [Pin; 6] = [
+    Pin::new(Port::B, 4, Function::Alternate(TIMER_3_4, Pull::Up)),
+    Pin::new(Port::B, 5, Function::Alternate(TIMER_3_4, Pull::Up)),
+    Pin::new(Port::B, 6, Function::Alternate(TIMER_3_4, Pull::Up)),
+    Pin::new(Port::B, 7, Function::Alternate(TIMER_3_4, Pull::Up)),
+    Pin::new(Port::C, 6, Function::Alternate(TIMER_8_9, Pull::Up)),
+    Pin::new(Port::C, 7, Function::Alternate(TIMER_8_9, Pull::Up)),
+];
+/// Index of the encoder: TIM3_CH3.
+pub const INDEX: Pin = Pin::new(Port::B, 0, Function::Alternate(TIMER_3_4, Pull::Down));
+/// Probe 1: TIM4_CH3.
+pub const PROBE_1: Pin = Pin::new(Port::B, 8, Function::Alternate(TIMER_3_4, Pull::Down));
+/// Probe 2: TIM8_CH3.
+pub const PROBE_2: Pin = Pin::new(Port::C, 8, Function::Alternate(TIMER_8_9, Pull::Down));
+/// TIM1_CH1 to CH3.
+pub const HIGH_SIDES: [Pin; 3] = [gate(Port::A, 8), gate(Port::A, 9), gate(Port::A, 10)];
+/// TIM1_CH1N to CH3N.
+pub const LOW_SIDES: [Pin; 3] = [gate(Port::B, 13), gate(Port::B, 14), gate(Port::B, 15)];
+/// TIM1_BKIN, 1 = no fault.
+pub const BREAK_INPUT: Pin = gate(Port::B, 12);
+/// Currents of phases A, B, C: IN10 to IN12.
+pub const CURRENTS: [Pin; 3] = [analogue(Port::C, 0), analogue(Port::C, 1), analogue(Port::C, 2)];
+/// DC link voltage (IN13), temperatures of heat sink (IN14) and motor (IN4 of ADC3).
+pub const BUS_AND_TEMPERATURES: [Pin; 3] = [analogue(Port::C, 3), analogue(Port::C, 4), analogue(Port::F, 6)];
+/// Coil of the holding brake, 1 = energised.
+pub const BRAKE_COIL: Pin = Pin::new(Port::C, 5, Function::Output(Level::Low));
+/// 1 = DC link charged.
+pub const MAIN_POWER: Pin = active_high(9);
+/// Safe torque off, channels 1 and 2, 1 = torque permitted.
+pub const SAFE_TORQUE_OFF: [Pin; 2] = [active_high(10), active_high(11)];
+/// Home switch, 1 = actuated.
+pub const HOME_SWITCH: Pin = active_high(12);
+/// 1 = the brake reports that it is released.
+pub const BRAKE_FEEDBACK: Pin = active_high(13);
 /// DAC_OUT1.
-pub const CURRENT_COMMAND: Pin = Pin::new(Port::A, 4, Function::Analogue);
+pub const CURRENT_COMMAND: Pin = analogue(Port::A, 4);
 /// Enable output to the amplifier, 1 = torque allowed.
-pub const AMPLIFIER_ENABLE: Pin = Pin::new(Port::C, 6, Function::Output(Level::Low));
-/// Main power from the amplifier, 1 = DC link charged.
-pub const AMPLIFIER_MAIN_POWER: Pin = Pin::new(Port::C, 7, Function::Input(Pull::Down));
+pub const AMPLIFIER_ENABLE: Pin = Pin::new(Port::C, 14, Function::Output(Level::Low));
 /// Ready from the amplifier, 1 = no fault.
-pub const AMPLIFIER_READY: Pin = Pin::new(Port::C, 8, Function::Input(Pull::Down));
+pub const AMPLIFIER_READY: Pin = active_high(15);
 /// RSTN of the chip.
 pub const CHIP_RESET: Pin = Pin::new(Port::G, 2, Function::Output(Level::Low));
 /// SBAUD of the chip.
@@ -195,17 +272,29 @@ pub const ADDRESS_HIGH_DIGIT: [Pin; 4] = [switch(10), switch(11), switch(12), sw
 pub const BAUD_SWITCH: [Pin; 2] = [switch(14), switch(15)];
 
 /// Every pin that is set up.
-const ALL: [&[Pin]; 15] = [
+const ALL: [&[Pin]; 27] = [
     &BUS_DATA,
     &BUS_ADDRESS,
     &BUS_STROBES,
     &[BUS_WAIT],
     &ENCODER,
     &[CHIP_INT1, CHIP_INT0],
+    &CHIP_EDGES,
+    &ENCODER_COPIES,
+    &[INDEX],
+    &[PROBE_1, PROBE_2],
+    &HIGH_SIDES,
+    &LOW_SIDES,
+    &[BREAK_INPUT],
+    &CURRENTS,
+    &BUS_AND_TEMPERATURES,
+    &[BRAKE_COIL],
+    &[MAIN_POWER],
+    &SAFE_TORQUE_OFF,
+    &[HOME_SWITCH],
+    &[BRAKE_FEEDBACK],
     &[CURRENT_COMMAND],
-    &[AMPLIFIER_ENABLE],
-    &[AMPLIFIER_MAIN_POWER],
-    &[AMPLIFIER_READY],
+    &[AMPLIFIER_ENABLE, AMPLIFIER_READY],
     &[CHIP_RESET],
     &[STRAP_SBAUD, STRAP_SBAUD16],
     &ADDRESS_LOW_DIGIT,
@@ -259,7 +348,8 @@ pub(crate) fn set_up() {
     }
 }
 
-/// The mode is written last: until then the pin is the floating input that it is after reset, so no level glitches.
+/// The mode is written last: until then the pin is the floating input that it is after reset, so no level glitches. (PB4 is
+/// a debug input with pull-up then, which is no output either.)
 fn set_up_pin(pin: Pin) {
     let (mode, pull) = match pin.function {
         Function::Input(pull) => (0b00, pull),
