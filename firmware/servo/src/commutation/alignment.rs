@@ -11,9 +11,9 @@
 //! 3. **Verification.** A pulse of half the current along q must accelerate in counting direction; then the motor is brought back
 //!    under q current and left.
 //!
-//! It takes 180 to 240 `T`. `T` follows from the natural frequency of the rotor in the field of the current, `w = sqrt(pole pairs *
-//! torque / inertia)`: about 90 ms above 370 rad/s, 180 ms from 190, 370 ms from 95, 740 ms from 47 rad/s. Below 12 rad/s the current is
-//! too low.
+//! It takes 180 to 185 `T`, up to 64 more for each period that does not agree. `T` follows from the natural frequency of the rotor in
+//! the field of the current, `w = sqrt(pole pairs * torque / inertia)`: about 90 ms above 370 rad/s, 180 ms from 190, 370 ms from 95,
+//! 740 ms from 47 rad/s. Below 12 rad/s the current is too low.
 
 mod controller;
 
