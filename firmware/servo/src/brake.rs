@@ -258,7 +258,6 @@ impl BrakeSequencer {
         self.moved = false;
         self.blocked = Debounce::new();
         self.unsettled = Debounce::new();
-        self.load = i32::from(inputs.torque_command.to_bits()) << 16;
         self.enter(State::Releasing);
     }
 

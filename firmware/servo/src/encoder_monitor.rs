@@ -402,6 +402,18 @@ mod tests {
     }
 
     #[test]
+    fn a_wrong_place_is_measured_from_the_nearest_whole_number_of_revolutions() {
+        for (actual, expected) in [(4_999, 0), (5_001, 10_000), (14_999, 10_000), (15_001, 20_000)] {
+            for sign in [1, -1] {
+                let mut monitor = EncoderMonitor::new(0);
+                pass(&mut monitor, 0, 700);
+                let error = pass(&mut monitor, 700, 700_u32.wrapping_add((sign * actual) as u32));
+                assert_eq!(error, Some(EncoderError::Index { expected: sign * expected, actual: sign * actual }));
+            }
+        }
+    }
+
+    #[test]
     fn an_encoder_without_index_misses_none() {
         let settings =
             EncoderMonitorSettings::new(&EncoderMonitorParameters { index_width: None, ..PARAMETERS }).unwrap();

@@ -324,6 +324,9 @@ mod tests {
     }
 
     proptest! {
+        // Each case runs for seconds of the drive's time.
+        #![proptest_config(ProptestConfig::with_cases(64))]
+
         #[test]
         fn a_drive_that_keeps_to_the_allowed_current_never_passes_full_load(
             continuous_current in 1_000_u32..20_000, warning_level in 500_u16..=990, factor in 1_u32..20,

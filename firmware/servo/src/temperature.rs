@@ -3,6 +3,8 @@
 //! One type serves all three places: S-0-0200 and S-0-0203 for the amplifier, S-0-0201 and S-0-0204 for the motor, S-0-0202 and
 //! S-0-0205 for the cooling. A sensor that is broken or short is an error of its own: its reading is not taken for a temperature.
 
+use core::fmt;
+
 use crate::debounce::{Debounce, ticks_of};
 use crate::settings::in_range;
 use crate::{Gain, LOOP_PERIOD_MICROSECONDS, SettingsError};
@@ -99,6 +101,21 @@ pub enum TemperatureError {
         actual: u16,
     },
 }
+
+impl fmt::Display for TemperatureError {
+    fn fmt(&self, formatter: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::BelowRange { expected, actual } => {
+                write!(formatter, "temperature sensor at {actual} counts, expected at least {expected}")
+            }
+            Self::AboveRange { expected, actual } => {
+                write!(formatter, "temperature sensor at {actual} counts, expected at most {expected}")
+            }
+        }
+    }
+}
+
+impl core::error::Error for TemperatureError {}
 
 /// What a tick says.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

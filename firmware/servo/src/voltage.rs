@@ -4,6 +4,8 @@
 //! the relative error, so behind a filtered voltage it is always exact to the last bits. From far below it doubles at each step; from
 //! far above the iteration would turn negative, so a step never takes more than half away.
 
+use core::fmt;
+
 use crate::debounce::{Debounce, ticks_of};
 use crate::settings::in_range;
 use crate::{Gain, LOOP_PERIOD_MICROSECONDS, SettingsError};
@@ -115,6 +117,21 @@ pub enum VoltageError {
         actual: u32,
     },
 }
+
+impl fmt::Display for VoltageError {
+    fn fmt(&self, formatter: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Undervoltage { expected, actual } => {
+                write!(formatter, "bus voltage of {actual} mV, expected at least {expected} mV")
+            }
+            Self::Overvoltage { expected, actual } => {
+                write!(formatter, "bus voltage of {actual} mV, expected at most {expected} mV")
+            }
+        }
+    }
+}
+
+impl core::error::Error for VoltageError {}
 
 /// What a tick says.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
