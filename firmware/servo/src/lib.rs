@@ -30,6 +30,7 @@
 
 mod axis;
 mod clock;
+mod cubic;
 mod derivatives;
 mod encoder;
 mod gain;
@@ -51,7 +52,7 @@ pub use clock::{LoopClock, LoopClockSettings};
 pub use derivatives::{Jerk, SignedAcceleration};
 pub use encoder::{Encoder, EncoderSettings};
 pub use gain::Gain;
-pub use interpolation::{CommandSource, Interpolator, InterpolatorSettings, Setpoint, VelocityInterpolator};
+pub use interpolation::{CommandSource, Interpolation, Interpolator, InterpolatorSettings, Setpoint, VelocityInterpolator};
 pub use modulo::{Modulo, ModuloCounter};
 pub use motion_limits::{FeedrateOverride, MotionLimits};
 pub use position_loop::{PositionLoop, PositionLoopOutput, PositionLoopSettings};
