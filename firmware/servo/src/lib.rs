@@ -52,7 +52,9 @@ pub use clock::{LoopClock, LoopClockSettings};
 pub use derivatives::{Jerk, SignedAcceleration};
 pub use encoder::{Encoder, EncoderSettings};
 pub use gain::Gain;
-pub use interpolation::{CommandSource, Interpolation, Interpolator, InterpolatorSettings, Setpoint, VelocityInterpolator};
+pub use interpolation::{
+    CommandSource, Interpolation, Interpolator, InterpolatorSettings, Setpoint, VelocityInterpolator,
+};
 pub use modulo::{Modulo, ModuloCounter};
 pub use motion_limits::{FeedrateOverride, MotionLimits};
 pub use position_loop::{PositionLoop, PositionLoopOutput, PositionLoopSettings};

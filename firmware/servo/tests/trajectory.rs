@@ -107,14 +107,27 @@ impl Watched {
             let step = (acceleration - self.acceleration).abs();
             assert!(step <= bits(jerk, 3), "jerk of {step}, limit {}, {physical:?}", bits(jerk, 3));
         }
-        let limit = if self.velocity.signum() * acceleration.signum() < 0 { physical.deceleration } else { physical.acceleration };
-        assert!(acceleration.abs() <= bits(limit, 2), "{acceleration} at {}, limit {}, {physical:?}", self.velocity, bits(limit, 2));
+        let limit = if self.velocity.signum() * acceleration.signum() < 0 {
+            physical.deceleration
+        } else {
+            physical.acceleration
+        };
+        assert!(
+            acceleration.abs() <= bits(limit, 2),
+            "{acceleration} at {}, limit {}, {physical:?}",
+            self.velocity,
+            bits(limit, 2)
+        );
         self.acceleration = acceleration;
         self.velocity += acceleration;
         let fastest = bits(physical.velocity, 1);
         assert!(self.velocity.abs() <= fastest, "velocity of {}, limit {fastest}, {physical:?}", self.velocity);
         self.position += i128::from(self.velocity);
-        assert_eq!(i64::from(setpoint.velocity.to_bits()), self.velocity >> 12, "velocity is the sum of the accelerations");
+        assert_eq!(
+            i64::from(setpoint.velocity.to_bits()),
+            self.velocity >> 12,
+            "velocity is the sum of the accelerations"
+        );
         assert_eq!(setpoint.position.to_bits(), (self.position >> 16) as i64, "position is the sum of the velocities");
         setpoint
     }
