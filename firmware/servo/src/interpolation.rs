@@ -1,11 +1,13 @@
 //! From one command value per control unit cycle to one per loop tick.
 //!
-//! A command that becomes valid at t3 is reached exactly one control unit cycle later, on a straight line. The slope is worked
-//! out once per command, with the reciprocal of the number of ticks, so that a tick is one addition.
+//! A command that becomes valid at t3 is reached exactly one control unit cycle later, on a straight line or, with the same latency,
+//! on a cubic without a jump of the velocity. The path is worked out once per command, with the reciprocal of the number of ticks,
+//! so that a tick is a few additions.
 //!
 //! The loop timer is trimmed to the ring's clock, so a cycle has its number of ticks once locked, and may have one more or
 //! less before. Each line starts where the last tick left off: a tick too few or too many bends the slope, the position never jumps.
 
+use crate::cubic::Deviation;
 use crate::{Modulo, ModuloCounter, Position, SettingsError, SignedAcceleration, Velocity};
 
 /// Where the setpoint of a tick comes from.
@@ -40,19 +42,35 @@ impl Setpoint {
     }
 }
 
-/// Ticks per cycle, the reciprocal of it, and the modulo value.
+/// Path from one position command to the next.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
+pub enum Interpolation {
+    /// A straight line: the velocity jumps at each command, the acceleration is given as zero.
+    #[default]
+    Linear,
+    /// A cubic with the velocity that it ended with at the last command, and ends with one and a half of this cycle's way less a half
+    /// of the last one's: the slope of the parabola through the last three commands. Constant acceleration is followed exactly.
+    ///
+    /// It leaves the straight line by at most 8/27 of the largest change of the way from a cycle to the next: as much it may
+    /// overshoot at a sudden stop.
+    Cubic,
+}
+
+/// Ticks per cycle, the reciprocal of it, the path between commands, and the modulo value.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub struct InterpolatorSettings {
     ticks_per_cycle: u16,
     /// 2^32 / ticks, to the nearest.
     reciprocal: u32,
+    interpolation: Interpolation,
     modulo: Option<Modulo>,
 }
 
 impl InterpolatorSettings {
     /// A control unit cycle (S-0-0001) of 4 to 520 loop ticks: 500 us to 65 ms. With a modulo value, commands lie within
-    /// `0 ..` modulo value and each goes the shortest way from the one before.
+    /// `0 ..` modulo value and each goes the shortest way from the one before. [`Interpolation::Linear`].
     ///
     /// # Errors
     /// [`SettingsError::TicksPerCycle`] beyond that range.
@@ -66,7 +84,13 @@ impl InterpolatorSettings {
             .checked_div(ticks)
             .and_then(|r| u32::try_from(r).ok())
             .ok_or(out_of_range)?;
-        Ok(Self { ticks_per_cycle, reciprocal, modulo })
+        Ok(Self { ticks_per_cycle, reciprocal, interpolation: Interpolation::Linear, modulo })
+    }
+
+    /// The same with another path between position commands.
+    #[must_use]
+    pub const fn with_interpolation(self, interpolation: Interpolation) -> Self {
+        Self { interpolation, ..self }
     }
 
     /// Loop ticks per control unit cycle.
@@ -83,7 +107,7 @@ impl InterpolatorSettings {
 
     /// `distance / ticks`, the remainder spread once more: less than a step of `distance` off after all ticks.
     #[inline]
-    fn per_tick(&self, distance: i64) -> i64 {
+    pub(crate) fn per_tick(&self, distance: i64) -> i64 {
         let slope = times_fraction(distance, self.reciprocal);
         let rest = distance.wrapping_sub(slope.wrapping_mul(i64::from(self.ticks_per_cycle)));
         slope.wrapping_add(times_fraction(rest, self.reciprocal))
@@ -115,6 +139,15 @@ pub struct Interpolator {
     remaining: i64,
     /// In 2^-48 revolution per tick.
     slope: i64,
+    /// Of the cubic from the line.
+    deviation: Deviation,
+    /// Way from the last command to this one, in position steps.
+    way: i64,
+    /// Velocity at the end of the path, in position steps per cycle.
+    exit: i64,
+    /// What the last tick moved, in 2^-48 revolution, and by how much more than the tick before.
+    velocity: i64,
+    acceleration: i64,
     /// Ticks since the last command.
     ticks: u16,
     ranges: ModuloCounter,
@@ -124,7 +157,18 @@ impl Interpolator {
     /// Stands at `position`.
     #[must_use]
     pub const fn new(position: Position, ranges: ModuloCounter) -> Self {
-        Self { target: position, remaining: 0, slope: 0, ticks: 0, ranges }
+        Self {
+            target: position,
+            remaining: 0,
+            slope: 0,
+            deviation: Deviation::NONE,
+            way: 0,
+            exit: 0,
+            velocity: 0,
+            acceleration: 0,
+            ticks: 0,
+            ranges,
+        }
     }
 
     /// Starts anew at `position`, moving with `velocity` until the first command comes (for two cycles at most).
@@ -137,13 +181,10 @@ impl Interpolator {
         velocity: Velocity,
         ranges: ModuloCounter,
     ) {
-        *self = Self {
-            target: position,
-            remaining: 0,
-            slope: i64::from(velocity.to_bits()) << 12,
-            ticks: settings.ticks_per_cycle,
-            ranges,
-        };
+        let slope = i64::from(velocity.to_bits()) << 12;
+        let way = slope.wrapping_mul(i64::from(settings.ticks_per_cycle)) >> FINE_BITS;
+        let ticks = settings.ticks_per_cycle;
+        *self = Self { slope, way, exit: way, velocity: slope, ticks, ..Self::new(position, ranges) };
     }
 
     /// Takes the command that became valid at t3: reached after one cycle of ticks.
@@ -159,6 +200,15 @@ impl Interpolator {
         self.remaining = distance << FINE_BITS;
         self.slope = settings.per_tick(self.remaining);
         self.ticks = 0;
+        self.deviation = match settings.interpolation {
+            Interpolation::Linear => Deviation::NONE,
+            Interpolation::Cubic => {
+                let entry = self.exit;
+                self.exit = distance.wrapping_add(distance.wrapping_sub(self.way) >> 1);
+                Deviation::between(settings, entry.wrapping_sub(distance), self.exit.wrapping_sub(distance))
+            }
+        };
+        self.way = distance;
     }
 
     /// One tick further: the setpoint of this tick.
@@ -172,38 +222,62 @@ impl Interpolator {
         } else {
             CommandSource::Held
         };
+        let before = self.velocity;
         if source == CommandSource::Held {
             self.slope = 0;
+            self.way = 0;
+            self.exit = 0;
+            self.velocity = 0;
         } else {
             self.ticks = self.ticks.saturating_add(1);
             self.remaining = self.remaining.wrapping_sub(self.slope);
+            self.velocity = self.slope.wrapping_add(self.deviation.tick());
             if self.ticks == cycle {
                 self.remaining = 0;
+                self.end_deviation(settings);
             }
         }
+        self.acceleration = match settings.interpolation {
+            Interpolation::Linear => 0,
+            Interpolation::Cubic => self.velocity.wrapping_sub(before),
+        };
         (self.setpoint(), source)
+    }
+
+    /// The cubic ends at the command. What follows without a next one is a line with its last velocity.
+    #[inline]
+    fn end_deviation(&mut self, settings: &InterpolatorSettings) {
+        if settings.interpolation == Interpolation::Cubic {
+            self.deviation = Deviation::NONE;
+            self.slope = settings.per_tick(self.exit << FINE_BITS);
+        }
     }
 
     /// The setpoint of the last tick.
     #[inline]
     #[must_use]
     pub fn setpoint(&self) -> Setpoint {
-        Setpoint::moving(self.position(), self.velocity())
+        Setpoint {
+            position: self.position(),
+            velocity: self.velocity(),
+            acceleration: SignedAcceleration::from_bits(self.acceleration),
+        }
     }
 
     /// The setpoint position of the last tick.
     #[inline]
     #[must_use]
     pub fn position(&self) -> Position {
-        // The shift rounds the rest of the way up or down to a whole step; at the end of the line the rest is exactly zero.
-        self.target + Position::from_bits(self.remaining.wrapping_neg() >> FINE_BITS)
+        // The shift rounds the rest of the way up or down to a whole step; at the end of the path the rest is exactly zero.
+        let ahead = self.deviation.value().wrapping_sub(self.remaining);
+        self.target + Position::from_bits(ahead >> FINE_BITS)
     }
 
-    /// The setpoint velocity of the last tick.
+    /// The setpoint velocity: what the last tick moved.
     #[inline]
     #[must_use]
     pub fn velocity(&self) -> Velocity {
-        Velocity::saturating_from_bits(self.slope >> 12)
+        Velocity::saturating_from_bits(self.velocity >> 12)
     }
 
     /// The last commanded position, unbounded.

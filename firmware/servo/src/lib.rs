@@ -40,6 +40,7 @@ mod brake_error;
 mod brake_settings;
 mod clock;
 mod commutation;
+mod cubic;
 pub mod current;
 mod debounce;
 mod derivatives;
@@ -84,6 +85,9 @@ pub use gain::Gain;
 pub use homing::{
     Homing, HomingError, HomingInputs, HomingMotion, HomingOutput, HomingParameters, HomingSettings,
     HomingSettingsError, HomingState, Reference,
+};
+pub use interpolation::{
+    CommandSource, Interpolation, Interpolator, InterpolatorSettings, Setpoint, VelocityInterpolator,
 };
 pub use interpolation::{CommandSource, Interpolator, InterpolatorSettings, Setpoint, VelocityInterpolator};
 pub use limits::{Limiting, TorqueLimitParameters, TorqueLimitSettings, TorqueLimits};

@@ -156,3 +156,62 @@ fn braking_time(time: i64) -> Result<(), SettingsError> {
     }
     Ok(())
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const ACCELERATION: Acceleration = Acceleration::from_bits(1 << 30);
+
+    fn new(velocity: Velocity, acceleration: u64, jerk: Option<u64>) -> Result<MotionLimits, SettingsError> {
+        let acceleration = Acceleration::from_bits(acceleration);
+        MotionLimits::new(velocity, acceleration, acceleration, jerk.map(Jerk::from_bits))
+    }
+
+    #[test]
+    fn limits_of_zero_are_refused_with_their_name() {
+        let none = Acceleration::from_bits(0);
+        let zero = |name| Err(SettingsError::Zero { parameter: name });
+        assert_eq!(new(Velocity::ZERO, 1 << 30, None), zero("velocity of a movement"));
+        assert_eq!(MotionLimits::new(Velocity::MAX, none, ACCELERATION, None), zero("acceleration of a movement"));
+        assert_eq!(MotionLimits::new(Velocity::MAX, ACCELERATION, none, None), zero("deceleration of a movement"));
+        assert_eq!(new(Velocity::MAX, 1 << 30, Some(0)), zero("jerk of a movement"));
+    }
+
+    #[test]
+    fn limits_that_take_too_long_to_stop_are_refused() {
+        // 1 rad/s² is legal with every velocity, a half of that is not.
+        assert!(new(Velocity::MAX, 700_000, None).is_ok());
+        let ticks = (1_u64 << 43) / (350_000 - 350_000 / 256);
+        let Err(SettingsError::BrakingTime { actual }) = new(Velocity::MAX, 350_000, None) else { panic!("accepted") };
+        assert!(actual.abs_diff(ticks) < 100, "{actual}, not {ticks}");
+        assert!(new(Velocity::from_bits(1 << 29), 350_000, None).is_ok());
+        assert!(new(Velocity::MAX, 700_000, Some(87)).is_ok(), "1 rad/s³");
+    }
+
+    #[test]
+    fn a_jerk_below_what_is_resolved_is_refused() {
+        assert_eq!(new(Velocity::MAX, 1 << 30, Some(63)), Err(SettingsError::TooSmooth { actual: 63 }));
+        assert_eq!(new(Velocity::from_bits(1), 252, Some(1 << 30)), Err(SettingsError::TooSmooth { actual: 63 }));
+        assert!(new(Velocity::MAX, 1 << 30, Some(65)).is_ok());
+    }
+
+    #[test]
+    fn a_jerk_without_effect_is_lowered_to_four_ticks() {
+        let limits = new(Velocity::MAX, 1 << 30, Some(u64::MAX)).unwrap();
+        let Shape::Smooth(smooth) = limits.shape else { panic!("no jerk limit") };
+        assert_eq!(smooth.jerk, 1 << 28);
+    }
+
+    #[test]
+    fn the_override_is_a_share_of_the_full_velocity() {
+        let limits = new(Velocity::from_bits(1 << 30), 1 << 30, None).unwrap();
+        let half = limits.with_override(FeedrateOverride::new(5_000).unwrap());
+        assert_eq!((half.velocity, half.with_override(FeedrateOverride::FULL)), (1 << 41, limits));
+        assert_eq!(limits.with_override(FeedrateOverride::new(10_000).unwrap()), limits);
+        let hundredth = limits.with_override(FeedrateOverride::new(1).unwrap()).velocity;
+        assert!((hundredth - (1 << 42) / 10_000).abs() < 1 << 19, "{hundredth}");
+        assert_eq!(limits.with_override(FeedrateOverride::new(0).unwrap()).velocity, 0);
+        assert_eq!(FeedrateOverride::new(10_001), Err(SettingsError::FeedrateOverride { actual: 10_001 }));
+    }
+}

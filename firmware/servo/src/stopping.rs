@@ -262,3 +262,87 @@ fn root(value: i64) -> i64 {
     }
     root
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+
+    /// Ticks and way of a rate that goes down by the slope, the next tick at `rate`.
+    fn way(rate: i64, step: i64) -> i128 {
+        let whole = i128::from(rate / step);
+        let rest = i128::from(rate % step);
+        (whole + 1) * rest + i128::from(step) * whole * (whole + 1) / 2
+    }
+
+    proptest! {
+        #[test]
+        fn a_time_is_the_quotient(exponent in 6.0..43.0_f64, rate in 0_i64..=1 << 43) {
+            let step = exponent.exp2() as i64;
+            let exact = (rate as f64) * 4_096.0 / step as f64;
+            let error = Slope::new(step).time(rate) as f64 - exact;
+            prop_assert!(error <= 1e-3 && error >= -1.0 - exact * 1e-9, "{error} of {exact}");
+        }
+
+        #[test]
+        fn a_root_is_rounded_down(value in 0_i64..=1 << 62) {
+            let root = i128::from(root(value));
+            prop_assert!(root * root <= i128::from(value) && (root + 1) * (root + 1) > i128::from(value));
+        }
+
+        #[test]
+        fn two_thirds_are_exact_to_a_few_billionths(value in 0_i64..=1 << 62) {
+            let error = i128::from(two_thirds(value)) * 3 - i128::from(value) * 2;
+            prop_assert!(error.abs() <= i128::from(value >> 29) + 6, "{error} of {value}");
+        }
+
+        #[test]
+        fn the_rate_that_is_chosen_stops_in_time_and_one_step_more_would_not(
+            step in 6.0..26.0_f64, ticks in 0.0..16.0_f64, part in 0.0..1.0_f64,
+        ) {
+            let step = step.exp2() as i64;
+            let gap = (way((ticks.exp2() * step as f64) as i64, step) as f64 * part) as i64;
+            let slope = Slope::new(step);
+            let high = (ticks + 1.0).exp2() as i64 * step;
+            let chosen = approach_from(slope, gap, 0, 0, high, 0);
+            prop_assert!(way(chosen, step) <= i128::from(gap), "{chosen} by {step} in {gap}");
+            // From far off to a step and 2^-6; the next tick begins there and comes closer.
+            let more = chosen + step + (chosen >> 6);
+            prop_assert!(way(more, step) > i128::from(gap) || more >= high, "{chosen} by {step} in {gap}");
+        }
+
+        #[test]
+        fn a_value_between_has_the_margin(low in -1_000_000_i64..0, zero in 0.0..1.0_f64, range in 1_i64..1 << 40) {
+            let high = low + range;
+            let zero = low + (range as f64 * zero) as i64;
+            let chosen = best_between(low, high, |value| zero - value);
+            prop_assert!(chosen <= zero && chosen >= zero - (range >> 11) - 1, "{chosen}, not {zero}");
+        }
+    }
+
+    #[test]
+    fn without_a_margin_at_either_end_the_end_is_taken() {
+        assert_eq!(best_between(-5, 7, |_| 0), 7);
+        assert_eq!(best_between(-5, 7, |_| -1), -5);
+        assert_eq!(best_between(7, -5, |_| -1), 7, "an empty range is its lower end");
+    }
+
+    #[test]
+    fn a_smooth_brake_takes_the_way_of_its_formula() {
+        // Velocity of 2^36 against 2^26 a tick squared and 2^16 a tick cubed: 1024 ticks, and 1024 more of the jerk.
+        let brake = SmoothBrake::new(Slope::new(1 << 26), Slope::new(1 << 16));
+        assert!((brake.time(1 << 36) - (2_048 << 12)).abs() <= 4);
+        let exact = 1_i64 << (36 + 10 - 4);
+        let way = brake.way(1 << 36, 0);
+        assert!((way - exact).abs() < exact / 10_000, "{way}, not {exact}");
+        // A quarter of the velocity: twice the root of v / jerk, 1024 ticks.
+        assert!((brake.time(1 << 34) - (1_024 << 12)).abs() <= 4);
+        // On the last curve the way is a third of velocity and time: a² / 2 jerk over a / jerk.
+        let way = brake.way(1 << 35, -(1 << 26));
+        let exact = (1_i64 << (35 + 10 - 4)) / 3;
+        assert!((way - exact).abs() < exact / 1_000, "{way}, not {exact}");
+        // An acceleration first has to end: it takes v a/j + a³ / 3 j² more, and ends at v + a² / 2 j.
+        let longer = brake.way(0, 1 << 26) - brake.way(1 << 35, 0);
+        assert!((longer - 2 * exact).abs() < exact / 1_000, "{longer}, not twice {exact}");
+    }
+}
