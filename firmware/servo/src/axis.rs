@@ -1,8 +1,9 @@
 //! One axis: modes, loops and their bumpless hand-over.
 
 use crate::{
-    AxisSettings, CommandSource, CurrentFraction, Interpolator, ModuloCounter, Position, PositionLoop, Ramp, Setpoint,
-    Velocity, VelocityEstimate, VelocityFilter, VelocityInterpolator, VelocityLoop, VelocityLoopOutput,
+    AxisSettings, CommandSource, CurrentFraction, Interpolator, Limiting, ModuloCounter, MotionLimits, Position,
+    PositionLoop, Ramp, Setpoint, SignedAcceleration, TorqueLimits, Trajectory, Velocity, VelocityEstimate,
+    VelocityFilter, VelocityInterpolator, VelocityLoop,
 };
 
 /// What the axis does.
@@ -19,8 +20,22 @@ pub enum Mode {
     Position,
     /// Best possible deceleration: the velocity command goes to zero at S-0-0138, the velocity loop stays closed, at zero too.
     Stopping,
-    /// Drive halt (control word bit 13): brakes at S-0-0138 on a position ramp and holds the position where it ends.
+    /// Drive halt (control word bit 13): brakes at S-0-0372 or S-0-0138 on a position ramp and holds the position where it ends.
     Halt,
+    /// A movement that the drive makes by itself (positioning, homing): follows [`Axis::travel`].
+    Travel,
+}
+
+/// Where a movement of [`Mode::Travel`] goes.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
+pub enum Travel {
+    /// Brakes and holds the position where it stops.
+    Hold,
+    /// Turns at this velocity.
+    AtVelocity(Velocity),
+    /// Goes to this position, unbounded, and holds it.
+    To(Position),
 }
 
 /// Result of a tick.
@@ -40,8 +55,10 @@ pub struct AxisOutput {
     pub command_source: CommandSource,
     /// Measured velocity is within the standstill window (S-0-0124), and a braking ramp, if one runs, has ended (C3D bit 1).
     pub standstill: bool,
-    /// The current stands at its limit (C3D bit 4).
-    pub current_limited: bool,
+    /// What limits the axis in this tick.
+    pub limiting: Limiting,
+    /// The movement of [`Mode::Travel`] has reached its target.
+    pub travelled: bool,
     /// The following error is further from the expected lag than the monitoring window (C1D bit 11), in `Position` and `Halt`.
     pub excessive_deviation: bool,
 }
@@ -66,6 +83,10 @@ pub struct Axis {
     velocity_loop: VelocityLoop,
     velocity_command: Velocity,
     torque_command: CurrentFraction,
+    /// Movement of [`Mode::Travel`] and [`Mode::Halt`], and ramp of velocity commands.
+    trajectory: Trajectory,
+    travel: Travel,
+    travel_limits: MotionLimits,
 }
 
 /// Time constant of the reported velocity in microseconds: slow enough for the standstill window of a coarse encoder,
@@ -93,6 +114,9 @@ impl Axis {
             velocity_loop: VelocityLoop::new(),
             velocity_command: Velocity::ZERO,
             torque_command: CurrentFraction::ZERO,
+            trajectory: Trajectory::start(here),
+            travel: Travel::Hold,
+            travel_limits: settings.halt,
         }
     }
 
@@ -123,10 +147,10 @@ impl Axis {
         if mode == self.mode {
             return;
         }
-        let positioned = matches!(self.mode, Mode::Position | Mode::Halt);
+        let positioned = matches!(self.mode, Mode::Position | Mode::Halt | Mode::Travel);
         let setpoint = match self.mode {
             Mode::Position => self.interpolator.setpoint(),
-            Mode::Halt => self.ramp.setpoint(),
+            Mode::Halt | Mode::Travel => self.trajectory.setpoint(),
             Mode::Off | Mode::Torque | Mode::Velocity | Mode::Stopping => Setpoint::moving(
                 self.measured + self.settings.position_loop.lag(self.velocity_command),
                 self.velocity_command,
@@ -135,14 +159,22 @@ impl Axis {
         match mode {
             Mode::Off => self.velocity_loop.reset(),
             Mode::Torque => self.torque_command = CurrentFraction::ZERO,
-            Mode::Velocity => self.velocity_interpolator = VelocityInterpolator::new(self.velocity_command),
+            Mode::Velocity => {
+                self.velocity_interpolator = VelocityInterpolator::new(self.velocity_command);
+                self.trajectory = Trajectory::start(setpoint);
+            }
             Mode::Stopping => {
                 self.ramp = Ramp::new(Setpoint::moving(self.measured, self.velocity_command));
             }
             Mode::Position => {
                 self.interpolator.start(&self.settings.interpolator, setpoint.position, setpoint.velocity, self.ranges);
             }
-            Mode::Halt => self.ramp = Ramp::new(setpoint),
+            Mode::Halt => self.trajectory = Trajectory::start(setpoint),
+            Mode::Travel => {
+                self.trajectory = Trajectory::start(setpoint);
+                self.travel = Travel::Hold;
+                self.travel_limits = self.settings.halt;
+            }
         }
         if !positioned {
             self.position_loop = PositionLoop::new(&self.settings.position_loop, setpoint);
@@ -162,7 +194,7 @@ impl Axis {
     #[inline]
     pub fn command_velocity(&mut self, command: Velocity) {
         if self.mode == Mode::Velocity {
-            let limited = command.limit(self.settings.velocity_limit);
+            let limited = self.settings.velocity_limits.limit(command);
             self.velocity_interpolator.command(&self.settings.interpolator, limited);
         }
     }
@@ -175,9 +207,23 @@ impl Axis {
         }
     }
 
-    /// One loop period: the measured position goes in, the current command comes out.
+    /// Where the axis is to go in [`Mode::Travel`], and how fast; may change in any tick. Ignored in other modes.
     #[inline]
-    pub fn tick(&mut self, measured: Position) -> AxisOutput {
+    pub fn travel(&mut self, limits: MotionLimits, travel: Travel) {
+        if self.mode == Mode::Travel {
+            self.travel = travel;
+            self.travel_limits = limits;
+        }
+    }
+
+    /// Starts the velocity loop with this current: what held the load when the axis was last switched off.
+    pub fn preload(&mut self, current: CurrentFraction) {
+        self.velocity_loop.preset(current);
+    }
+
+    /// One loop period: the measured position goes in, the current command comes out, within these limits of the torque.
+    #[inline]
+    pub fn tick(&mut self, measured: Position, limits: &TorqueLimits) -> AxisOutput {
         let settings = &self.settings;
         self.measured = measured;
         let velocity = self.estimate.update(&settings.velocity_filter, measured);
@@ -194,9 +240,11 @@ impl Axis {
             position_command: measured,
             command_source: CommandSource::Interpolated,
             standstill: monitored.abs() <= settings.standstill_window,
-            current_limited: false,
+            limiting: Limiting::empty(),
+            travelled: false,
             excessive_deviation: false,
         };
+        let mut acceleration = SignedAcceleration::ZERO;
         let setpoint = match self.mode {
             Mode::Off => {
                 self.velocity_command = velocity;
@@ -204,23 +252,44 @@ impl Axis {
             }
             Mode::Torque => {
                 self.velocity_command = velocity;
-                let result = self.torque(velocity);
-                output.current = result.current;
-                output.current_limited = result.limited;
+                self.torque(velocity, limits, &mut output);
                 return output;
             }
             Mode::Velocity => {
-                output.velocity_command = self.velocity_interpolator.tick();
+                let command = self.velocity_interpolator.tick();
+                let ramped = match &settings.velocity_ramp {
+                    Some(ramp) => self.trajectory.tick_velocity(ramp, command),
+                    None => Setpoint {
+                        acceleration: self.velocity_interpolator.acceleration(),
+                        ..Setpoint::moving(measured, command)
+                    },
+                };
+                if ramped.velocity != command {
+                    output.limiting |= Limiting::ACCELERATION;
+                }
+                output.velocity_command = ramped.velocity;
+                acceleration = ramped.acceleration;
                 None
             }
             Mode::Stopping => {
-                output.velocity_command = self.ramp.tick(settings.deceleration).velocity;
+                let ramped = self.ramp.tick(settings.deceleration);
+                output.velocity_command = ramped.velocity;
+                acceleration = ramped.acceleration;
                 output.standstill &= self.ramp.is_finished();
                 None
             }
             Mode::Halt => {
-                let setpoint = self.ramp.tick(settings.deceleration);
-                output.standstill &= self.ramp.is_finished();
+                let setpoint = self.trajectory.tick_velocity(&settings.halt, Velocity::ZERO);
+                output.standstill &= self.trajectory.is_finished();
+                Some(setpoint)
+            }
+            Mode::Travel => {
+                let setpoint = match self.travel {
+                    Travel::Hold => self.trajectory.tick_velocity(&self.travel_limits, Velocity::ZERO),
+                    Travel::AtVelocity(velocity) => self.trajectory.tick_velocity(&self.travel_limits, velocity),
+                    Travel::To(target) => self.trajectory.tick_to(&self.travel_limits, target),
+                };
+                output.travelled = self.trajectory.is_finished();
                 Some(setpoint)
             }
             Mode::Position => {
@@ -230,16 +299,23 @@ impl Axis {
             }
         };
         if let Some(setpoint) = setpoint {
-            let result = self.position_loop.tick(&settings.position_loop, settings.velocity_limit, setpoint, measured);
+            let result =
+                self.position_loop.tick(&settings.position_loop, &settings.velocity_limits, setpoint, measured);
             output.velocity_command = result.velocity;
             output.position_command = setpoint.position;
             output.following_error = result.following_error;
             output.excessive_deviation = result.excessive_deviation;
+            acceleration = setpoint.acceleration;
         }
         self.velocity_command = output.velocity_command;
-        let result = self.velocity_loop.tick(&settings.velocity_loop, output.velocity_command, velocity);
+        output.limiting |= settings.velocity_limits.met_by(output.velocity_command);
+        let feed_forward = settings.velocity_loop.feed_forward(acceleration);
+        let result =
+            self.velocity_loop.tick(&settings.velocity_loop, limits, output.velocity_command, velocity, feed_forward);
         output.current = result.current;
-        output.current_limited = result.limited;
+        if result.limited {
+            output.limiting |= limits.met_by(result.current);
+        }
         output
     }
 
@@ -248,18 +324,22 @@ impl Axis {
     /// The velocity loop runs along towards the limit with its integral part held at the commanded torque: below the limit it would give
     /// more than the command, above it gives less, and the one passes into the other without a step.
     #[inline]
-    fn torque(&mut self, measured: Velocity) -> VelocityLoopOutput {
+    fn torque(&mut self, measured: Velocity, limits: &TorqueLimits, output: &mut AxisOutput) {
         let settings = &self.settings;
-        let wanted = settings.velocity_loop.limit_current(self.torque_command);
-        let forwards = wanted.current >= CurrentFraction::ZERO;
-        let limit = if forwards { settings.velocity_limit } else { -settings.velocity_limit };
-        let held = self.velocity_loop.tick(&settings.velocity_loop, limit, measured);
-        let too_fast = if forwards { held.current < wanted.current } else { held.current > wanted.current };
+        let (wanted, limiting) = limits.apply(self.torque_command);
+        let forwards = wanted >= CurrentFraction::ZERO;
+        let velocity_limits = &settings.velocity_limits;
+        let limit = if forwards { velocity_limits.positive } else { velocity_limits.negative };
+        let held = self.velocity_loop.tick(&settings.velocity_loop, limits, limit, measured, 0);
+        let too_fast = if forwards { held.current < wanted } else { held.current > wanted };
         if too_fast {
-            return VelocityLoopOutput { limited: true, ..held };
+            output.current = held.current;
+            output.limiting = velocity_limits.met_by(limit);
+            return;
         }
-        self.velocity_loop.preset(wanted.current);
-        wanted
+        self.velocity_loop.preset(wanted);
+        output.current = wanted;
+        output.limiting = limiting;
     }
 
     /// A measured position near that of the last tick (the latch of t4) as cyclic data show it: within `0 ..` modulo value,
@@ -286,6 +366,7 @@ impl Axis {
         self.interpolator.shift(difference);
         self.interpolator.set_ranges(self.ranges);
         self.ramp.shift(difference);
+        self.trajectory.shift(difference);
         self.position_loop.shift(difference);
     }
 }

@@ -335,6 +335,13 @@ impl VelocityInterpolator {
         self.velocity()
     }
 
+    /// What a tick adds to the velocity command.
+    #[inline]
+    #[must_use]
+    pub fn acceleration(&self) -> SignedAcceleration {
+        SignedAcceleration::from_bits(if self.ticks > 0 { self.slope } else { 0 })
+    }
+
     /// The velocity command of the last tick.
     #[inline]
     #[must_use]

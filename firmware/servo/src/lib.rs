@@ -67,7 +67,7 @@ mod velocity_estimate;
 mod velocity_loop;
 mod voltage;
 
-pub use axis::{Axis, AxisOutput, Mode};
+pub use axis::{Axis, AxisOutput, Mode, Travel};
 pub use brake::{BrakeInputs, BrakeOutput, BrakeRequest, BrakeSequencer, TorqueScale};
 pub use brake_error::BrakeError;
 pub use brake_settings::{BrakeParameters, BrakeSettings};
@@ -89,8 +89,7 @@ pub use homing::{
 pub use interpolation::{
     CommandSource, Interpolation, Interpolator, InterpolatorSettings, Setpoint, VelocityInterpolator,
 };
-pub use interpolation::{CommandSource, Interpolator, InterpolatorSettings, Setpoint, VelocityInterpolator};
-pub use limits::{Limiting, TorqueLimitParameters, TorqueLimitSettings, TorqueLimits};
+pub use limits::{Limiting, TorqueLimitParameters, TorqueLimitSettings, TorqueLimits, VelocityLimits};
 pub use load_model::{LoadModel, LoadOutput, LoadParameters, LoadSettings};
 pub use modulo::{Modulo, ModuloCounter};
 pub use motion_limits::{FeedrateOverride, MotionLimits};

@@ -6,7 +6,7 @@
 use bitflags::bitflags;
 
 use crate::settings::in_range;
-use crate::{CurrentFraction, SettingsError};
+use crate::{CurrentFraction, SettingsError, Velocity};
 
 bitflags! {
     /// The limits at which the drive stands in this tick.
@@ -157,6 +157,27 @@ pub struct TorqueLimits {
 }
 
 impl TorqueLimits {
+    /// The limits `-magnitude ..= magnitude`, all because of `cause`.
+    #[must_use]
+    pub fn symmetrical(magnitude: CurrentFraction, cause: Limiting) -> Self {
+        let positive = magnitude.saturating_abs();
+        let negative = CurrentFraction::from_bits(positive.to_bits().wrapping_neg());
+        Self { positive, negative, positive_cause: cause, negative_cause: cause }
+    }
+
+    /// Which limit this current meets; none when it is within.
+    #[inline]
+    #[must_use]
+    pub fn met_by(&self, current: CurrentFraction) -> Limiting {
+        if current >= self.positive {
+            self.positive_cause
+        } else if current <= self.negative {
+            self.negative_cause
+        } else {
+            Limiting::empty()
+        }
+    }
+
     /// `current` within the limits, and which of them it met; none when it was within.
     #[inline]
     #[must_use]
@@ -168,6 +189,63 @@ impl TorqueLimits {
         } else {
             (current, Limiting::empty())
         }
+    }
+}
+
+/// Limits of the velocity command: S-0-0038, S-0-0039 and S-0-0091 together.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
+pub struct VelocityLimits {
+    /// Highest velocity, 0 or more.
+    pub positive: Velocity,
+    /// Lowest velocity, 0 or less.
+    pub negative: Velocity,
+    /// What sets the highest velocity.
+    pub positive_cause: Limiting,
+    /// What sets the lowest velocity.
+    pub negative_cause: Limiting,
+}
+
+impl VelocityLimits {
+    /// The narrower of the limits for each sign. `bipolar` is S-0-0091 with S-0-0113; `positive` S-0-0038, of which a negative value counts as
+    /// zero; `negative` S-0-0039, of which a positive value counts as zero. `None`: not set.
+    #[must_use]
+    pub fn new(bipolar: Velocity, positive: Option<Velocity>, negative: Option<Velocity>) -> Self {
+        let bipolar = bipolar.abs();
+        let positive = positive.map(|limit| limit.max(Velocity::ZERO)).filter(|limit| *limit < bipolar);
+        let negative = negative.map(|limit| limit.min(Velocity::ZERO)).filter(|limit| *limit > -bipolar);
+        Self {
+            positive: positive.unwrap_or(bipolar),
+            negative: negative.unwrap_or(-bipolar),
+            positive_cause: positive.map_or(Limiting::VELOCITY_BIPOLAR, |_| Limiting::VELOCITY_POSITIVE),
+            negative_cause: negative.map_or(Limiting::VELOCITY_BIPOLAR, |_| Limiting::VELOCITY_NEGATIVE),
+        }
+    }
+
+    /// `velocity` within the limits.
+    #[inline]
+    #[must_use]
+    pub fn limit(&self, velocity: Velocity) -> Velocity {
+        velocity.min(self.positive).max(self.negative)
+    }
+
+    /// Which limit this velocity meets; none when it is within.
+    #[inline]
+    #[must_use]
+    pub fn met_by(&self, velocity: Velocity) -> Limiting {
+        if velocity >= self.positive {
+            self.positive_cause
+        } else if velocity <= self.negative {
+            self.negative_cause
+        } else {
+            Limiting::empty()
+        }
+    }
+
+    /// The larger of the two magnitudes.
+    #[must_use]
+    pub fn largest(&self) -> Velocity {
+        self.positive.max(self.negative.abs())
     }
 }
 
@@ -300,5 +378,19 @@ mod tests {
             prop_assert!(limits.negative <= current && current <= limits.positive);
             prop_assert_eq!(limiting.is_empty(), current.to_bits() == command);
         }
+    }
+
+    #[test]
+    fn the_narrower_velocity_limit_of_each_sign_counts_and_is_named() {
+        let rpm = |value: i32| Velocity::from_ten_thousandths_rpm(value * 10_000);
+        let limits = VelocityLimits::new(rpm(3_000), Some(rpm(1_000)), Some(rpm(-5_000)));
+        assert_eq!((limits.positive, limits.negative), (rpm(1_000), rpm(-3_000)));
+        assert_eq!(limits.limit(rpm(2_000)), rpm(1_000));
+        assert_eq!(limits.met_by(rpm(1_000)), Limiting::VELOCITY_POSITIVE);
+        assert_eq!(limits.met_by(rpm(-3_000)), Limiting::VELOCITY_BIPOLAR);
+        assert_eq!(limits.met_by(rpm(-2_999)), Limiting::empty());
+        assert_eq!(limits.largest(), rpm(3_000));
+        let shut = VelocityLimits::new(rpm(3_000), Some(rpm(-1)), Some(rpm(1)));
+        assert_eq!((shut.positive, shut.negative), (Velocity::ZERO, Velocity::ZERO), "a limit of the wrong sign shuts");
     }
 }

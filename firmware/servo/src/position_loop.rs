@@ -1,6 +1,6 @@
 //! Position control: proportional, with velocity feed-forward, and a model of the lag that is to be expected.
 
-use crate::{Gain, LOOP_TICKS_PER_SECOND, Position, Setpoint, SettingsError, Velocity};
+use crate::{Gain, LOOP_TICKS_PER_SECOND, Position, Setpoint, SettingsError, Velocity, VelocityLimits};
 
 /// Gains of the position loop, scaled.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -86,7 +86,7 @@ impl PositionLoop {
     pub fn tick(
         &mut self,
         settings: &PositionLoopSettings,
-        velocity_limit: Velocity,
+        limits: &VelocityLimits,
         setpoint: Setpoint,
         measured: Position,
     ) -> PositionLoopOutput {
@@ -102,13 +102,13 @@ impl PositionLoop {
             .wrapping_sub(i64::from(self.expected_velocity.to_bits()))
             .clamp(-(LAG_LIMIT << 4), LAG_LIMIT << 4);
         let expected_lag = self.expected_lag >> 4;
-        self.expected_velocity =
-            Velocity::saturating_from_bits(settings.proportional.apply(expected_lag).saturating_add(feed_forward))
-                .limit(velocity_limit);
+        self.expected_velocity = limits.limit(Velocity::saturating_from_bits(
+            settings.proportional.apply(expected_lag).saturating_add(feed_forward),
+        ));
 
         let deviation = following_error - Position::from_bits(expected_lag);
         PositionLoopOutput {
-            velocity: Velocity::saturating_from_bits(wanted).limit(velocity_limit),
+            velocity: limits.limit(Velocity::saturating_from_bits(wanted)),
             following_error,
             excessive_deviation: settings.monitoring_window > Position::ZERO
                 && deviation.abs() > settings.monitoring_window,
@@ -128,7 +128,9 @@ const LAG_LIMIT: i64 = 1 << 38;
 mod tests {
     use super::*;
 
-    const LIMIT: Velocity = Velocity::MAX;
+    fn up_to(limit: Velocity) -> VelocityLimits {
+        VelocityLimits::new(limit, None, None)
+    }
 
     fn at(position: i64, velocity: i32) -> Setpoint {
         Setpoint::moving(Position::from_bits(position), Velocity::from_bits(velocity))
@@ -138,7 +140,7 @@ mod tests {
     fn kv_of_one_turns_a_revolution_into_a_thousand_revolutions_a_minute() {
         let settings = PositionLoopSettings::new(100, 0, Position::ZERO).unwrap();
         let mut position_loop = PositionLoop::new(&settings, at(0, 0));
-        let output = position_loop.tick(&settings, LIMIT, at(1 << 32, 0), Position::ZERO);
+        let output = position_loop.tick(&settings, &up_to(Velocity::MAX), at(1 << 32, 0), Position::ZERO);
         assert!((9_999_999..=10_000_001).contains(&output.velocity.to_ten_thousandths_rpm()), "{output:?}");
         assert_eq!(output.following_error, Position::REVOLUTION);
     }
@@ -149,7 +151,10 @@ mod tests {
         let mut position_loop = PositionLoop::new(&settings, at(0, 0));
         let limit = Velocity::from_bits(1_000);
         for (setpoint, expected) in [(at(1 << 62, 0), 1_000), (at(-(1 << 62), 500), -1_000), (at(0, 2_000), 1_000)] {
-            assert_eq!(position_loop.tick(&settings, limit, setpoint, Position::ZERO).velocity.to_bits(), expected);
+            assert_eq!(
+                position_loop.tick(&settings, &up_to(limit), setpoint, Position::ZERO).velocity.to_bits(),
+                expected
+            );
         }
     }
 
@@ -163,13 +168,21 @@ mod tests {
         let mut position_loop = PositionLoop::new(&settings, at(0, velocity as i32));
         for tick in 1..1_000 {
             let command = tick * velocity / 16;
-            let output =
-                position_loop.tick(&settings, LIMIT, at(command, velocity as i32), Position::from_bits(command - lag));
+            let output = position_loop.tick(
+                &settings,
+                &up_to(Velocity::MAX),
+                at(command, velocity as i32),
+                Position::from_bits(command - lag),
+            );
             assert!(!output.excessive_deviation, "tick {tick}");
         }
         let command = 1_000 * velocity / 16;
         let stuck = Position::from_bits(command - lag - (1 << 32) / 99);
-        assert!(position_loop.tick(&settings, LIMIT, at(command, velocity as i32), stuck).excessive_deviation);
+        assert!(
+            position_loop
+                .tick(&settings, &up_to(Velocity::MAX), at(command, velocity as i32), stuck)
+                .excessive_deviation
+        );
     }
 
     #[test]

@@ -3,8 +3,8 @@
 use core::fmt;
 
 use crate::{
-    Acceleration, InterpolatorSettings, Modulo, Position, PositionLoopSettings, Velocity, VelocityFilter,
-    VelocityLoopSettings,
+    Acceleration, Interpolation, InterpolatorSettings, Jerk, Modulo, MotionLimits, Position, PositionLoopSettings,
+    Velocity, VelocityFilter, VelocityLimits, VelocityLoopSettings,
 };
 
 /// A parameter that the loops cannot work with.
@@ -168,14 +168,22 @@ pub struct AxisParameters {
     pub integral_time: u16,
     /// Time constant of the velocity feedback filter S-0-0392 in microseconds.
     pub velocity_filter: u16,
+    /// Acceleration feed-forward S-0-0348 in uA s²/rad, 0: none.
+    pub acceleration_gain: u32,
     /// Amplifier peak current S-0-0110 in mA: the unit of the current command.
     pub peak_current: u32,
-    /// Bipolar limit of the torque-producing current in mA (S-0-0092 applied to S-0-0111).
-    pub current_limit: u32,
-    /// Bipolar velocity limit S-0-0091.
-    pub velocity_limit: Velocity,
-    /// Bipolar acceleration limit S-0-0138: brakes `Stopping` and `Halt`. Zero brakes without ramp, at the current limit.
+    /// Velocity limits S-0-0038, S-0-0039, S-0-0091.
+    pub velocity_limits: VelocityLimits,
+    /// Bipolar acceleration limit S-0-0138: brakes `Stopping`. Zero brakes without ramp, at the current limit.
     pub deceleration: Acceleration,
+    /// Drive-halt acceleration S-0-0372; zero: as `deceleration`.
+    pub halt_deceleration: Acceleration,
+    /// Jerk limit S-0-0349 of `Halt` and of the velocity ramp; `None`: not limited.
+    pub jerk: Option<Jerk>,
+    /// Acceleration limits S-0-0136 and S-0-0137 of velocity commands; `None`: they are followed as they come.
+    pub velocity_ramp: Option<(Acceleration, Acceleration)>,
+    /// How position commands are joined.
+    pub interpolation: Interpolation,
     /// Standstill window S-0-0124.
     pub standstill_window: Velocity,
     /// Monitoring window S-0-0159 for the deviation from the expected following error; zero: not monitored.
@@ -190,9 +198,18 @@ pub struct AxisSettings {
     pub(crate) position_loop: PositionLoopSettings,
     pub(crate) velocity_loop: VelocityLoopSettings,
     pub(crate) velocity_filter: VelocityFilter,
-    pub(crate) velocity_limit: Velocity,
+    pub(crate) velocity_limits: VelocityLimits,
     pub(crate) deceleration: Acceleration,
+    pub(crate) halt: MotionLimits,
+    pub(crate) velocity_ramp: Option<MotionLimits>,
     pub(crate) standstill_window: Velocity,
+}
+
+const fn or_unlimited(acceleration: Acceleration) -> Acceleration {
+    match acceleration.to_bits() {
+        0 => Acceleration::from_bits(u64::MAX),
+        _ => acceleration,
+    }
 }
 
 impl AxisSettings {
@@ -201,11 +218,25 @@ impl AxisSettings {
     /// # Errors
     /// The first parameter that the loops cannot work with.
     pub fn new(parameters: &AxisParameters) -> Result<Self, SettingsError> {
-        if parameters.velocity_limit <= Velocity::ZERO {
+        let fastest = parameters.velocity_limits.largest();
+        if fastest <= Velocity::ZERO {
             return Err(SettingsError::Zero { parameter: "bipolar velocity limit S-0-0091" });
         }
+        let deceleration = or_unlimited(parameters.deceleration);
+        let halt = match parameters.halt_deceleration.to_bits() {
+            0 => deceleration,
+            _ => parameters.halt_deceleration,
+        };
         Ok(Self {
-            interpolator: InterpolatorSettings::new(parameters.ticks_per_cycle, parameters.modulo)?,
+            halt: MotionLimits::new(Velocity::MAX, halt, halt, parameters.jerk)?,
+            velocity_ramp: match parameters.velocity_ramp {
+                Some((up, down)) => {
+                    Some(MotionLimits::new(fastest, or_unlimited(up), or_unlimited(down), parameters.jerk)?)
+                }
+                None => None,
+            },
+            interpolator: InterpolatorSettings::new(parameters.ticks_per_cycle, parameters.modulo)?
+                .with_interpolation(parameters.interpolation),
             position_loop: PositionLoopSettings::new(
                 parameters.position_gain,
                 parameters.feed_forward,
@@ -214,15 +245,12 @@ impl AxisSettings {
             velocity_loop: VelocityLoopSettings::new(
                 parameters.velocity_gain,
                 parameters.integral_time,
+                parameters.acceleration_gain,
                 parameters.peak_current,
-                parameters.current_limit,
             )?,
             velocity_filter: VelocityFilter::from_microseconds(parameters.velocity_filter),
-            velocity_limit: parameters.velocity_limit,
-            deceleration: match parameters.deceleration.to_bits() {
-                0 => Acceleration::from_bits(u64::MAX),
-                _ => parameters.deceleration,
-            },
+            velocity_limits: parameters.velocity_limits,
+            deceleration,
             standstill_window: parameters.standstill_window.abs(),
         })
     }

@@ -1,13 +1,13 @@
-//! Velocity control: proportional and integral, current limited, with anti-windup.
+//! Velocity control: proportional and integral with feed-forward, current limited, with anti-windup.
 //!
 //! Anti-windup is conditional integration: while the current stands at its limit, an error that would push it further is not
 //! integrated, one that leads back is. Back-calculation would also empty the integrator when a single noisy difference of the
 //! encoder touches the limit; conditional integration does not, and has no time constant of its own to set.
 
-use crate::units::{TEN_TO_15, TWO_PI_TIMES_TEN_TO_15, limited};
-use crate::{CurrentFraction, Gain, LOOP_TICKS_PER_SECOND, SettingsError, Velocity};
+use crate::units::{TEN_TO_15, TWO_PI_TIMES_TEN_TO_15};
+use crate::{CurrentFraction, Gain, LOOP_TICKS_PER_SECOND, SettingsError, SignedAcceleration, TorqueLimits, Velocity};
 
-/// Gains and limit of the velocity loop, scaled.
+/// Gains of the velocity loop, scaled.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub struct VelocityLoopSettings {
@@ -15,20 +15,25 @@ pub struct VelocityLoopSettings {
     proportional: Gain,
     /// Velocity steps to 2^-39 of the peak current, per tick.
     integral: Gain,
-    /// In 2^-31 of the peak current.
-    limit: i64,
+    /// Acceleration steps to 2^-31 of the peak current.
+    acceleration: Gain,
 }
 
 impl VelocityLoopSettings {
     /// * `gain`: S-0-0100 in mA s/rad (an increment of 0.1 A s/rad is 100).
     /// * `integral_time`: S-0-0101 in 0.1 ms; 0 switches the integral part off.
+    /// * `acceleration_gain`: S-0-0348 in uA s²/rad, 0: no feed-forward.
     /// * `peak_current`: of the amplifier, S-0-0110, in mA.
-    /// * `current_limit`: bipolar limit in mA; above the peak current it counts as the peak current.
     ///
     /// # Errors
     /// [`SettingsError::Zero`] without peak current, [`SettingsError::VelocityGain`] when the gain is beyond what can be represented
     /// (the whole peak current for a difference of less than 2^-17 of the highest speed).
-    pub fn new(gain: u32, integral_time: u16, peak_current: u32, current_limit: u32) -> Result<Self, SettingsError> {
+    pub fn new(
+        gain: u32,
+        integral_time: u16,
+        acceleration_gain: u32,
+        peak_current: u32,
+    ) -> Result<Self, SettingsError> {
         if peak_current == 0 {
             return Err(SettingsError::Zero { parameter: "amplifier peak current S-0-0110" });
         }
@@ -46,29 +51,27 @@ impl VelocityLoopSettings {
             let denominator = denominator.saturating_mul(u128::from(integral_time)).saturating_mul(4);
             Gain::from_ratio(numerator, denominator).ok_or(too_high)?
         };
-        let limit =
-            (u64::from(current_limit.min(peak_current)) << 31).checked_div(u64::from(peak_current)).unwrap_or(0);
+        // fraction [2^-31] = a [2^-48 rev/tick²] * 2^-17 * 2 pi * 8000² * gain / peak current
+        let ticks = u128::from(LOOP_TICKS_PER_SECOND);
+        let of_acceleration =
+            u128::from(acceleration_gain).saturating_mul(ticks.saturating_mul(ticks)).saturating_mul(two_pi);
+        let per_peak = u128::from(peak_current).saturating_mul(1_000 << 17).saturating_mul(unit);
         Ok(Self {
             proportional: Gain::from_ratio(numerator, denominator).ok_or(too_high)?,
             integral,
-            limit: i64::try_from(limit).unwrap_or(i64::MAX).min(LARGEST_CURRENT),
+            acceleration: Gain::from_ratio(of_acceleration, per_peak).ok_or(too_high)?,
         })
     }
 }
 
 impl VelocityLoopSettings {
-    /// A current within the limit, and whether it had to be limited. For torque commands, which do not come from the loop.
+    /// The current that makes this acceleration, in 2^-31 of the peak current.
+    #[inline]
     #[must_use]
-    pub fn limit_current(&self, current: CurrentFraction) -> VelocityLoopOutput {
-        let wanted = i64::from(current.to_bits()) << 16;
-        let limit = self.limit;
-        let within = wanted.clamp(limit.wrapping_neg(), limit);
-        VelocityLoopOutput { current: CurrentFraction::from_bits((within >> 16) as i16), limited: within != wanted }
+    pub fn feed_forward(&self, acceleration: SignedAcceleration) -> i64 {
+        self.acceleration.apply(acceleration.to_bits())
     }
 }
-
-/// 1 - 2^-15, the largest [`CurrentFraction`], in 2^-31.
-const LARGEST_CURRENT: i64 = (1 << 31) - (1 << 16);
 
 /// What the velocity loop gives in a tick.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -104,27 +107,29 @@ impl VelocityLoop {
         self.integral = i64::from(current.to_bits()) << 24;
     }
 
-    /// One tick.
+    /// One tick. `feed_forward` in 2^-31 of the peak current is added to what the loop gives, within the limits.
     #[inline]
     pub fn tick(
         &mut self,
         settings: &VelocityLoopSettings,
+        limits: &TorqueLimits,
         command: Velocity,
         measured: Velocity,
+        feed_forward: i64,
     ) -> VelocityLoopOutput {
         let error = i64::from(command.to_bits()).wrapping_sub(i64::from(measured.to_bits()));
-        let limit = settings.limit;
-        let proportional = settings.proportional.apply(error);
+        let upper = i64::from(limits.positive.to_bits()) << 16;
+        let lower = i64::from(limits.negative.to_bits()) << 16;
+        let beside = settings.proportional.apply(error).saturating_add(feed_forward);
         let step = settings.integral.apply(error);
-        let wanted = proportional.saturating_add(self.integral.saturating_add(step) >> 8);
-        let pushes_further = (wanted > limit && step > 0) || (wanted < limit.wrapping_neg() && step < 0);
+        let wanted = beside.saturating_add(self.integral.saturating_add(step) >> 8);
+        let pushes_further = (wanted > upper && step > 0) || (wanted < lower && step < 0);
         if !pushes_further {
-            let fine_limit = limit << 8;
-            self.integral = limited(self.integral.saturating_add(step), fine_limit);
+            self.integral = self.integral.saturating_add(step).min(upper << 8).max(lower << 8);
         }
-        let total = proportional.saturating_add(self.integral >> 8);
-        let current = limited(total, limit);
-        // Within +-(2^31 - 2^16) and rounded to 2^-15: fits 16 bits.
+        let total = beside.saturating_add(self.integral >> 8);
+        let current = total.min(upper).max(lower);
+        // Within the limits of 16 bits and rounded to 2^-15.
         let bits = (current.wrapping_add(1 << 15) >> 16) as i16;
         VelocityLoopOutput { current: CurrentFraction::from_bits(bits), limited: total != current }
     }
@@ -133,11 +138,18 @@ impl VelocityLoop {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::Limiting;
     use proptest::prelude::*;
 
     /// 1 A s/rad, 10 ms, 10 A.
     fn settings(integral_time: u16) -> VelocityLoopSettings {
-        VelocityLoopSettings::new(1_000, integral_time, 10_000, 10_000).unwrap()
+        VelocityLoopSettings::new(1_000, integral_time, 0, 10_000).unwrap()
+    }
+
+    fn within(limit: f64) -> TorqueLimits {
+        let positive = CurrentFraction::saturating_from_num(limit);
+        let cause = Limiting::TORQUE_BIPOLAR;
+        TorqueLimits { positive, negative: -positive, positive_cause: cause, negative_cause: cause }
     }
 
     /// 1 rad/s in steps.
@@ -146,7 +158,8 @@ mod tests {
     #[test]
     fn a_radian_per_second_gives_the_current_of_the_gain() {
         let mut velocity_loop = VelocityLoop::new();
-        let output = velocity_loop.tick(&settings(0), Velocity::from_bits(RADIAN_PER_SECOND), Velocity::ZERO);
+        let output =
+            velocity_loop.tick(&settings(0), &within(1.0), Velocity::from_bits(RADIAN_PER_SECOND), Velocity::ZERO, 0);
         assert_eq!(output.current, CurrentFraction::from_num(0.1));
         assert!(!output.limited);
     }
@@ -157,7 +170,9 @@ mod tests {
         let settings = settings(100);
         let mut current = CurrentFraction::ZERO;
         for _ in 0..80 {
-            current = velocity_loop.tick(&settings, Velocity::from_bits(RADIAN_PER_SECOND), Velocity::ZERO).current;
+            current = velocity_loop
+                .tick(&settings, &within(1.0), Velocity::from_bits(RADIAN_PER_SECOND), Velocity::ZERO, 0)
+                .current;
         }
         assert!((current.to_num::<f64>() - 0.2).abs() < 0.000_1, "{current}");
     }
@@ -167,9 +182,13 @@ mod tests {
         let settings = settings(100);
         let mut velocity_loop = VelocityLoop::new();
         for _ in 0..8_000 {
-            assert!(velocity_loop.tick(&settings, Velocity::from_bits(20 * RADIAN_PER_SECOND), Velocity::ZERO).limited);
+            assert!(
+                velocity_loop
+                    .tick(&settings, &within(1.0), Velocity::from_bits(20 * RADIAN_PER_SECOND), Velocity::ZERO, 0)
+                    .limited
+            );
         }
-        let back = velocity_loop.tick(&settings, Velocity::ZERO, Velocity::ZERO);
+        let back = velocity_loop.tick(&settings, &within(1.0), Velocity::ZERO, Velocity::ZERO, 0);
         assert!(back.current < CurrentFraction::from_num(0.05), "nothing was wound up: {}", back.current);
     }
 
@@ -177,20 +196,44 @@ mod tests {
     fn a_preset_current_flows_at_zero_error_and_a_reset_clears_it() {
         let mut velocity_loop = VelocityLoop::new();
         velocity_loop.preset(CurrentFraction::from_num(-0.25));
-        let output = velocity_loop.tick(&settings(100), Velocity::ZERO, Velocity::ZERO);
+        let output = velocity_loop.tick(&settings(100), &within(1.0), Velocity::ZERO, Velocity::ZERO, 0);
         assert_eq!(output.current, CurrentFraction::from_num(-0.25));
         velocity_loop.reset();
-        assert_eq!(velocity_loop.tick(&settings(100), Velocity::ZERO, Velocity::ZERO).current, 0);
+        assert_eq!(velocity_loop.tick(&settings(100), &within(1.0), Velocity::ZERO, Velocity::ZERO, 0).current, 0);
     }
 
     #[test]
     fn a_lowered_limit_takes_the_integral_part_along() {
-        let lower = VelocityLoopSettings::new(1_000, 100, 10_000, 2_000).unwrap();
         let mut velocity_loop = VelocityLoop::new();
         velocity_loop.preset(CurrentFraction::from_num(0.8));
-        assert_eq!(velocity_loop.tick(&lower, Velocity::ZERO, Velocity::ZERO).current, CurrentFraction::from_num(0.2));
-        let again = velocity_loop.tick(&settings(100), Velocity::ZERO, Velocity::ZERO);
+        assert_eq!(
+            velocity_loop.tick(&settings(100), &within(0.2), Velocity::ZERO, Velocity::ZERO, 0).current,
+            CurrentFraction::from_num(0.2)
+        );
+        let again = velocity_loop.tick(&settings(100), &within(1.0), Velocity::ZERO, Velocity::ZERO, 0);
         assert_eq!(again.current, CurrentFraction::from_num(0.2), "nothing waits above the limit");
+    }
+
+    #[test]
+    fn the_acceleration_makes_its_current() {
+        // 1 mA s²/rad at 10 A: 100 rad/s² make 0.1 A, 0.01 of the peak.
+        let settings = VelocityLoopSettings::new(0, 0, 1_000, 10_000).unwrap();
+        let acceleration = crate::Acceleration::from_milliradians_per_second_squared(100_000).to_bits();
+        let forwards = settings.feed_forward(SignedAcceleration::from_bits(acceleration as i64));
+        assert!((forwards - (1 << 31) / 100).abs() < 200, "{forwards}");
+        let output = VelocityLoop::new().tick(&settings, &within(1.0), Velocity::ZERO, Velocity::ZERO, -forwards);
+        assert_eq!(output.current, CurrentFraction::from_num(-0.01));
+    }
+
+    #[test]
+    fn each_sign_has_its_own_limit() {
+        let limits = TorqueLimits { negative: CurrentFraction::from_num(-0.125), ..within(0.5) };
+        let fast = Velocity::from_bits(100 * RADIAN_PER_SECOND);
+        let mut velocity_loop = VelocityLoop::new();
+        let output = velocity_loop.tick(&settings(100), &limits, fast, Velocity::ZERO, 0);
+        assert_eq!((output.current, output.limited), (CurrentFraction::from_num(0.5), true));
+        let output = velocity_loop.tick(&settings(100), &limits, -fast, Velocity::ZERO, 0);
+        assert_eq!((output.current, output.limited), (CurrentFraction::from_num(-0.125), true));
     }
 
     #[test]
@@ -199,21 +242,27 @@ mod tests {
             VelocityLoopSettings::new(1, 1, 0, 0),
             Err(SettingsError::Zero { parameter: "amplifier peak current S-0-0110" })
         );
-        assert_eq!(VelocityLoopSettings::new(312_900, 1, 1, 1), Err(SettingsError::VelocityGain { actual: 312_900 }));
-        assert!(VelocityLoopSettings::new(312_900, 1, 10_000, 10_000).is_ok(), "the highest gain of S-0-0100 at 10 A");
+        assert_eq!(VelocityLoopSettings::new(312_900, 1, 0, 1), Err(SettingsError::VelocityGain { actual: 312_900 }));
+        assert!(VelocityLoopSettings::new(312_900, 1, 0, 10_000).is_ok(), "the highest gain of S-0-0100 at 10 A");
     }
 
     proptest! {
         #[test]
         fn the_current_never_passes_its_limit(
-            limit in 0_u32..20_000, gain in 0_u32..300_000, time in any::<u16>(),
+            limit in 0.0..1.0, gain in 0_u32..300_000, time in any::<u16>(),
             errors in proptest::collection::vec((any::<i32>(), any::<i32>()), 1..200),
         ) {
-            let Ok(settings) = VelocityLoopSettings::new(gain, time, 10_000, limit) else { return Ok(()) };
-            let bound = f64::from(limit.min(10_000)) / 10_000.0 + 0.000_04;
+            let Ok(settings) = VelocityLoopSettings::new(gain, time, gain, 10_000) else { return Ok(()) };
+            let bound = limit + 0.000_04;
             let mut velocity_loop = VelocityLoop::new();
             for (command, measured) in errors {
-                let output = velocity_loop.tick(&settings, Velocity::from_bits(command), Velocity::from_bits(measured));
+                let output = velocity_loop.tick(
+                    &settings,
+                    &within(limit),
+                    Velocity::from_bits(command),
+                    Velocity::from_bits(measured),
+                    i64::from(command),
+                );
                 prop_assert!(output.current.to_num::<f64>().abs() <= bound);
             }
         }

@@ -2,9 +2,12 @@
 
 mod bench;
 
-use bench::{Bench, Master, degrees, largest, modulo_of, parameters, revolutions, rpm, to_rpm};
+use bench::{Bench, Master, degrees, is_limited, largest, modulo_of, parameters, revolutions, rpm, to_rpm, up_to};
 use plant::{Coupling, ReferenceAxis};
-use servo::{Acceleration, AxisOutput, AxisSettings, CommandSource, CurrentFraction, Mode, Modulo, Position, Velocity};
+use servo::{
+    Acceleration, AxisOutput, AxisSettings, CommandSource, CurrentFraction, Limiting, Mode, Modulo, Position,
+    TorqueLimits, Velocity,
+};
 
 const TAU: f64 = std::f64::consts::TAU;
 
@@ -31,7 +34,7 @@ fn with_full_feed_forward_the_press_follows_constant_speed_within_a_hundredth_of
     assert!((0.001..0.01).contains(&worst), "{worst} degrees at constant speed");
     let worst = largest(following_errors(&accelerating));
     assert!((0.05..0.3).contains(&worst), "{worst} degrees while starting against friction and accelerating");
-    assert!(constant.iter().all(|output| !output.excessive_deviation && !output.current_limited));
+    assert!(constant.iter().all(|output| !output.excessive_deviation && !is_limited(output)));
     // Friction: (6 + 0.05 * 62.8) Nm of 120 Nm.
     let mean = constant.iter().map(|output| output.current.to_num::<f64>()).sum::<f64>() / constant.len() as f64;
     assert!((0.0755..0.0770).contains(&mean), "mean current {mean} of peak");
@@ -98,7 +101,7 @@ fn a_velocity_step_within_the_current_limit_rises_fast_and_settles() {
     let mut limited = false;
     let velocity: Vec<f64> = (0..800)
         .map(|_| {
-            limited |= bench.tick().current_limited;
+            limited |= is_limited(&bench.tick());
             bench.velocity() / TAU * 60.0
         })
         .collect();
@@ -120,7 +123,7 @@ fn saturation_of_the_current_does_not_wind_the_integrator_up() {
     let mut limited = 0;
     let mut highest = 0.0_f64;
     for _ in 0..4_000 {
-        limited += usize::from(bench.tick().current_limited);
+        limited += usize::from(is_limited(&bench.tick()));
         highest = highest.max(bench.velocity() / TAU * 60.0);
     }
     // 157 rad/s at (120 - 6 ... 14) Nm / 0.15 kg m²: 0.21 s
@@ -132,8 +135,9 @@ fn saturation_of_the_current_does_not_wind_the_integrator_up() {
 #[test]
 fn the_current_stays_within_its_limit_and_drives_both_ways() {
     let reference = ReferenceAxis::press();
-    let settings = servo::AxisParameters { ticks_per_cycle: 4, current_limit: 15_000, ..parameters(&reference) };
+    let settings = servo::AxisParameters { ticks_per_cycle: 4, ..parameters(&reference) };
     let mut bench = velocity_bench(&reference, &settings);
+    bench.limit_torque(0.25);
     bench.axis.command_velocity(rpm(1_000.0));
     let up = bench.ticks(400);
     bench.axis.command_velocity(rpm(-1_000.0));
@@ -371,7 +375,7 @@ fn changed_gains_take_effect_while_the_axis_runs() {
     let mut settings = parameters(&reference);
     let mut bench = Bench::new(&reference, &settings);
     let (_, constant) = ramp(&mut bench);
-    settings.velocity_limit = rpm(300.0);
+    settings.velocity_limits = up_to(rpm(300.0));
     bench.axis.apply_settings(AxisSettings::new(&settings).unwrap());
     assert!(to_rpm(constant.last().unwrap().velocity_command) > 590.0);
     assert!(bench.ticks(100).iter().all(|output| output.velocity_command <= rpm(300.0)));
@@ -433,6 +437,7 @@ fn the_integers_are_the_ones_that_every_machine_must_give() {
     };
     let mut axis = servo::Axis::new(AxisSettings::new(&settings).unwrap(), Position::ZERO);
     let mut sum = 0xCBF2_9CE4_8422_2325_u64;
+    let limits = TorqueLimits::symmetrical(CurrentFraction::MAX, Limiting::TORQUE_BIPOLAR);
     let mut noise = 1_u64;
     let mut measured = 0_i64;
     for tick in 0..40_000_i64 {
@@ -449,7 +454,7 @@ fn the_integers_are_the_ones_that_every_machine_must_give() {
         }
         noise = noise.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
         measured += 4_375_000 + (noise >> 44) as i64 - (1 << 19);
-        let output = axis.tick(Position::from_bits(measured));
+        let output = axis.tick(Position::from_bits(measured), &limits);
         for word in [
             i64::from(output.current.to_bits()),
             output.following_error.to_bits(),

@@ -2,7 +2,7 @@
 
 mod bench;
 
-use bench::{Bench, largest, parameters, rpm, to_rpm};
+use bench::{Bench, is_limited, largest, parameters, rpm, to_rpm, up_to};
 use plant::ReferenceAxis;
 use servo::{AxisParameters, CurrentFraction, Mode};
 
@@ -11,8 +11,8 @@ const LIMIT_RPM: f64 = 30.0;
 fn torque_bench(current_limit_fraction: f64) -> Bench {
     let reference = ReferenceAxis::press();
     let all = parameters(&reference);
-    let current_limit = (f64::from(all.peak_current) * current_limit_fraction) as u32;
-    let mut bench = Bench::new(&reference, &AxisParameters { velocity_limit: rpm(LIMIT_RPM), current_limit, ..all });
+    let mut bench = Bench::new(&reference, &AxisParameters { velocity_limits: up_to(rpm(LIMIT_RPM)), ..all });
+    bench.limit_torque(current_limit_fraction);
     bench.axis.set_mode(Mode::Torque);
     bench
 }
@@ -27,7 +27,7 @@ fn the_current_is_the_command_until_the_velocity_limit_takes_over_without_a_step
         let mut bench = torque_bench(1.0);
         bench.axis.command_torque(fraction(sign * 0.2));
         let outputs = bench.ticks(24_000);
-        let first_held = outputs.iter().position(|output| output.current_limited).unwrap();
+        let first_held = outputs.iter().position(|output| !output.limiting.is_empty()).unwrap();
         assert!(outputs[..first_held].iter().all(|output| output.current == fraction(sign * 0.2)));
         let at_hand_over = sign * to_rpm(outputs[first_held].velocity);
         assert!((0.9 * LIMIT_RPM..1.02 * LIMIT_RPM).contains(&at_hand_over), "{at_hand_over} rpm");
@@ -50,7 +50,7 @@ fn a_command_the_other_way_brakes_at_once_at_the_velocity_limit() {
     bench.axis.command_torque(fraction(-0.02));
     let outputs = bench.ticks(100);
     assert!(outputs.iter().all(|output| output.current == fraction(-0.02)));
-    assert!(!outputs[99].current_limited);
+    assert!(outputs[99].limiting.is_empty());
 }
 
 #[test]
@@ -58,10 +58,10 @@ fn a_torque_command_is_limited_like_every_other_current() {
     let mut bench = torque_bench(0.25);
     bench.axis.command_torque(fraction(0.9));
     let output = bench.tick();
-    assert!(output.current_limited);
+    assert!(is_limited(&output));
     assert!((0.249..=0.25).contains(&output.current.to_num::<f64>()), "{}", output.current);
     bench.axis.command_torque(fraction(0.2));
-    assert!(!bench.tick().current_limited);
+    assert!(!is_limited(&bench.tick()));
 }
 
 #[test]

@@ -3,7 +3,8 @@
 
 use plant::{Motor, ReferenceAxis};
 use servo::{
-    Acceleration, Axis, AxisOutput, AxisParameters, AxisSettings, Encoder, EncoderSettings, Modulo, Position, Velocity,
+    Acceleration, Axis, AxisOutput, AxisParameters, AxisSettings, CurrentFraction, Encoder, EncoderSettings,
+    Interpolation, Limiting, Modulo, Position, TorqueLimits, Velocity, VelocityLimits,
 };
 
 /// Nanoseconds of a loop period.
@@ -23,9 +24,13 @@ pub(crate) fn parameters(reference: &ReferenceAxis) -> AxisParameters {
         integral_time: gains.integral_time,
         velocity_filter: gains.velocity_filter,
         peak_current: reference.peak_current,
-        current_limit: reference.peak_current,
-        velocity_limit: Velocity::from_ten_thousandths_rpm(reference.maximum_speed as i32 * 10_000),
+        acceleration_gain: 0,
+        velocity_limits: up_to(rpm(f64::from(reference.maximum_speed))),
         deceleration: Acceleration::from_milliradians_per_second_squared(gains.acceleration_limit),
+        halt_deceleration: Acceleration::from_bits(0),
+        jerk: None,
+        velocity_ramp: None,
+        interpolation: Interpolation::Linear,
         standstill_window: Velocity::from_ten_thousandths_rpm(100_000),
         monitoring_window: Position::from_bits((1 << 32) / 12),
     }
@@ -36,6 +41,17 @@ pub(crate) struct Bench {
     pub(crate) encoder: Encoder,
     pub(crate) axis: Axis,
     pub(crate) time: u64,
+    pub(crate) limits: TorqueLimits,
+}
+
+/// The same velocity limit both ways.
+pub(crate) fn up_to(limit: Velocity) -> VelocityLimits {
+    VelocityLimits::new(limit, None, None)
+}
+
+/// The current stands at a limit.
+pub(crate) fn is_limited(output: &AxisOutput) -> bool {
+    output.limiting.intersects(Limiting::TORQUE_BIPOLAR)
 }
 
 impl Bench {
@@ -44,13 +60,14 @@ impl Bench {
         let encoder = EncoderSettings::new(reference.motor.increments_per_revolution).unwrap();
         let encoder = Encoder::new(encoder, motor.encoder_count(0));
         let axis = Axis::new(AxisSettings::new(parameters).unwrap(), encoder.position());
-        Self { motor, encoder, axis, time: 0 }
+        let limits = TorqueLimits::symmetrical(CurrentFraction::MAX, Limiting::TORQUE_BIPOLAR);
+        Self { motor, encoder, axis, time: 0, limits }
     }
 
     pub(crate) fn tick(&mut self) -> AxisOutput {
         self.time += PERIOD;
         let measured = self.encoder.update(self.motor.encoder_count(self.time));
-        let output = self.axis.tick(measured);
+        let output = self.axis.tick(measured, &self.limits);
         self.motor.set_current(f64::from(output.current.to_num::<f32>()), self.time + COMPUTING_TIME);
         output
     }
@@ -68,6 +85,11 @@ impl Bench {
     /// One control unit cycle of ticks without command.
     pub(crate) fn cycle(&mut self) -> Vec<AxisOutput> {
         self.ticks(usize::from(self.axis.settings().interpolator().ticks_per_cycle()))
+    }
+
+    /// Limits the torque to this part of the peak both ways.
+    pub(crate) fn limit_torque(&mut self, share: f64) {
+        self.limits = TorqueLimits::symmetrical(CurrentFraction::from_num(share), Limiting::TORQUE_BIPOLAR);
     }
 
     /// Velocity of the motor in rad/s now.
