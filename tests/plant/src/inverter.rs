@@ -3,7 +3,7 @@
 /// Below this phase current in A the error of the dead time shrinks with the current: its ripple changes sign within every period.
 const SMALL_CURRENT: f64 = 0.05;
 /// Below this phase current in A a diode is taken for a resistor: what leaks through an open bridge stays below it.
-const LEAKAGE: f64 = 1e-4;
+const LEAKAGE: f64 = 1e-6;
 
 /// A two-level inverter with diodes, as the average over a period of its pulse width modulation.
 #[derive(Clone, Copy, Debug, PartialEq)]

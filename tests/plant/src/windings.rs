@@ -82,6 +82,14 @@ impl Direction {
             Self::AroundZero
         }
     }
+
+    /// The next direction to try. Between opposite ones lies zero, where a diode stops the current: to leap over it would find it never.
+    fn towards(self, found: Self) -> Self {
+        match (self, found) {
+            (Self::IntoMotor, Self::OutOfMotor) | (Self::OutOfMotor, Self::IntoMotor) => Self::AroundZero,
+            _ => found,
+        }
+    }
 }
 
 /// Inductance of an axis at a current.
@@ -139,19 +147,22 @@ impl Windings {
         };
         let mut directions: [Direction; 3] = directions_of(start);
         let mut end = start;
-        for _ in 0..ATTEMPTS {
-            end = self.solve(start, surroundings, directions);
+        // The inductances in the middle of the step are known when its end is.
+        let least = if self.saturation.is_some() { 2 } else { 1 };
+        for attempt in 1..=ATTEMPTS {
+            end = self.solve(start, start.mean(end), surroundings, directions);
             let found = directions_of(end);
-            if found == directions {
+            let next = core::array::from_fn(|k| directions[k].towards(found[k]));
+            if next == directions && attempt >= least {
                 break;
             }
-            directions = found;
+            directions = next;
         }
         self.flow(start, end, surroundings)
     }
 
-    /// The currents after a step if they have these directions: two linear equations.
-    fn solve(&self, start: Dq, surroundings: &Surroundings, directions: [Direction; 3]) -> Dq {
+    /// The currents after a step if they have these directions, with the inductances at a current: two linear equations.
+    fn solve(&self, start: Dq, middle: Dq, surroundings: &Surroundings, directions: [Direction; 3]) -> Dq {
         let Surroundings { resistance, speed, frame, terminals, bus, dt } = surroundings;
         let mut voltages = [0.0; 3];
         // Currents around zero see resistors, which are different in the three phases.
@@ -172,7 +183,7 @@ impl Windings {
             }
         }
         let voltage = frame.dq(voltages);
-        let (d, q) = (self.inductance(self.inductance_d, start.d), self.inductance(self.inductance_q, start.q));
+        let (d, q) = (self.inductance(self.inductance_d, middle.d), self.inductance(self.inductance_q, middle.q));
         let (change_d, change_q) = (d.differential / dt, q.differential / dt);
         let half = 0.5 * resistance;
         let (turn_d, turn_q) = (0.5 * speed * d.apparent, 0.5 * speed * q.apparent);
