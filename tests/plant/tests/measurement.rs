@@ -23,10 +23,15 @@ fn the_encoder_counts_quantised_down_and_wraps() {
     assert_eq!(machine.encoder_count(SECOND + SECOND / 4_096), 5_u32.wrapping_sub(4_097));
 }
 
-/// A machine that turns one revolution a second.
+/// Of the machine that turns.
+const REVOLUTION: u64 = 50 * MILLISECOND;
+
+const SPEED: f64 = 20.0 * TAU;
+
+/// A machine that turns.
 fn turning(settings: MachineSettings, direction: f64) -> Machine {
     let mut machine = Machine::new(settings);
-    machine.set_velocity(direction * TAU, 0);
+    machine.set_velocity(direction * SPEED, 0);
     machine
 }
 
@@ -38,16 +43,16 @@ fn the_index_latches_the_count_at_the_edge_that_comes_first_in_the_direction() {
     {
         let settings = with_encoder(|e| (e.index_at, e.initial_count) = (index_at, 100));
         let mut machine = turning(settings, 1.0);
-        assert_eq!(machine.index_count(MILLISECOND), None);
+        assert_eq!(machine.index_count(MILLISECOND / 20), None);
         for revolution in 0..3_u32 {
-            let at = SECOND * u64::from(revolution + 1);
+            let at = REVOLUTION * u64::from(revolution + 1);
             assert_eq!(machine.index_count(at), Some(100 + forward + 4_096 * revolution), "{index_at}");
             assert_eq!(machine.index_pulses(at), revolution + 1);
         }
         let mut machine = turning(settings, -1.0);
-        assert_eq!(machine.index_count(SECOND / 100_000), None);
+        assert_eq!(machine.index_count(REVOLUTION / 100_000), None);
         for revolution in 1..4_u32 {
-            let at = SECOND * u64::from(revolution);
+            let at = REVOLUTION * u64::from(revolution);
             let count = 100_u32.wrapping_add(backward).wrapping_sub(4_096 * revolution);
             assert_eq!(machine.index_count(at), Some(count), "{index_at}");
             assert_eq!(machine.index_pulses(at), revolution);
@@ -68,55 +73,55 @@ fn the_latch_appears_when_the_counter_passes_its_count() {
 #[test]
 fn a_turn_back_within_the_pulse_raises_it_again_only_from_outside() {
     let mut machine = turning(ideal(), 1.0);
-    let inside = SECOND / 4 + SECOND / 4_096 / 4;
-    machine.set_velocity(-TAU, inside);
+    let inside = REVOLUTION / 4 + REVOLUTION / 4_096 / 4;
+    machine.set_velocity(-SPEED, inside);
     assert_eq!(machine.index_pulses(inside), 1);
     // Out of it at its begin, and in again there.
-    machine.set_velocity(TAU, inside + SECOND / 4_096);
-    assert_eq!(machine.index_pulses(inside + SECOND / 4_096), 1);
-    assert_eq!(machine.index_pulses(inside + SECOND / 1_024), 2);
+    machine.set_velocity(SPEED, inside + REVOLUTION / 4_096);
+    assert_eq!(machine.index_pulses(inside + REVOLUTION / 4_096), 1);
+    assert_eq!(machine.index_pulses(inside + REVOLUTION / 1_024), 2);
     // From above it rises at its end.
-    machine.set_velocity(-TAU, inside + SECOND / 1_024);
-    assert_eq!(machine.index_pulses(inside + SECOND / 256), 3);
-    assert_eq!(machine.index_count(inside + SECOND / 256), Some(1_024));
+    machine.set_velocity(-SPEED, inside + REVOLUTION / 1_024);
+    assert_eq!(machine.index_pulses(inside + REVOLUTION / 256), 3);
+    assert_eq!(machine.index_count(inside + REVOLUTION / 256), Some(1_024));
 }
 
 #[test]
 fn a_muted_index_latches_nothing() {
     let mut machine = turning(ideal(), 1.0);
-    machine.mute_index(true, SECOND);
-    assert_eq!(machine.index_pulses(3 * SECOND), 1);
-    assert_eq!(machine.index_count(3 * SECOND), Some(1_024));
-    machine.mute_index(false, 3 * SECOND);
-    assert_eq!(machine.index_pulses(4 * SECOND), 2);
-    assert_eq!(machine.index_count(4 * SECOND), Some(1_024 + 3 * 4_096));
+    machine.mute_index(true, REVOLUTION);
+    assert_eq!(machine.index_pulses(3 * REVOLUTION), 1);
+    assert_eq!(machine.index_count(3 * REVOLUTION), Some(1_024));
+    machine.mute_index(false, 3 * REVOLUTION);
+    assert_eq!(machine.index_pulses(4 * REVOLUTION), 2);
+    assert_eq!(machine.index_count(4 * REVOLUTION), Some(1_024 + 3 * 4_096));
 }
 
 #[test]
 fn a_frozen_encoder_loses_the_counts_of_the_movement() {
     let mut machine = turning(ideal(), 1.0);
-    machine.freeze_encoder(true, SECOND);
-    machine.freeze_encoder(false, 3 * SECOND);
-    assert_eq!(machine.encoder_count(2 * SECOND), 4_096);
-    assert_eq!(machine.index_count(2 * SECOND), Some(4_096), "the index goes on, the count does not");
-    assert_eq!(machine.encoder_count(4 * SECOND), 2 * 4_096);
-    assert_eq!(machine.index_count(4 * SECOND), Some(4_096 + 1_024));
-    assert_near(machine.angle(4 * SECOND), 4.0, 1e-5);
+    machine.freeze_encoder(true, REVOLUTION);
+    machine.freeze_encoder(false, 3 * REVOLUTION);
+    assert_eq!(machine.encoder_count(2 * REVOLUTION), 4_096);
+    assert_eq!(machine.index_count(2 * REVOLUTION), Some(4_096), "the index goes on, the count does not");
+    assert_eq!(machine.encoder_count(4 * REVOLUTION), 2 * 4_096);
+    assert_eq!(machine.index_count(4 * REVOLUTION), Some(4_096 + 1_024));
+    assert_near(machine.angle(4 * REVOLUTION), 4.0, 1e-5);
 }
 
 #[test]
 fn counts_that_slip_stay_in_the_counter_and_in_the_latch() {
     let mut machine = turning(ideal(), 1.0);
-    machine.slip_encoder(-7, SECOND);
-    assert_eq!(machine.encoder_count(SECOND), 4_096 - 7);
-    assert_eq!(machine.index_count(2 * SECOND), Some(4_096 + 1_024 - 7));
-    machine.slip_encoder(10, 2 * SECOND);
-    machine.slip_encoder(10, 2 * SECOND);
-    machine.freeze_encoder(true, 2 * SECOND);
-    machine.slip_encoder(1, 2 * SECOND);
-    assert_eq!(machine.encoder_count(3 * SECOND), 2 * 4_096 + 14);
-    machine.freeze_encoder(false, 3 * SECOND);
-    assert_eq!(machine.encoder_count(3 * SECOND), 2 * 4_096 + 14);
+    machine.slip_encoder(-7, REVOLUTION);
+    assert_eq!(machine.encoder_count(REVOLUTION), 4_096 - 7);
+    assert_eq!(machine.index_count(2 * REVOLUTION), Some(4_096 + 1_024 - 7));
+    machine.slip_encoder(10, 2 * REVOLUTION);
+    machine.slip_encoder(10, 2 * REVOLUTION);
+    machine.freeze_encoder(true, 2 * REVOLUTION);
+    machine.slip_encoder(1, 2 * REVOLUTION);
+    assert_eq!(machine.encoder_count(3 * REVOLUTION), 2 * 4_096 + 14);
+    machine.freeze_encoder(false, 3 * REVOLUTION);
+    assert_eq!(machine.encoder_count(3 * REVOLUTION), 2 * 4_096 + 14);
 }
 
 /// Phase currents of 8, -4 and -4 A at 100 counts per A.
@@ -161,12 +166,12 @@ fn bus_and_temperature_samples_are_linear() {
 #[test]
 fn a_broken_current_sensor_shows_its_own_value_until_it_is_repaired() {
     let mut machine = with_current(ideal().current_sensors);
-    machine.fail_current_sensor(1, Some(4_000), SECOND);
-    machine.fail_current_sensor(1, None, 2 * SECOND);
-    assert_eq!(machine.current_samples(SECOND - 1), [2_848, 1_648, 1_648]);
-    assert_eq!(machine.current_samples(SECOND), [2_848, 4_000, 1_648]);
-    assert_near(machine.phase_currents(SECOND)[1], -4.0, 1e-6);
-    assert_eq!(machine.current_samples(2 * SECOND), [2_848, 1_648, 1_648]);
+    machine.fail_current_sensor(1, Some(4_000), 100 * MILLISECOND);
+    machine.fail_current_sensor(1, None, 200 * MILLISECOND);
+    assert_eq!(machine.current_samples(100 * MILLISECOND - 1), [2_848, 1_648, 1_648]);
+    assert_eq!(machine.current_samples(100 * MILLISECOND), [2_848, 4_000, 1_648]);
+    assert_near(machine.phase_currents(100 * MILLISECOND)[1], -4.0, 1e-6);
+    assert_eq!(machine.current_samples(200 * MILLISECOND), [2_848, 1_648, 1_648]);
 }
 
 #[test]
@@ -174,7 +179,7 @@ fn the_noise_has_its_strength_and_repeats_with_its_seed() {
     let sensors = CurrentSensors { noise: 3.0, ..ideal().current_sensors };
     let run = |seed: u64| {
         let mut machine = Machine::new(MachineSettings { current_sensors: sensors, seed, ..ideal() });
-        (0..20_000).map(|n| machine.current_samples(n * 62_500).map(f64::from)).collect::<Vec<_>>()
+        (0..20_000).map(|n| machine.current_samples(n * 5_000).map(f64::from)).collect::<Vec<_>>()
     };
     let samples = run(7);
     for phase in 0..3 {

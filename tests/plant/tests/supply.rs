@@ -14,14 +14,14 @@ fn with_chopper() -> MachineSettings {
 #[test]
 fn the_rectifier_charges_the_bus_and_takes_nothing_back() {
     let mut machine = Machine::new(with_chopper());
-    assert_eq!(machine.bus_voltage(SECOND), BUS);
-    machine.set_supply(320.0, SECOND);
+    assert_eq!(machine.bus_voltage(SECOND / 10), BUS);
+    machine.set_supply(320.0, SECOND / 10);
     for at in [1, 2, 5].map(|at| at * MILLISECOND) {
         let expected = 320.0 - 20.0 * (-(at as f64) / 2e6).exp();
-        assert_near(machine.bus_voltage(SECOND + at), expected, 1e-4);
+        assert_near(machine.bus_voltage(SECOND / 10 + at), expected, 1e-4);
     }
-    machine.set_supply(200.0, 2 * SECOND);
-    assert_near(machine.bus_voltage(3 * SECOND), 320.0, 1e-3);
+    machine.set_supply(200.0, SECOND / 5);
+    assert_near(machine.bus_voltage(SECOND / 4), 320.0, 1e-3);
 }
 
 #[test]
@@ -51,16 +51,16 @@ fn the_bus_runs_down_with_the_mains_off() {
 fn the_chopper_burns_from_its_upper_limit_down_to_its_lower() {
     let mut machine = Machine::new(with_chopper());
     machine.set_supply(385.0, 0);
-    assert_near(machine.bus_voltage(SECOND), 385.0, 1e-3);
+    assert_near(machine.bus_voltage(SECOND / 10), 385.0, 1e-3);
     // Mains above the limit: 50 ohm against 2 ohm.
-    machine.set_supply(400.0, SECOND);
-    assert_near(machine.bus_voltage(2 * SECOND), 400.0 * 50.0 / 52.0, 1e-3);
-    machine.set_supply(0.0, 2 * SECOND);
+    machine.set_supply(400.0, SECOND / 10);
+    assert_near(machine.bus_voltage(SECOND / 5), 400.0 * 50.0 / 52.0, 1e-3);
+    machine.set_supply(0.0, SECOND / 5);
     let start = 400.0 * 50.0 / 52.0;
     let expected = start * (-0.4e-3_f64 / 50e-3).exp();
     assert!(expected > 380.0);
-    assert_near(machine.bus_voltage(2 * SECOND + 400_000), expected, 1e-3);
-    let left = machine.bus_voltage(3 * SECOND);
+    assert_near(machine.bus_voltage(SECOND / 5 + 400_000), expected, 1e-3);
+    let left = machine.bus_voltage(SECOND / 2);
     assert!((379.95..=380.0).contains(&left), "{left}");
 }
 
@@ -73,7 +73,7 @@ fn a_motor_that_is_driven_keeps_the_bus_between_the_chopper_s_limits() {
     // 500 V behind 4 ohm charge beyond the upper limit; against 10 ohm they hold no more than 360 V.
     let mut machine = Machine::new(settings);
     machine.set_velocity(500.0 / (3.0_f64.sqrt() * 0.4), 0);
-    let voltages: Vec<f64> = (0..50_000).map(|n| machine.bus_voltage(SECOND / 10 + n * 10_000)).collect();
+    let voltages: Vec<f64> = (0..20_000).map(|n| machine.bus_voltage(SECOND / 10 + n * 10_000)).collect();
     let lowest = voltages.iter().copied().fold(f64::INFINITY, f64::min);
     let highest = voltages.iter().copied().fold(0.0, f64::max);
     assert_near(lowest, 380.0, 0.5);
@@ -89,22 +89,18 @@ fn winding_and_heat_sink_warm_up_with_their_time_constants() {
         heat_sink: HeatedBody { capacity: 1.0, resistance: 0.5 },
         ambient: 30.0,
     };
-    settings.windings.resistance = 0.0;
-    // 0.1 V s of flux leave 0 V: without resistance the current stays as it is.
-    let mut machine = seized(settings, 0.0, 0.0);
-    assert_eq!(machine.temperature_samples(SECOND), [800, 800]);
-    settings.windings.resistance = 1.0;
+    // The windings stay as they are: 10 A all the time.
     settings.thermal.winding.capacity = 1e9;
     // 10 A: 10 V and 4/3 * 2 V. The semiconductors take 2 V * 20 A.
     let mut machine = seized(settings, 10.0 * 1.0393 + 8.0 / 3.0, 0.0);
-    for at in [1, 5, 10, 30].map(|at| at * SECOND / 10) {
+    for at in [1, 3, 5, 10].map(|at| at * SECOND / 10) {
         let expected = 30.0 + 20.0 * (1.0 - (-(at as f64) * 1e-9 / 0.5).exp());
         assert_near(machine.heat_sink_temperature(at), expected, 0.05);
     }
-    machine.set_ambient(10.0, 3 * SECOND);
-    let warm = machine.heat_sink_temperature(3 * SECOND);
+    machine.set_ambient(10.0, SECOND);
+    let warm = machine.heat_sink_temperature(SECOND);
     let expected = 30.0 + (warm - 30.0) * (-1.0_f64).exp();
-    assert_near(machine.heat_sink_temperature(3 * SECOND + SECOND / 2), expected, 0.05);
+    assert_near(machine.heat_sink_temperature(SECOND + SECOND / 2), expected, 0.05);
 }
 
 #[test]
@@ -114,14 +110,14 @@ fn the_winding_s_heat_follows_its_own_resistance() {
     let mut machine = seized(settings, 10.0, 0.0);
     // At the end 1.5 * 10 V * i = (T - 20) / 0.4 with i = 10 V / (1 + 0.00393 (T - 20))
     let rise = (-1.0 + (1.0_f64 + 4.0 * 0.003_93 * 60.0).sqrt()) / (2.0 * 0.003_93);
-    assert_near(machine.winding_temperature(3 * SECOND), 20.0 + rise, 0.01);
-    assert_near(machine.dq_currents(3 * SECOND)[0], 10.0 / (1.0 + 0.003_93 * rise), 0.001);
+    assert_near(machine.winding_temperature(2 * SECOND), 20.0 + rise, 0.01);
+    assert_near(machine.dq_currents(2 * SECOND)[0], 10.0 / (1.0 + 0.003_93 * rise), 0.001);
     // Warming up begins with 1.5 * 10² W / 0.5 J/K, 1.5 ms late; the mean loss falls a little until then.
     assert_near(machine_temperature_after(settings, 5 * MILLISECOND), 20.0 + 300.0 * 3.5e-3, 0.02);
     // Without current it cools with 0.2 s.
-    machine.set_bridge(false, 3 * SECOND);
+    machine.set_bridge(false, 2 * SECOND);
     let expected = 20.0 + rise * (-1.0_f64).exp();
-    assert_near(machine.winding_temperature(3 * SECOND + SECOND / 5), expected, 0.02);
+    assert_near(machine.winding_temperature(2 * SECOND + SECOND / 5), expected, 0.02);
 }
 
 fn machine_temperature_after(settings: MachineSettings, at: u64) -> f64 {
