@@ -133,7 +133,6 @@ fn saturated_iron_links_less_flux() {
         let expected = unsaturated / (1.0 - unsaturated * unsaturated / 100.0).sqrt();
         assert_near(machine.dq_currents(at)[0], expected, 0.000_3 * expected);
     }
-    let mut settings = settings;
     settings.windings.resistance = 1.0;
     let mut machine = seized(settings, 10.0, 10.0);
     // 1.5 * 4 * (0.1 + (0.001 - 0.002) / sqrt(2) * 10) * 10
