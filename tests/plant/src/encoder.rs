@@ -13,7 +13,7 @@ pub struct Encoder {
     pub increments_per_revolution: u32,
     /// The counter at time zero.
     pub initial_count: u32,
-    /// Where in a revolution the index pulse begins, 0 ..= 1; it is one increment wide.
+    /// Where in a revolution the index pulse begins, 0 .. 1; it is one increment wide.
     pub index_at: f64,
     /// The angle by which the d axis leads the encoder, in revolutions of the shaft: at angle zero it is so far ahead of the axis of the
     /// first phase.

@@ -38,8 +38,8 @@ impl<I, const GRID: u64> Timeline<I, GRID> {
         if end > to {
             return None;
         }
-        let nanoseconds = end.saturating_sub(self.time);
-        self.time = self.time.max(end);
+        let nanoseconds = end - self.time;
+        self.time = end;
         let input = input_at.and_then(|_| self.inputs.pop_front()).map(|(_, input)| input);
         Some(Stretch { nanoseconds, input })
     }

@@ -48,6 +48,19 @@ fn the_bus_runs_down_with_the_mains_off() {
 }
 
 #[test]
+fn a_bus_that_runs_empty_does_not_turn_negative() {
+    let mut settings = with_chopper();
+    settings.windings.resistance = 0.05;
+    let mut machine = seized(settings, 100.0, 0.0);
+    machine.set_supply(0.0, MILLISECOND);
+    // Coils and capacitor would swing within milliseconds; the diodes of the bridge let the current flow on at 0 V.
+    let voltages: Vec<f64> = (100..1_000).map(|n| machine.bus_voltage(n * 10_000)).collect();
+    let lowest = voltages.iter().copied().fold(f64::INFINITY, f64::min);
+    assert_eq!(lowest, 0.0);
+    assert!(machine.dq_currents(10 * MILLISECOND)[0] > 10.0);
+}
+
+#[test]
 fn the_chopper_burns_from_its_upper_limit_down_to_its_lower() {
     let mut machine = Machine::new(with_chopper());
     machine.set_supply(385.0, 0);
@@ -96,6 +109,8 @@ fn the_heat_sink_warms_up_with_its_time_constant() {
         let expected = 30.0 + 20.0 * (1.0 - (-(at as f64) * 1e-9 / 0.5).exp());
         assert_near(machine.heat_sink_temperature(at), expected, 0.05);
     }
+    // 49.93 and 30 degrees Celsius
+    assert_eq!(machine.temperature_samples(SECOND), [973, 800]);
     machine.set_ambient(10.0, SECOND);
     let warm = machine.heat_sink_temperature(SECOND);
     let expected = 30.0 + (warm - 30.0) * (-1.0_f64).exp();
