@@ -32,6 +32,8 @@ const GRID: u64 = 5_000;
 /// * Bus voltage: trapezoidal, with the bridge's current of the step; the chopper switches at the end of a step.
 /// * Brake and input instants: exact.
 ///
+/// A second of it takes about 0.05 s of a PC with three samples in each period of 62.5 us.
+///
 /// At time zero the machine stands with the encoder at its `initial_count` (in the middle of an increment), without current, the bus
 /// charged, the bridge off, the brake engaged, everything at ambient temperature, an elastic shaft wound up by gravity.
 #[derive(Clone, Debug, PartialEq)]

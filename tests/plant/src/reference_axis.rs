@@ -50,10 +50,12 @@ impl ReferenceAxis {
     /// * Torque constant 2 Nm/A, 60 A peak: 120 Nm. Rotor 0.03 kg m² and cylinders 0.12 kg m² at the motor (ratio 4): 800 rad/s² at peak.
     /// * Friction 6 Nm + 0.05 Nm s/rad (the ink train): 9 Nm at 600 rpm.
     /// * Encoder 65 536 increments (2 048 sine periods, interpolated): 0.0055 degree.
-    /// * Gains: velocity loop crossing at 250 rad/s: Kp = 250 * 0.15 / 2 = 18.8 A s/rad; Tn = 4 / 250 = 16 ms; Kv = 250 / 4 = 62.5 1/s = 3.75 * 1000/min.
-    /// * Windings: 4 pole pairs, so flux 2 / (1.5 * 4) = 0.333 Vs. 50 Nm at standstill (25 A) leave 1.5 * 0.35 * 25² = 330 W in 0.35 ohm, 3 %
+    /// * Gains: velocity loop crossing at 250 rad/s: Kp = 250 * 0.15 / 2 = 18.8 A s/rad; Tn = 4 / 250 = 16 ms; Kv = 250 / 4 = 62.5 1/s =
+    ///   3.75 * 1000/min.
+    /// * Windings: 4 pole pairs, so flux 2 / (1.5 * 4) = 0.333 Vs. 50 Nm at standstill (25 A) leave 1.5 * 0.35 * 25² = 330 W in 0.35 ohm,
+    ///   3 %
     ///   of 10 kW. 3.8 mH give 11 ms with it, and 32 V across them at 25 A and 800 rpm. Amplitude of the EMF 1.333 V s/rad: the bus of
-    ///   560 V gives a phase 323 V and carries it to 242 rad/s = 2 310 rpm without weakening the field.
+    ///   560 V gives a phase 323 V and carries it to 242 rad/s = 2 310 rpm without weakening the field; the maximum speed is the mechanics'.
     /// * Heat: the 330 W warm the windings by 80 K with 0.24 K/W, in 20 minutes with 5 kJ/K.
     #[must_use]
     pub fn press() -> Self {
@@ -119,11 +121,14 @@ impl ReferenceAxis {
 
     /// A feed axis of a small machine tool: a 400 W class motor on a ball screw.
     ///
-    /// * Torque constant 0.48 Nm/A, 8 A peak: 3.84 Nm. Rotor 0.00003 kg m², screw and table 0.00007 kg m² at the motor: 38 400 rad/s² at peak.
+    /// * Torque constant 0.48 Nm/A, 8 A peak: 3.84 Nm. Rotor 0.00003 kg m², screw and table 0.00007 kg m² at the motor: 38 400 rad/s² at
+    ///   peak.
     /// * Friction 0.15 Nm + 0.0002 Nm s/rad.
     /// * Encoder 10 000 increments (2 500 lines): 0.036 degree.
-    /// * Gains: S-0-0100 has steps of 0.1 A s/rad; 0.1 gives a crossing at 0.1 * 0.48 / 0.0001 = 480 rad/s; Tn = 8.3 ms; Kv = 120 1/s = 7.20 * 1000/min.
-    /// * Windings: 4 pole pairs, so flux 0.48 / (1.5 * 4) = 0.08 Vs. 1.3 Nm at standstill (2.7 A) leave 1.5 * 2.4 * 2.7² = 26 W in 2.4 ohm. 6.5 mH
+    /// * Gains: S-0-0100 has steps of 0.1 A s/rad; 0.1 gives a crossing at 0.1 * 0.48 / 0.0001 = 480 rad/s; Tn = 8.3 ms; Kv = 120 1/s =
+    ///   7.20 * 1000/min.
+    /// * Windings: 4 pole pairs, so flux 0.48 / (1.5 * 4) = 0.08 Vs. 1.3 Nm at standstill (2.7 A) leave 1.5 * 2.4 * 2.7² = 26 W in 2.4
+    ///   ohm. 6.5 mH
     ///   give 2.7 ms with it. EMF 0.32 V s/rad: 168 V at 5 000 rpm, of the 185 V that a bus of 320 V gives a phase.
     /// * Heat: the 26 W warm the windings by 80 K with 3 K/W, in 10 minutes with 200 J/K.
     #[must_use]
@@ -180,12 +185,15 @@ impl ReferenceAxis {
     /// A stiff axis of a precision machine, with which accuracy is measured: a 1 kW class motor coupled to a rotary table.
     ///
     /// * Torque constant 1.2 Nm/A, 20 A peak: 24 Nm. Rotor 0.0008 kg m², table 0.0016 kg m²: 10 000 rad/s² at peak.
-    /// * Shaft 100 000 Nm/rad: the motor swings against the table at sqrt(100 000 * (1 / 0.0008 + 1 / 0.0016)) = 13 700 rad/s = 2 180 Hz, with
+    /// * Shaft 100 000 Nm/rad: the motor swings against the table at sqrt(100 000 * (1 / 0.0008 + 1 / 0.0016)) = 13 700 rad/s = 2 180 Hz,
+    ///   with
     ///   a damping ratio of 0.5 * 1.5 * 1 875 / 13 700 = 0.10.
     /// * Friction 0.08 Nm + 0.0005 Nm s/rad: rolling bearings without seals.
     /// * Encoder 1 048 576 increments (2 048 sine periods, interpolated): 1.2 seconds of arc.
-    /// * Gains: velocity loop crossing at 600 rad/s: Kp = 600 * 0.0024 / 1.2 = 1.2 A s/rad; Tn = 4 / 600 = 6.7 ms; Kv = 600 / 4 = 150 1/s = 9.00 * 1000/min.
-    /// * Windings: 5 pole pairs, so flux 1.2 / (1.5 * 5) = 0.16 Vs. 6 Nm at standstill (5 A) leave 1.5 * 1 * 5² = 38 W in 1 ohm. 5 mH give 5 ms with
+    /// * Gains: velocity loop crossing at 600 rad/s: Kp = 600 * 0.0024 / 1.2 = 1.2 A s/rad; Tn = 4 / 600 = 6.7 ms; Kv = 600 / 4 = 150 1/s
+    ///   = 9.00 * 1000/min.
+    /// * Windings: 5 pole pairs, so flux 1.2 / (1.5 * 5) = 0.16 Vs. 6 Nm at standstill (5 A) leave 1.5 * 1 * 5² = 38 W in 1 ohm. 5 mH
+    ///   give 5 ms with
     ///   it. EMF 0.8 V s/rad: 168 V at 2 000 rpm, of the 185 V that a bus of 320 V gives a phase. 1 kW are 4.8 Nm at 2 000 rpm.
     /// * Heat: the 38 W warm the windings by 76 K with 2 K/W, in 20 minutes with 600 J/K.
     #[must_use]
@@ -242,14 +250,18 @@ impl ReferenceAxis {
     /// A vertical ball screw axis with a holding brake: a 750 W class motor that falls when nothing holds it.
     ///
     /// * Torque constant 1 Nm/A, 15 A peak: 15 Nm; 5 Nm at standstill.
-    /// * Gravity pulls down, against counting direction, with 30 % of that: 1.5 Nm, at 10 mm per revolution 1.5 * 2 pi / 0.01 = 942 N or 96 kg.
-    /// * Rotor with brake 0.0005 kg m². The 96 kg are 96 * (0.01 / 2 pi)² = 0.00024 kg m² and the screw has 0.00026: 0.0005 kg m². 15 000 rad/s² at peak.
+    /// * Gravity pulls down, against counting direction, with 30 % of that: 1.5 Nm, at 10 mm per revolution 1.5 * 2 pi / 0.01 = 942 N or
+    ///   96 kg.
+    /// * Rotor with brake 0.0005 kg m². The 96 kg are 96 * (0.01 / 2 pi)² = 0.00024 kg m² and the screw has 0.00026: 0.0005 kg m². 15 000
+    ///   rad/s² at peak.
     /// * Screw 8 000 Nm/rad: the motor swings against it at sqrt(8 000 * 2 / 0.0005) = 5 660 rad/s = 900 Hz, damping ratio 0.07.
     /// * Friction 0.25 Nm + 0.001 Nm s/rad (preloaded nut): less than gravity, the axis falls by itself.
     /// * Brake 9 Nm, six times gravity; releases in 40 ms, engages in 25 ms.
     /// * Encoder 131 072 increments: 0.08 um.
-    /// * Gains: velocity loop crossing at 300 rad/s: Kp = 300 * 0.001 / 1 = 0.3 A s/rad; Tn = 4 / 300 = 13.3 ms; Kv = 300 / 4 = 75 1/s = 4.50 * 1000/min.
-    /// * Windings: 5 pole pairs, so flux 1 / (1.5 * 5) = 0.133 Vs. 5 A leave 1.5 * 1.1 * 5² = 41 W in 1.1 ohm. 4.4 mH give 4 ms with it. EMF 0.667 V s/rad:
+    /// * Gains: velocity loop crossing at 300 rad/s: Kp = 300 * 0.001 / 1 = 0.3 A s/rad; Tn = 4 / 300 = 13.3 ms; Kv = 300 / 4 = 75 1/s =
+    ///   4.50 * 1000/min.
+    /// * Windings: 5 pole pairs, so flux 1 / (1.5 * 5) = 0.133 Vs. 5 A leave 1.5 * 1.1 * 5² = 41 W in 1.1 ohm. 4.4 mH give 4 ms with it.
+    ///   EMF 0.667 V s/rad:
     ///   175 V at 2 500 rpm, of the 185 V that a bus of 320 V gives a phase.
     ///
     /// [`Self::motor`] knows neither gravity nor brake.
