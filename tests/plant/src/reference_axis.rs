@@ -53,9 +53,9 @@ impl ReferenceAxis {
     /// * Gains: velocity loop crossing at 250 rad/s: Kp = 250 * 0.15 / 2 = 18.8 A s/rad; Tn = 4 / 250 = 16 ms; Kv = 250 / 4 = 62.5 1/s =
     ///   3.75 * 1000/min.
     /// * Windings: 4 pole pairs, so flux 2 / (1.5 * 4) = 0.333 Vs. 50 Nm at standstill (25 A) leave 1.5 * 0.35 * 25² = 330 W in 0.35 ohm,
-    ///   3 %
-    ///   of 10 kW. 3.8 mH give 11 ms with it, and 32 V across them at 25 A and 800 rpm. Amplitude of the EMF 1.333 V s/rad: the bus of
-    ///   560 V gives a phase 323 V and carries it to 242 rad/s = 2 310 rpm without weakening the field; the maximum speed is the mechanics'.
+    ///   3 % of 10 kW. 3.8 mH give 11 ms with it, and 32 V across them at 25 A and 800 rpm. Amplitude of the EMF 1.333 V s/rad: the bus
+    ///   of 560 V gives a phase 323 V and carries it to 242 rad/s = 2 310 rpm without weakening the field; the maximum speed is the
+    ///   mechanics'.
     /// * Heat: the 330 W warm the windings by 80 K with 0.24 K/W, in 20 minutes with 5 kJ/K.
     #[must_use]
     pub fn press() -> Self {
@@ -128,8 +128,7 @@ impl ReferenceAxis {
     /// * Gains: S-0-0100 has steps of 0.1 A s/rad; 0.1 gives a crossing at 0.1 * 0.48 / 0.0001 = 480 rad/s; Tn = 8.3 ms; Kv = 120 1/s =
     ///   7.20 * 1000/min.
     /// * Windings: 4 pole pairs, so flux 0.48 / (1.5 * 4) = 0.08 Vs. 1.3 Nm at standstill (2.7 A) leave 1.5 * 2.4 * 2.7² = 26 W in 2.4
-    ///   ohm. 6.5 mH
-    ///   give 2.7 ms with it. EMF 0.32 V s/rad: 168 V at 5 000 rpm, of the 185 V that a bus of 320 V gives a phase.
+    ///   ohm. 6.5 mH give 2.7 ms with it. EMF 0.32 V s/rad: 168 V at 5 000 rpm, of the 185 V that a bus of 320 V gives a phase.
     /// * Heat: the 26 W warm the windings by 80 K with 3 K/W, in 10 minutes with 200 J/K.
     #[must_use]
     pub fn small_cnc() -> Self {
@@ -186,15 +185,14 @@ impl ReferenceAxis {
     ///
     /// * Torque constant 1.2 Nm/A, 20 A peak: 24 Nm. Rotor 0.0008 kg m², table 0.0016 kg m²: 10 000 rad/s² at peak.
     /// * Shaft 100 000 Nm/rad: the motor swings against the table at sqrt(100 000 * (1 / 0.0008 + 1 / 0.0016)) = 13 700 rad/s = 2 180 Hz,
-    ///   with
-    ///   a damping ratio of 0.5 * 1.5 * 1 875 / 13 700 = 0.10.
+    ///   with a damping ratio of 0.5 * 1.5 * 1 875 / 13 700 = 0.10.
     /// * Friction 0.08 Nm + 0.0005 Nm s/rad: rolling bearings without seals.
     /// * Encoder 1 048 576 increments (2 048 sine periods, interpolated): 1.2 seconds of arc.
     /// * Gains: velocity loop crossing at 600 rad/s: Kp = 600 * 0.0024 / 1.2 = 1.2 A s/rad; Tn = 4 / 600 = 6.7 ms; Kv = 600 / 4 = 150 1/s
     ///   = 9.00 * 1000/min.
     /// * Windings: 5 pole pairs, so flux 1.2 / (1.5 * 5) = 0.16 Vs. 6 Nm at standstill (5 A) leave 1.5 * 1 * 5² = 38 W in 1 ohm. 5 mH
-    ///   give 5 ms with
-    ///   it. EMF 0.8 V s/rad: 168 V at 2 000 rpm, of the 185 V that a bus of 320 V gives a phase. 1 kW are 4.8 Nm at 2 000 rpm.
+    ///   give 5 ms with it. EMF 0.8 V s/rad: 168 V at 2 000 rpm, of the 185 V that a bus of 320 V gives a phase. 1 kW are 4.8 Nm at 2 000
+    ///   rpm.
     /// * Heat: the 38 W warm the windings by 76 K with 2 K/W, in 20 minutes with 600 J/K.
     #[must_use]
     pub fn precise() -> Self {
@@ -261,8 +259,7 @@ impl ReferenceAxis {
     /// * Gains: velocity loop crossing at 300 rad/s: Kp = 300 * 0.001 / 1 = 0.3 A s/rad; Tn = 4 / 300 = 13.3 ms; Kv = 300 / 4 = 75 1/s =
     ///   4.50 * 1000/min.
     /// * Windings: 5 pole pairs, so flux 1 / (1.5 * 5) = 0.133 Vs. 5 A leave 1.5 * 1.1 * 5² = 41 W in 1.1 ohm. 4.4 mH give 4 ms with it.
-    ///   EMF 0.667 V s/rad:
-    ///   175 V at 2 500 rpm, of the 185 V that a bus of 320 V gives a phase.
+    ///   EMF 0.667 V s/rad: 175 V at 2 500 rpm, of the 185 V that a bus of 320 V gives a phase.
     ///
     /// [`Self::motor`] knows neither gravity nor brake.
     #[must_use]
