@@ -1,12 +1,40 @@
-//! Motor and load on the host: inertia, friction, torque limit, coupling and encoder.
+//! The physical part of a servo drive on the host.
 //!
-//! The model is driven by absolute simulated time in nanoseconds and is deterministic: the state is computed on a fixed grid of
-//! 10 us and at the instants when the current command changes, and nothing else. How often it is queried does not matter,
-//! and only additions, multiplications and divisions of IEEE 754 are used, so that every machine gives the same bits.
+//! [`Machine`] is the whole of it: bridge, bus, windings, brake, load and the sensors of all that, fed through duties and seen through
+//! samples. [`Motor`] leaves the electrical part out: torque follows a current command.
+//!
+//! The models are driven by absolute simulated time in nanoseconds and are deterministic: the state is computed on a fixed grid and at
+//! the instants when inputs change, and nothing else. How often it is queried does not matter, and only additions, multiplications,
+//! divisions and square roots of IEEE 754 are used, so that every machine gives the same bits.
 #![forbid(unsafe_code)]
 
+mod brake;
+mod encoder;
+mod frame;
+mod friction;
+mod inverter;
+mod machine;
+mod machine_settings;
+mod mechanics;
 mod motor;
+mod noise;
 mod reference_axis;
+mod sensors;
+mod supply;
+mod thermal;
+mod timeline;
+mod turn;
+mod windings;
 
+pub use brake::{BrakeFailure, HoldingBrake};
+pub use encoder::Encoder;
+pub use inverter::Inverter;
+pub use machine::Machine;
+pub use machine_settings::MachineSettings;
+pub use mechanics::{Load, Mechanics};
 pub use motor::{Coupling, Motor, MotorSettings};
 pub use reference_axis::{ReferenceAxis, SuggestedGains};
+pub use sensors::CurrentSensors;
+pub use supply::{Chopper, Supply};
+pub use thermal::{HeatedBody, Thermal};
+pub use windings::{Saturation, Windings};

@@ -1,6 +1,8 @@
 //! A motor with its load, fed by a current-controlled amplifier and measured by an incremental encoder.
 
-use std::collections::VecDeque;
+use crate::friction::Friction;
+use crate::timeline::{Stretch, Timeline};
+use crate::turn::Turn;
 
 /// Physical parameters of a motor and its load, in SI units at the motor shaft.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -37,9 +39,7 @@ pub struct Coupling {
 /// State at one instant.
 #[derive(Clone, Copy, Debug, PartialEq)]
 struct State {
-    /// Whole revolutions and the rest, 0 ..= 1 revolution: no loss of resolution however far the motor turns.
-    revolutions: i64,
-    angle: f64,
+    turn: Turn,
     /// In rad/s.
     velocity: f64,
     /// Fraction of peak current that flows.
@@ -57,11 +57,9 @@ struct State {
 pub struct Motor {
     settings: MotorSettings,
     state: State,
-    /// Instant of `state`: on the grid, or that of the last input.
-    time: u64,
+    timeline: Timeline<Input, GRID>,
     command: f64,
     load_torque: f64,
-    inputs: VecDeque<(u64, Input)>,
     /// The current command after all inputs, to drop inputs that change nothing.
     last_command: f64,
 }
@@ -88,9 +86,9 @@ impl Motor {
         assert!(settings.inertia > 0.0, "inertia must be positive");
         assert!(settings.increments_per_revolution > 0, "the encoder needs increments");
         assert!(settings.coupling.is_none_or(|c| c.load_inertia > 0.0), "load inertia must be positive");
-        let angle = 0.5 / f64::from(settings.increments_per_revolution);
-        let state = State { revolutions: 0, angle, velocity: 0.0, current: 0.0, twist: 0.0, load_velocity: 0.0 };
-        Self { settings, state, time: 0, command: 0.0, load_torque: 0.0, inputs: VecDeque::new(), last_command: 0.0 }
+        let turn = Turn::start(settings.increments_per_revolution);
+        let state = State { turn, velocity: 0.0, current: 0.0, twist: 0.0, load_velocity: 0.0 };
+        Self { settings, state, timeline: Timeline::new(), command: 0.0, load_torque: 0.0, last_command: 0.0 }
     }
 
     /// The parameters.
@@ -101,25 +99,10 @@ impl Motor {
 
     /// Lets time pass until `to` nanoseconds. Earlier instants than those already reached are left alone.
     pub fn advance(&mut self, to: u64) {
-        loop {
-            let grid = (self.time / GRID + 1) * GRID;
-            match self.inputs.front() {
-                Some(&(at, input)) if at <= grid => {
-                    if at > to {
-                        return;
-                    }
-                    self.state = self.step(at.saturating_sub(self.time));
-                    self.time = self.time.max(at);
-                    self.apply(input);
-                    self.inputs.pop_front();
-                }
-                _ => {
-                    if grid > to {
-                        return;
-                    }
-                    self.state = self.step(grid - self.time);
-                    self.time = grid;
-                }
+        while let Some(Stretch { nanoseconds, input }) = self.timeline.next(to) {
+            self.state = self.step(nanoseconds);
+            if let Some(input) = input {
+                self.apply(input);
             }
         }
     }
@@ -130,41 +113,37 @@ impl Motor {
         // A repeated command is no event: the result must not depend on how often it is repeated.
         if fraction != self.last_command {
             self.last_command = fraction;
-            self.enter(Input::Current(fraction), at);
+            self.timeline.enter(Input::Current(fraction), at);
         }
     }
 
     /// Switches the current off at the instant `at`, without the time constant of the current loop: the power stage opens.
     pub fn cut_current(&mut self, at: u64) {
         self.last_command = 0.0;
-        self.enter(Input::Cut, at);
+        self.timeline.enter(Input::Cut, at);
     }
 
     /// Sets the torque with which the load drives the shaft (negative brakes positive movement), in Nm, from the instant `at` on.
     pub fn set_load_torque(&mut self, torque: f64, at: u64) {
-        self.enter(Input::LoadTorque(torque), at);
+        self.timeline.enter(Input::LoadTorque(torque), at);
     }
 
     /// Gives the shaft a velocity in rad/s at the instant `at`, load included: a start in full run.
     pub fn set_velocity(&mut self, velocity: f64, at: u64) {
-        self.enter(Input::Velocity(velocity), at);
+        self.timeline.enter(Input::Velocity(velocity), at);
     }
 
     /// The encoder counter at the instant `at`: quantised, wrapping at 2^32.
     #[must_use]
     pub fn encoder_count(&mut self, at: u64) -> u32 {
-        let state = self.state_at(at);
-        let resolution = self.settings.increments_per_revolution;
-        let increments = (state.angle * f64::from(resolution)).floor() as i64;
-        let count = state.revolutions.wrapping_mul(i64::from(resolution)).wrapping_add(increments);
-        self.settings.initial_count.wrapping_add(count as u32)
+        let turn = self.state_at(at).turn;
+        self.settings.initial_count.wrapping_add(turn.count(self.settings.increments_per_revolution))
     }
 
     /// Angle of the motor shaft since time zero in revolutions, at the instant `at`.
     #[must_use]
     pub fn angle(&mut self, at: u64) -> f64 {
-        let state = self.state_at(at);
-        state.revolutions as f64 + (state.angle - 0.5 / f64::from(self.settings.increments_per_revolution))
+        self.state_at(at).turn.since_start(self.settings.increments_per_revolution)
     }
 
     /// Velocity of the motor shaft in rad/s at the instant `at`.
@@ -182,12 +161,7 @@ impl Motor {
     /// The state at an instant, beside the grid without a trace in the state that is kept.
     fn state_at(&mut self, at: u64) -> State {
         self.advance(at);
-        self.step(at.saturating_sub(self.time))
-    }
-
-    fn enter(&mut self, input: Input, at: u64) {
-        let earliest = self.inputs.back().map_or(self.time, |&(last, _)| last);
-        self.inputs.push_back((at.max(earliest), input));
+        self.step(self.timeline.beyond(at))
     }
 
     fn apply(&mut self, input: Input) {
@@ -227,33 +201,17 @@ impl Motor {
                 (drive + shaft, shaft)
             }
         };
-        new.velocity = rub(old.velocity, outside, s, dt);
+        let friction = Friction { coulomb: s.coulomb_friction, viscous: s.viscous_friction, inertia: s.inertia };
+        new.velocity = friction.rub(old.velocity, outside, dt);
         let travel = 0.5 * (old.velocity + new.velocity) * dt / RADIANS_PER_REVOLUTION;
         if let Some(c) = s.coupling {
             new.load_velocity = old.load_velocity + (self.load_torque - shaft) / c.load_inertia * dt;
             new.twist = old.twist + (new.load_velocity - new.velocity) * dt;
         }
 
-        let angle = old.angle + travel;
-        let whole = angle.floor();
-        new.revolutions = old.revolutions + whole as i64;
-        new.angle = angle - whole;
+        new.turn = old.turn.after(travel);
         new
     }
-}
-
-/// The velocity after `dt` under an outside torque and friction; friction slows down and holds, it never drives.
-fn rub(velocity: f64, outside: f64, s: &MotorSettings, dt: f64) -> f64 {
-    let direction = if velocity != 0.0 { velocity.signum() } else { outside.signum() };
-    if velocity == 0.0 && outside.abs() <= s.coulomb_friction {
-        return 0.0;
-    }
-    let torque = outside - direction * s.coulomb_friction;
-    // Trapezoidal in the viscous part.
-    let half = 0.5 * s.viscous_friction * dt / s.inertia;
-    let next = (velocity * (1.0 - half) + torque / s.inertia * dt) / (1.0 + half);
-    let reversed = next * direction < 0.0;
-    if reversed && outside.abs() <= s.coulomb_friction { 0.0 } else { next }
 }
 
 #[cfg(test)]

@@ -1,0 +1,417 @@
+//! A servo drive's machine: power stage, motor, brake, load and sensors.
+
+use core::f64::consts::TAU;
+
+use crate::MachineSettings;
+use crate::brake::{BrakeFailure, Grip};
+use crate::encoder::{Counter, Encoder};
+use crate::frame::{Dq, Frame};
+use crate::mechanics::{Shafts, Torques};
+use crate::noise::Noise;
+use crate::sensors::{bus_sample, temperature_sample};
+use crate::supply::Bus;
+use crate::thermal::Temperatures;
+use crate::timeline::{Stretch, Timeline};
+use crate::turn::Turn;
+use crate::windings::{Flow, Surroundings};
+
+/// The integration grid in nanoseconds.
+const GRID: u64 = 5_000;
+
+/// A simulated machine, fed through the duties of its inverter and seen through the samples of its sensors.
+///
+/// Inputs carry the instant from which they hold, which may lie ahead of the queries; instants of inputs never go back.
+/// Queries never go back behind an instant that was already reached by more than one grid step.
+/// The state is computed on a grid of 5 us and where inputs change, and nothing else: how often it is queried does not matter.
+///
+/// Accuracy of a step of length `h`, each figure tested against a closed solution:
+/// * Currents at constant speed: trapezoidal. A time constant `L / R` is off by the part `(h R / L)² / 12`: 2e-6 at 1 ms, 5e-5 at 0.2 ms;
+///   the current itself by at most 0.37 times that.
+/// * A phase current's zero crossing, and with it dead time and diodes: late by at most one step.
+/// * Masses: velocities of second order, a resonance at `w` rad/s by `(h w)² / 24`: 4e-5 at 1 kHz.
+/// * Bus voltage: trapezoidal, with the bridge's current of the step; the chopper switches at the end of a step.
+/// * Brake and input instants: exact.
+///
+/// A second of it takes about 0.05 s of a PC with three samples in each period of 62.5 us.
+///
+/// At time zero the machine stands with the encoder at its `initial_count` (in the middle of an increment), without current, the bus
+/// charged, the bridge off, the brake engaged, everything at ambient temperature, an elastic shaft wound up by gravity.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Machine {
+    settings: MachineSettings,
+    state: State,
+    timeline: Timeline<Input, GRID>,
+    /// What acts from outside now.
+    outside: Outside,
+    /// What will act after all inputs, to drop inputs that change nothing.
+    last_outside: Outside,
+}
+
+/// State at one instant.
+#[derive(Clone, Copy, Debug, PartialEq)]
+struct State {
+    current: Dq,
+    bus: Bus,
+    shafts: Shafts,
+    grip: Grip,
+    counter: Counter,
+    temperatures: Temperatures,
+}
+
+/// What acts on the machine from outside, until it is changed.
+#[derive(Clone, Copy, Debug, PartialEq)]
+struct Outside {
+    duties: [f64; 3],
+    bridge: bool,
+    mains: f64,
+    load_torque: f64,
+    seized: bool,
+    brake_energised: bool,
+    brake_failure: Option<BrakeFailure>,
+    ambient: f64,
+    /// What broken current sensors show.
+    broken_sensors: [Option<u16>; 3],
+    encoder_frozen: bool,
+    index_muted: bool,
+}
+
+#[derive(Clone, Copy, Debug, PartialEq)]
+enum Input {
+    Outside(Outside),
+    Velocity(f64),
+    Slip(i32),
+}
+
+impl Machine {
+    /// A machine at time zero.
+    ///
+    /// # Panics
+    /// When a parameter makes no physical sense, such as an inertia that is not positive.
+    #[must_use]
+    pub fn new(settings: MachineSettings) -> Self {
+        settings.check();
+        let state = State {
+            current: Dq::default(),
+            bus: settings.supply.charged(),
+            shafts: settings.mechanics.together(Turn::start(settings.encoder.increments_per_revolution), 0.0),
+            grip: Grip::engaged(),
+            counter: Counter::new(),
+            temperatures: settings.thermal.cold(),
+        };
+        let outside = Outside {
+            duties: [0.5; 3],
+            bridge: false,
+            mains: settings.supply.voltage,
+            load_torque: 0.0,
+            seized: false,
+            brake_energised: false,
+            brake_failure: None,
+            ambient: settings.thermal.ambient,
+            broken_sensors: [None; 3],
+            encoder_frozen: false,
+            index_muted: false,
+        };
+        Self { settings, state, timeline: Timeline::new(), outside, last_outside: outside }
+    }
+
+    /// The parameters.
+    #[must_use]
+    pub fn settings(&self) -> &MachineSettings {
+        &self.settings
+    }
+
+    /// Lets time pass until `to` nanoseconds. Earlier instants than those already reached are left alone.
+    pub fn advance(&mut self, to: u64) {
+        while let Some(Stretch { nanoseconds, input }) = self.timeline.next(to) {
+            self.state = self.step(nanoseconds);
+            if let Some(input) = input {
+                self.apply(input);
+            }
+        }
+    }
+}
+
+/// Inputs, each from the instant `at` on.
+impl Machine {
+    /// Sets for which share of a period each phase's high-side switch is closed; limited to 0 ..= 1.
+    pub fn set_duties(&mut self, duties: [f64; 3], at: u64) {
+        self.change(at, |outside| outside.duties = duties.map(|duty| duty.clamp(0.0, 1.0)));
+    }
+
+    /// Lets the bridge switch, or opens all its switches: the current then flows on through the diodes against the bus until it is zero.
+    pub fn set_bridge(&mut self, on: bool, at: u64) {
+        self.change(at, |outside| outside.bridge = on);
+    }
+
+    /// Sets the rectified mains voltage in V; 0 is mains off.
+    pub fn set_supply(&mut self, voltage: f64, at: u64) {
+        self.change(at, |outside| outside.mains = voltage);
+    }
+
+    /// Sets the torque with which the load is driven (negative brakes positive movement), in Nm; gravity comes on top.
+    pub fn set_load_torque(&mut self, torque: f64, at: u64) {
+        self.change(at, |outside| outside.load_torque = torque);
+    }
+
+    /// Gives motor and load a velocity in rad/s at the instant `at`: a start in full run.
+    pub fn set_velocity(&mut self, velocity: f64, at: u64) {
+        self.timeline.enter(Input::Velocity(velocity), at);
+    }
+
+    /// Seizes the motor shaft, which stops at once, or lets it go.
+    pub fn block(&mut self, seized: bool, at: u64) {
+        self.change(at, |outside| outside.seized = seized);
+    }
+
+    /// Energises the brake's coil, which releases the brake, or cuts it off.
+    pub fn set_brake(&mut self, energised: bool, at: u64) {
+        self.change(at, |outside| outside.brake_energised = energised);
+    }
+
+    /// Breaks or repairs the brake.
+    pub fn fail_brake(&mut self, failure: Option<BrakeFailure>, at: u64) {
+        self.change(at, |outside| outside.brake_failure = failure);
+    }
+
+    /// Sets the ambient temperature in degrees Celsius.
+    pub fn set_ambient(&mut self, temperature: f64, at: u64) {
+        self.change(at, |outside| outside.ambient = temperature);
+    }
+
+    /// Lets the current sensor of a phase (0, 1, 2) show a fixed sample, or repairs it.
+    pub fn fail_current_sensor(&mut self, phase: usize, sample: Option<u16>, at: u64) {
+        self.change(at, |outside| {
+            if let Some(sensor) = outside.broken_sensors.get_mut(phase) {
+                *sensor = sample;
+            }
+        });
+    }
+
+    /// Freezes the encoder's counting tracks or brings them back; the counts missed meanwhile stay lost. The index goes on.
+    pub fn freeze_encoder(&mut self, frozen: bool, at: u64) {
+        self.change(at, |outside| outside.encoder_frozen = frozen);
+    }
+
+    /// Adds counts at the instant `at` that no movement has caused.
+    pub fn slip_encoder(&mut self, counts: i32, at: u64) {
+        self.timeline.enter(Input::Slip(counts), at);
+    }
+
+    /// Takes the index pulse away or brings it back.
+    pub fn mute_index(&mut self, muted: bool, at: u64) {
+        self.change(at, |outside| outside.index_muted = muted);
+    }
+
+    /// A repeated input is no event: the result must not depend on how often it is repeated.
+    fn change(&mut self, at: u64, change: impl FnOnce(&mut Outside)) {
+        let before = self.last_outside;
+        change(&mut self.last_outside);
+        if self.last_outside != before {
+            self.timeline.enter(Input::Outside(self.last_outside), at);
+        }
+    }
+}
+
+/// What sensors show at the instant `at`.
+impl Machine {
+    /// Samples of the three phase currents, positive into the motor; 2048 is 0 A.
+    #[must_use]
+    pub fn current_samples(&mut self, at: u64) -> [u16; 3] {
+        let currents = self.phase_currents(at);
+        let noise = Noise { seed: self.settings.seed };
+        let samples = self.settings.current_sensors.samples(currents, noise, at);
+        core::array::from_fn(|k| self.outside.broken_sensors[k].unwrap_or(samples[k]))
+    }
+
+    /// Sample of the bus voltage; 4096 would be `bus_range`.
+    #[must_use]
+    pub fn bus_sample(&mut self, at: u64) -> u16 {
+        bus_sample(self.state_at(at).bus.voltage, self.settings.bus_range)
+    }
+
+    /// Samples of the temperatures of heat sink and motor: 500 at 0 degrees Celsius, 10 per kelvin.
+    #[must_use]
+    pub fn temperature_samples(&mut self, at: u64) -> [u16; 2] {
+        let temperatures = self.state_at(at).temperatures;
+        [temperatures.heat_sink, temperatures.winding].map(temperature_sample)
+    }
+
+    /// The encoder counter: quantised, wrapping at 2^32.
+    #[must_use]
+    pub fn encoder_count(&mut self, at: u64) -> u32 {
+        let state = self.state_at(at);
+        self.settings.encoder.count(state.counter, state.shafts.turn)
+    }
+
+    /// The count at the last rising edge of the index, exactly where it lies; `None` before the first.
+    #[must_use]
+    pub fn index_count(&mut self, at: u64) -> Option<u32> {
+        self.state_at(at).counter.latch()
+    }
+
+    /// Number of rising edges of the index; wraps.
+    #[must_use]
+    pub fn index_pulses(&mut self, at: u64) -> u32 {
+        self.state_at(at).counter.pulses()
+    }
+}
+
+/// What is true at the instant `at`.
+impl Machine {
+    /// Angle of the motor shaft since time zero in revolutions.
+    #[must_use]
+    pub fn angle(&mut self, at: u64) -> f64 {
+        let resolution = self.settings.encoder.increments_per_revolution;
+        self.state_at(at).shafts.turn.since_start(resolution)
+    }
+
+    /// Angle of the load in revolutions, on the motor's scale.
+    #[must_use]
+    pub fn load_angle(&mut self, at: u64) -> f64 {
+        self.angle(at) + self.state_at(at).shafts.lead_of_load()
+    }
+
+    /// Velocity of the motor shaft in rad/s.
+    #[must_use]
+    pub fn velocity(&mut self, at: u64) -> f64 {
+        self.state_at(at).shafts.velocity
+    }
+
+    /// Torque of the motor in Nm, without friction and brake.
+    #[must_use]
+    pub fn torque(&mut self, at: u64) -> f64 {
+        let current = self.state_at(at).current;
+        self.settings.windings.torque(current)
+    }
+
+    /// Phase currents in A, positive into the motor.
+    #[must_use]
+    pub fn phase_currents(&mut self, at: u64) -> [f64; 3] {
+        let state = self.state_at(at);
+        self.frame(state.shafts.turn.part).phases(state.current)
+    }
+
+    /// Currents along and across the magnet in A, amplitudes of the phase current.
+    #[must_use]
+    pub fn dq_currents(&mut self, at: u64) -> [f64; 2] {
+        let Dq { d, q } = self.state_at(at).current;
+        [d, q]
+    }
+
+    /// Bus voltage in V.
+    #[must_use]
+    pub fn bus_voltage(&mut self, at: u64) -> f64 {
+        self.state_at(at).bus.voltage
+    }
+
+    /// Temperature of the windings in degrees Celsius.
+    #[must_use]
+    pub fn winding_temperature(&mut self, at: u64) -> f64 {
+        self.state_at(at).temperatures.winding
+    }
+
+    /// Temperature of the heat sink in degrees Celsius.
+    #[must_use]
+    pub fn heat_sink_temperature(&mut self, at: u64) -> f64 {
+        self.state_at(at).temperatures.heat_sink
+    }
+
+    /// Whether there is a brake and its torque has built up.
+    #[must_use]
+    pub fn brake_holds(&mut self, at: u64) -> bool {
+        self.settings.brake.is_some() && self.state_at(at).grip.holds()
+    }
+
+    /// Torque in Nm that the brake can hold.
+    #[must_use]
+    pub fn brake_torque(&mut self, at: u64) -> f64 {
+        let grip = self.state_at(at).grip;
+        self.settings.brake.map_or(0.0, |brake| brake.torque(grip, self.outside.brake_failure))
+    }
+
+    /// The state at an instant, beside the grid without a trace in the state that is kept.
+    fn state_at(&mut self, at: u64) -> State {
+        self.advance(at);
+        self.step(self.timeline.beyond(at))
+    }
+}
+
+/// The passing of time.
+impl Machine {
+    fn apply(&mut self, input: Input) {
+        let state = &mut self.state;
+        match input {
+            Input::Velocity(velocity) => {
+                state.shafts = self.settings.mechanics.together(state.shafts.turn, velocity);
+            }
+            Input::Slip(counts) => state.counter = Encoder::slip(state.counter, counts),
+            Input::Outside(outside) => {
+                if outside.encoder_frozen != self.outside.encoder_frozen {
+                    let turn = state.shafts.turn;
+                    state.counter = self.settings.encoder.freeze(state.counter, turn, outside.encoder_frozen);
+                }
+                if let Some(brake) = &self.settings.brake {
+                    state.grip = brake.switch(state.grip, outside.brake_energised, outside.brake_failure);
+                }
+                self.outside = outside;
+            }
+        }
+        if self.outside.seized {
+            self.state.shafts.velocity = 0.0;
+        }
+    }
+
+    fn step(&self, nanoseconds: u64) -> State {
+        if nanoseconds == 0 {
+            return self.state;
+        }
+        let dt = nanoseconds as f64 * 1e-9;
+        let (settings, outside, old) = (&self.settings, &self.outside, &self.state);
+
+        let flow = self.flow(dt);
+        let grip = settings.brake.map_or(old.grip, |brake| brake.step(old.grip, dt));
+        let torques = Torques {
+            motor: settings.windings.torque(flow.mean),
+            load: outside.load_torque,
+            brake: settings.brake.map_or(0.0, |brake| {
+                let torque = |grip| brake.torque(grip, outside.brake_failure);
+                0.5 * (torque(old.grip) + torque(grip))
+            }),
+        };
+        let shafts = settings.mechanics.step(old.shafts, torques, outside.seized, dt);
+        let (from, to) = (old.shafts.turn, shafts.turn);
+        State {
+            current: flow.end,
+            bus: settings.supply.step(old.bus, outside.mains, flow.drawn, dt),
+            shafts,
+            grip,
+            counter: settings.encoder.pass(old.counter, from, to, outside.index_muted),
+            temperatures: settings.thermal.step(
+                old.temperatures,
+                (flow.winding_loss, flow.inverter_loss),
+                outside.ambient,
+                dt,
+            ),
+        }
+    }
+
+    fn flow(&self, dt: f64) -> Flow {
+        let (settings, outside, state) = (&self.settings, &self.outside, &self.state);
+        let velocity = state.shafts.velocity;
+        let surroundings = Surroundings {
+            resistance: settings.windings.resistance_at(state.temperatures.winding),
+            speed: velocity * f64::from(settings.windings.pole_pairs),
+            frame: self.frame(state.shafts.turn.part + 0.5 * velocity * dt / TAU),
+            terminals: settings.inverter.terminals(outside.bridge, &outside.duties),
+            bus: state.bus.voltage,
+            dt,
+        };
+        settings.windings.step(state.current, &surroundings)
+    }
+
+    /// The rotor's frame with the shaft at an angle in revolutions.
+    fn frame(&self, angle: f64) -> Frame {
+        let pole_pairs = f64::from(self.settings.windings.pole_pairs);
+        Frame::at(pole_pairs * (angle + self.settings.encoder.electrical_zero))
+    }
+}

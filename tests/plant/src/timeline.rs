@@ -1,0 +1,79 @@
+//! Time on a fixed grid, cut where inputs change.
+
+use std::collections::VecDeque;
+
+/// The instants at which a model computes its state: every multiple of `GRID` nanoseconds, and where an input begins to hold.
+#[derive(Clone, Debug, PartialEq)]
+pub(crate) struct Timeline<I, const GRID: u64> {
+    /// Instant of the model's state.
+    time: u64,
+    /// Inputs that lie ahead, in the order of their instants.
+    inputs: VecDeque<(u64, I)>,
+}
+
+/// A stretch of time without change from outside, and what holds after it.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) struct Stretch<I> {
+    pub(crate) nanoseconds: u64,
+    pub(crate) input: Option<I>,
+}
+
+impl<I, const GRID: u64> Timeline<I, GRID> {
+    /// Begins at time zero.
+    pub(crate) fn new() -> Self {
+        Self { time: 0, inputs: VecDeque::new() }
+    }
+
+    /// Queues an input for the instant `at`; what lies behind the last input or the state's instant holds from there.
+    pub(crate) fn enter(&mut self, input: I, at: u64) {
+        let earliest = self.inputs.back().map_or(self.time, |(last, _)| *last);
+        self.inputs.push_back((at.max(earliest), input));
+    }
+
+    /// Passes the next stretch that ends at `to` or earlier; `None` leaves less than that to [`Self::beyond`].
+    pub(crate) fn next(&mut self, to: u64) -> Option<Stretch<I>> {
+        let grid = (self.time / GRID + 1) * GRID;
+        let input_at = self.inputs.front().map(|(at, _)| *at).filter(|at| *at <= grid);
+        let end = input_at.unwrap_or(grid);
+        if end > to {
+            return None;
+        }
+        let nanoseconds = end - self.time;
+        self.time = end;
+        let input = input_at.and_then(|_| self.inputs.pop_front()).map(|(_, input)| input);
+        Some(Stretch { nanoseconds, input })
+    }
+
+    /// Nanoseconds from the state's instant to `at`.
+    pub(crate) fn beyond(&self, at: u64) -> u64 {
+        at.saturating_sub(self.time)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn stretches(timeline: &mut Timeline<char, 10>, to: u64) -> Vec<(u64, Option<char>)> {
+        core::iter::from_fn(|| timeline.next(to)).map(|stretch| (stretch.nanoseconds, stretch.input)).collect()
+    }
+
+    #[test]
+    fn the_grid_is_cut_where_inputs_begin() {
+        let mut timeline = Timeline::new();
+        timeline.enter('a', 13);
+        timeline.enter('b', 20);
+        assert_eq!(stretches(&mut timeline, 12), [(10, None)]);
+        assert_eq!(timeline.beyond(12), 2);
+        assert_eq!(stretches(&mut timeline, 31), [(3, Some('a')), (7, Some('b')), (10, None)]);
+        assert_eq!(timeline.beyond(31), 1);
+    }
+
+    #[test]
+    fn an_input_that_comes_late_holds_from_the_last_one() {
+        let mut timeline = Timeline::new();
+        timeline.enter('a', 7);
+        timeline.enter('b', 3);
+        assert_eq!(stretches(&mut timeline, 9), [(7, Some('a')), (0, Some('b'))]);
+    }
+}

@@ -1,0 +1,111 @@
+//! Time: what the state depends on, and what it does not.
+
+mod common;
+
+use common::{MICROSECOND, MILLISECOND, SECOND, assert_near, duties, ideal};
+use plant::{Load, Machine, MachineSettings, ReferenceAxis};
+
+/// A machine with every imperfection at once.
+fn imperfect() -> MachineSettings {
+    let load = Load { inertia: 0.000_5, stiffness: 8_000.0, damping: 0.2, backlash: 0.001 };
+    let mut settings = ReferenceAxis::vertical().machine;
+    settings.mechanics.load = Some(load);
+    settings
+}
+
+/// Every number that a machine shows.
+fn bits(machine: &mut Machine, at: u64) -> Vec<u64> {
+    let [d, q] = machine.dq_currents(at);
+    let [a, b, c] = machine.current_samples(at).map(u64::from);
+    let numbers = [
+        machine.angle(at),
+        machine.load_angle(at),
+        machine.velocity(at),
+        machine.torque(at),
+        d,
+        q,
+        machine.bus_voltage(at),
+        machine.winding_temperature(at),
+        machine.heat_sink_temperature(at),
+        machine.brake_torque(at),
+    ];
+    let mut bits: Vec<u64> = numbers.iter().map(|number| number.to_bits()).collect();
+    bits.extend([a, b, c, u64::from(machine.encoder_count(at)), u64::from(machine.index_pulses(at))]);
+    bits
+}
+
+#[test]
+fn the_result_does_not_depend_on_how_often_it_is_asked() {
+    let run = |step: u64| {
+        let mut machine = Machine::new(imperfect());
+        machine.set_bridge(true, 0);
+        machine.set_brake(true, 0);
+        machine.set_velocity(50.0, 70 * MILLISECOND);
+        machine.set_bridge(false, 90 * MILLISECOND + 17);
+        for n in 0..1_600_u64 {
+            let at = n * 62_500 + 3_333;
+            let duties = duties(30.0, n as f64 * 0.013);
+            machine.set_duties(duties, at);
+            let mut asked = at;
+            while asked < at + 62_500 {
+                let _ = bits(&mut machine, asked);
+                machine.set_duties(duties, asked);
+                machine.set_brake(true, asked);
+                asked += step;
+            }
+        }
+        bits(&mut machine, 101 * MILLISECOND)
+    };
+    let reference = run(62_500);
+    for step in [2_777, 4_999, 5_000, 31_250] {
+        assert_eq!(run(step), reference, "asked every {step} ns");
+    }
+}
+
+#[test]
+fn an_input_ahead_of_time_waits_for_it() {
+    let at = 123 * MICROSECOND + 456;
+    let mut machine = Machine::new(ideal());
+    machine.set_bridge(true, at);
+    machine.set_duties(duties(100.0, 0.0), at);
+    machine.set_supply(200.0, at + SECOND);
+    assert_eq!(machine.dq_currents(at), [0.0, 0.0]);
+    // 100 A/ms
+    assert_near(machine.dq_currents(at + 1_000)[0], 0.1, 1e-4);
+    // The same with the inputs entered in time.
+    let mut late = Machine::new(ideal());
+    late.advance(at);
+    late.set_bridge(true, at);
+    late.set_duties(duties(100.0, 0.0), at);
+    assert_eq!(bits(&mut late, 10 * MILLISECOND), bits(&mut machine, 10 * MILLISECOND));
+}
+
+#[test]
+fn an_input_that_comes_late_holds_from_the_last_one_on() {
+    let mut machine = Machine::new(ideal());
+    machine.set_load_torque(1.0, 2 * MILLISECOND);
+    machine.set_load_torque(0.0, MILLISECOND);
+    assert_eq!(machine.velocity(10 * MILLISECOND), 0.0);
+}
+
+#[test]
+fn queries_leave_no_trace_in_a_copy() {
+    let mut asked = Machine::new(imperfect());
+    asked.set_bridge(true, 0);
+    asked.set_duties(duties(20.0, 0.1), 0);
+    let mut silent = asked.clone();
+    for at in (0..MILLISECOND).step_by(1_111) {
+        let _ = bits(&mut asked, at);
+    }
+    asked.advance(MILLISECOND);
+    silent.advance(MILLISECOND);
+    assert_eq!(asked, silent);
+}
+
+#[test]
+#[should_panic(expected = "inertia must be positive")]
+fn a_machine_without_inertia_makes_no_sense() {
+    let mut settings = ideal();
+    settings.mechanics.rotor_inertia = 0.0;
+    let _ = Machine::new(settings);
+}
