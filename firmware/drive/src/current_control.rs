@@ -22,6 +22,7 @@ pub struct CurrentOrder {
 
 /// Everything the current loop needs of the parameters.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub struct CurrentSettings {
     /// Gains.
     pub current_loop: CurrentLoopSettings,
@@ -81,9 +82,7 @@ impl<P: PowerStage> CurrentControl<P> {
         self.count = count;
         self.take_settings();
         let order = CurrentOrder::from_words(self.link.command.read());
-        // A tick is trimmed in its first period, and what is set in a cycle holds for the next one.
-        let before_first = !cycle.first || self.settings.frequency == PwmFrequency::Khz8;
-        self.stage.trim(if before_first { order.trim } else { 0 });
+        self.stage.trim(order.trim);
         if order.on {
             self.regulate(&order.command, &samples, moved, cycle.late);
         } else {
@@ -138,12 +137,7 @@ impl<P: PowerStage> CurrentControl<P> {
         let sent = self.link.settings.sent();
         if sent != self.settings_read {
             self.settings_read = sent;
-            let settings = CurrentSettings::from_words(self.link.settings.read());
-            if settings.frequency != self.settings.frequency {
-                self.stage.set_frequency(settings.frequency);
-                self.stage.set_compare([settings.frequency.reload() / 2; 3]);
-            }
-            self.settings = settings;
+            self.settings = CurrentSettings::from_words(self.link.settings.read());
         }
     }
 

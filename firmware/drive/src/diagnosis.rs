@@ -55,6 +55,28 @@ bitflags! {
     pub struct Manufacturer1: u16 {
         /// The amplifier reported a fault while torque was on.
         const AMPLIFIER_FAULT = 1 << 0;
+        /// The phase currents do not add up to nothing.
+        const CURRENT_SENSOR = 1 << 1;
+        /// The current loop came too late twice in a row.
+        const DEADLINE = 1 << 2;
+        /// The holding brake does not do what it is told.
+        const BRAKE = 1 << 3;
+        /// Safe torque off took the torque away.
+        const SAFE_TORQUE_OFF = 1 << 4;
+        /// The two channels of safe torque off contradict each other.
+        const SAFE_TORQUE_CHANNELS = 1 << 5;
+        /// The motor turned faster than its highest speed.
+        const OVERSPEED = 1 << 6;
+        /// The loops lost the rhythm of the ring while torque was on.
+        const SYNCHRONISATION = 1 << 7;
+        /// A temperature sensor is outside its range.
+        const TEMPERATURE_SENSOR = 1 << 8;
+        /// The search for the commutation angle: the motor does not move.
+        const ALIGNMENT_NO_MOVEMENT = 1 << 9;
+        /// The search for the commutation angle: encoder and motor phases turn against each other.
+        const ALIGNMENT_DIRECTION = 1 << 10;
+        /// The search for the commutation angle failed otherwise.
+        const ALIGNMENT = 1 << 11;
     }
 }
 
@@ -68,6 +90,8 @@ bitflags! {
         const TELEGRAM_LOST = 1 << 1;
         /// The amplifier reports a fault; torque is off.
         const AMPLIFIER_NOT_READY = 1 << 2;
+        /// The zero of the current sensors is not known yet, or not believable.
+        const NOT_CALIBRATED = 1 << 3;
     }
 }
 

@@ -23,11 +23,11 @@ pub struct FeedbackValues {
 
 impl FeedbackValues {
     /// Keeps what the loops gave in their last tick; it is weighted when it is asked for.
-    pub(crate) fn take_output(&mut self, output: &AxisOutput) {
+    pub(crate) fn take_output(&mut self, output: &AxisOutput, current: CurrentFraction) {
         self.measured_velocity = output.velocity;
         self.velocity_deviation = output.velocity_command - output.velocity;
         self.following_error = output.following_error;
-        self.current = output.current;
+        self.current = current;
     }
 
     /// S-0-0084 as it is transmitted, limited to 16 bits.

@@ -1,7 +1,5 @@
 //! What the drive needs of the board: two traits, one for the tasks of the loop tick, one for the current loop above them.
 
-use servo::current::PwmFrequency;
-
 /// The motor side of a board, as the tasks of the loop tick see it.
 ///
 /// Every call is a few register accesses; none may wait.
@@ -13,16 +11,12 @@ pub trait Hardware {
     /// on the given line: the feedback value of t4 without software jitter.
     fn encoder_latch(&mut self, line: InterruptLine) -> u32;
 
-    /// The time at which the hardware saw the last edge of this line, in counts of a free-running clock of the board. Read with the
-    /// latch, before the interrupt is acknowledged.
-    fn edge_time(&mut self, line: InterruptLine) -> u16;
+    /// Phase of the last edge of this line: time from the beginning of its loop tick, in counts of [`Hardware::LOOP_TIMER_COUNTS`] to
+    /// the tick, as the hardware captured it. Read with the latch, before the interrupt is acknowledged.
+    fn edge_phase(&mut self, line: InterruptLine) -> u16;
 
-    /// The present time in the unit of [`Hardware::edge_time`].
-    fn time_now(&mut self) -> u16;
-
-    /// Time from the last loop tick before it to an instant of [`Hardware::edge_time`], at most 300 us ago, in counts of
-    /// [`Hardware::LOOP_TIMER_COUNTS`] to the tick.
-    fn phase_of(&mut self, edge_time: u16) -> u16;
+    /// Phase of the present instant.
+    fn phase_now(&mut self) -> u16;
 
     /// All digital inputs at the same instant.
     fn inputs(&mut self) -> Inputs;
@@ -30,8 +24,11 @@ pub trait Hardware {
     /// Lets the bridge switch, or switches all six transistors off. On has no effect while a break input holds the bridge off.
     fn set_bridge(&mut self, on: bool);
 
-    /// Whether the bridge switches. It does not any more after a break, whatever was set.
+    /// Whether the bridge switches. It does not any more after a break or a trip of the current loop, whatever was set.
     fn bridge_is_on(&mut self) -> bool;
+
+    /// Forgets a break or a trip whose cause is gone: the bridge may be set on again.
+    fn reset_bridge(&mut self);
 
     /// Current through the coil of the holding brake: `true` opens the brake.
     fn set_brake(&mut self, open: bool);
@@ -71,11 +68,8 @@ pub trait PowerStage {
     /// Compare values of the three phases, 0 (low side) to the reload value (high side); they act from the next bottom of the period on.
     fn set_compare(&mut self, counts: [u16; 3]);
 
-    /// Lengthens the next period by so many counts of [`Hardware::LOOP_TIMER_COUNTS`].
+    /// Lengthens loop ticks by so many counts of [`Hardware::LOOP_TIMER_COUNTS`] from the next period on; set in every cycle.
     fn trim(&mut self, counts: i16);
-
-    /// Another rate of the modulation; only while the bridge is off.
-    fn set_frequency(&mut self, frequency: PwmFrequency);
 
     /// Switches all six transistors off, at once.
     fn switch_off(&mut self);

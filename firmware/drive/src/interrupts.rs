@@ -55,6 +55,7 @@ impl<B: Bus + Clone> Interrupts<B> {
     /// 3 to 8 bus accesses once the chip is learned, up to 17 before.
     pub fn take<H: Hardware>(&mut self, line: InterruptLine, motion: &mut Motion<B, H>) -> Work {
         let latch = motion.latch(line);
+        motion.take_edge(line);
         let events = self.chip.take();
         self.interrupted = true;
         if events.capture_feedback {

@@ -2,6 +2,7 @@
 //!
 //! | struct | priority | tasks |
 //! |---|---|---|
+//! | [`CurrentControl`] | highest | `current_loop` (62.5 us) |
 //! | [`Interrupts`] | high | both interrupt lines of the ring controller |
 //! | [`Motion`] | high | `command_valid` (t3), `capture_feedback` (t4), `control_loop` (125 us) |
 //! | [`Communication`] | low | `phase_change`, `service_channel` |
@@ -27,14 +28,17 @@ extern crate std;
 mod access;
 mod bits;
 mod communication;
+mod current_control;
 mod diagnosis;
 mod error_memory;
 mod feedback;
 mod hardware;
 mod identity;
 mod interrupts;
+mod link;
 mod live;
 mod motion;
+mod motor;
 mod mst;
 mod record;
 mod settings;
@@ -50,12 +54,16 @@ pub use diagnosis::{
 };
 pub use error_memory::{ERRORS, ErrorMemory, ErrorRecord};
 pub use feedback::FeedbackValues;
-pub use hardware::{Amplifier, Hardware, InterruptLine, LOOP_PERIOD_MICROSECONDS, ResetCause};
+pub use current_control::{CurrentControl, CurrentOrder, CurrentSettings};
+pub use hardware::{
+    Cycle, Hardware, Inputs, InterruptLine, LOOP_PERIOD_MICROSECONDS, PowerStage, ProbeInput, ResetCause, Samples,
+};
 pub use identity::{DriveAddress, Identity};
 pub use interrupts::Interrupts;
+pub use link::CurrentLink;
 pub use motion::{CommandValues, Motion};
 pub use record::{Command, Feedback, MOST_SIGNALS, Records};
-pub use settings::{InvalidSetting, MotionSettings, OperationMode, Polarity};
+pub use settings::{InvalidSetting, MotionSettings, MotorSettings, OperationMode, Polarity, Reaction};
 pub use snapshot::Snapshot;
 pub use state::{Conditions, DriveState, StateMachine, Switches, status_bits};
 pub use work::Work;
@@ -63,9 +71,11 @@ pub use work::Work;
 use sercon816::Bus;
 use sercos::parameters::Parameters;
 
-/// The three parts of a drive; each belongs to the tasks of one priority.
+/// The four parts of a drive; each belongs to the tasks of one priority.
 #[derive(Debug)]
-pub struct Drive<B, H> {
+pub struct Drive<B, H, P: 'static> {
+    /// The current loop.
+    pub current: CurrentControl<P>,
     /// The interrupt lines.
     pub interrupts: Interrupts<B>,
     /// Phases and service channel.
@@ -74,19 +84,23 @@ pub struct Drive<B, H> {
     pub motion: Motion<B, H>,
 }
 
-/// A drive with the default parameters, torque-free; the chip is not touched before [`Communication::start`].
+/// A drive with the default parameters, torque-free; the chip is not touched before [`Communication::start`]. `link` is its own, for the
+/// current loop.
 ///
 /// # Errors
 /// The defaults do not make a drive with this board's loop timer (a mistake in the table or the board, found by tests).
-pub fn new<B: Bus + Clone, H: Hardware>(
+pub fn new<B: Bus + Clone, H: Hardware, P: PowerStage>(
     bus: B,
     hardware: H,
+    stage: P,
+    link: &'static CurrentLink,
     identity: Identity,
-) -> Result<Drive<B, H>, InvalidSetting> {
+) -> Result<Drive<B, H, P>, InvalidSetting> {
     let settings = MotionSettings::new(&Parameters::new(), H::LOOP_TIMER_COUNTS)?;
     Ok(Drive {
+        current: CurrentControl::new(stage, link, settings.motor.current),
         interrupts: Interrupts::new(bus.clone()),
         communication: Communication::new(bus.clone(), identity),
-        motion: Motion::new(bus, identity.address.get(), hardware, settings),
+        motion: Motion::new(bus, identity.address.get(), hardware, link, settings),
     })
 }

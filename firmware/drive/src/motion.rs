@@ -1,4 +1,5 @@
-//! The hot tasks: command values at t3, feedback at t4, the loops every 125 us.
+//! The hot tasks of the loop tick: command values at t3, feedback at t4, the loops every 125 us. The current loop runs above them,
+//! see [`crate::CurrentControl`].
 //!
 //! All three run at one priority and share [`Motion`] without locks. The background tasks (phase change, service channel)
 //! take it under a short lock to hand over settings or to read a snapshot.
@@ -8,7 +9,7 @@ use sercos::Phase;
 use sercos::diagnostic::{Class1, Class2, Class3};
 use sercos::phase::PhaseError;
 use sercos::supervision::Supervision;
-use servo::{Axis, CurrentFraction, Encoder, LoopClock, Mode};
+use servo::{Axis, CurrentFraction, Encoder, Limiting, LoopClock, Mode, Position, Velocity};
 
 mod background;
 mod cycle;
@@ -16,12 +17,17 @@ mod words;
 
 use crate::diagnosis::{Manufacturer1, Manufacturer2, Manufacturer3};
 use crate::feedback::FeedbackValues;
-use crate::hardware::{Amplifier, Hardware, InterruptLine};
+use crate::hardware::{Hardware, Inputs, InterruptLine};
+use crate::link::CurrentLink;
+use crate::motor::{Findings, Motor, Progress, Sequence, SequenceInputs, Surroundings};
 use crate::mst::MstMonitor;
 use crate::record::Records;
-use crate::settings::{MotionSettings, OperationMode};
+use crate::settings::{MotionSettings, OperationMode, Reaction};
 use crate::state::{Conditions, DriveState, StateMachine, Switches};
 use crate::work::Work;
+
+/// So long the two channels of safe torque off may differ, in loop ticks: relays do not switch at the same instant.
+const CHANNELS_DIFFER_TICKS: u16 = 800;
 
 /// The cyclic command values as they came last, each in the weight of its IDN.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -64,7 +70,20 @@ pub struct Motion<B, H> {
     clock: LoopClock,
     records: Records,
     machine: StateMachine,
-    amplifier: Amplifier,
+    motor: Motor,
+    inputs: Inputs,
+    progress: Progress,
+    /// The bridge as it was last set.
+    bridge_on: bool,
+    /// What the loops gave in the last tick.
+    torque_command: CurrentFraction,
+    velocity_command: Velocity,
+    /// What limits the drive right now (P-0-0160).
+    limiting: Limiting,
+    /// Ticks for which the two channels of safe torque off have differed.
+    channels_differ: u16,
+    /// Phase of the last edge that may have been t3.
+    edge_phase: u16,
     switches: Switches,
     mode: Option<OperationMode>,
     phase: Phase,
@@ -112,11 +131,17 @@ pub struct Motion<B, H> {
 
 impl<B: Bus + Clone, H: Hardware> Motion<B, H> {
     /// A motor side at rest: torque-free, CP0, position zero where the encoder stands.
-    pub fn new(bus: B, address: u8, mut hardware: H, settings: MotionSettings) -> Self {
+    pub fn new(
+        bus: B,
+        address: u8,
+        mut hardware: H,
+        link: &'static CurrentLink,
+        settings: MotionSettings,
+    ) -> Self {
         let encoder = Encoder::new(settings.encoder, hardware.encoder_count());
-        hardware.set_current(CurrentFraction::ZERO);
-        hardware.set_amplifier(false);
-        let amplifier = hardware.amplifier();
+        hardware.set_bridge(false);
+        hardware.set_brake(false);
+        let inputs = hardware.inputs();
         Self {
             hardware,
             command_port: CommandPort::new(bus.clone(), address),
@@ -128,7 +153,15 @@ impl<B: Bus + Clone, H: Hardware> Motion<B, H> {
             settings,
             records: Records::default(),
             machine: StateMachine::default(),
-            amplifier,
+            motor: Motor::new(link, settings.motor),
+            inputs,
+            progress: Progress::default(),
+            bridge_on: false,
+            torque_command: CurrentFraction::ZERO,
+            velocity_command: Velocity::ZERO,
+            limiting: Limiting::empty(),
+            channels_differ: 0,
+            edge_phase: 0,
             switches: Switches::default(),
             mode: None,
             phase: Phase::Cp0,
@@ -181,8 +214,7 @@ impl<B: Bus + Clone, H: Hardware> Motion<B, H> {
                 Work::empty()
             }
             Phase::Cp3 | Phase::Cp4 => {
-                let phase_of_timer = self.hardware.loop_timer_phase();
-                self.clock.on_t3(phase_of_timer);
+                self.clock.on_t3(self.edge_phase);
                 self.ticks_since_t3 = 0;
                 self.take_cycle()
             }
@@ -210,25 +242,37 @@ impl<B: Bus + Clone, H: Hardware> Motion<B, H> {
         }
     }
 
-    /// Task of the loop timer, every 125 us: measures, steps the state machine and the loops, sets the current.
+    /// Task of the loop tick, every 125 us, started by the current loop: looks after the motor side, steps the state machine and the
+    /// loops, and gives the current loop its order.
     ///
-    /// Contract: done before the next tick with the tasks of t3 and t4 in between; no bus access but when a t3 event is overdue.
+    /// Contract: the order is sent before the current loop's next cycle, 62.5 us after the one that started this; no bus access but
+    /// when a t3 event is overdue.
     pub fn control_loop(&mut self) -> Work {
         self.ticks = self.ticks.wrapping_add(1);
-        let count = self.hardware.encoder_count();
+        self.inputs = self.hardware.inputs();
+        let count = self.motor.measure().count;
         let position = self.encoder.update(self.counted(count));
-        self.amplifier = self.hardware.amplifier();
+        let index = self.hardware.index_latch().map(|latch| self.counted(latch));
+        self.look_after_the_motor(index);
         self.update_state();
-        let output = self.axis.tick(position);
+        self.step_sequence(index.map(|count| self.encoder.position_of(count)));
+        let output = self.axis.tick(position, self.motor.torque_limits());
         if output.excessive_deviation {
             self.class_1 |= Class1::EXCESSIVE_DEVIATION;
         }
-        self.hardware.set_current(output.current);
-        self.values.take_output(&output);
-        self.refresh_words(&output);
         let trim = self.clock.on_tick();
-        self.hardware.trim_loop_timer(trim);
+        self.motor.command(position, output.current, output.loop_velocity, trim);
+        self.torque_command = output.current;
+        self.velocity_command = output.velocity_command;
+        self.limiting = output.limiting | self.motor.limiting();
+        self.values.take_output(&output, self.motor.torque_current());
+        self.refresh_words(&output);
         self.flywheel() | self.tell_lock() | self.tell_news()
+    }
+
+    /// Keeps the phase that an edge of this interrupt line has to the loop tick; to be called before the interrupt is acknowledged.
+    pub fn take_edge(&mut self, line: InterruptLine) {
+        self.edge_phase = self.hardware.edge_phase(line);
     }
 
     /// The encoder position that the hardware latched at an edge of this interrupt line; to be read before the interrupt is
@@ -240,6 +284,7 @@ impl<B: Bus + Clone, H: Hardware> Motion<B, H> {
     /// Takes the position of this moment where the latch of an interrupt edge is missing (polled events).
     pub fn latch_now(&mut self) {
         self.latch = self.hardware.encoder_count();
+        self.edge_phase = self.hardware.phase_now();
     }
 
     /// The latch that belongs to t4.
@@ -252,24 +297,115 @@ impl<B: Bus + Clone, H: Hardware> Motion<B, H> {
             operating_phase: self.phase == Phase::Cp4
                 && self.lost.is_none()
                 && !self.manufacturer_3.contains(Manufacturer3::PARKED),
-            power: self.amplifier.main_power && !self.amplifier.fault,
+            power: self.motor.has_power(&self.inputs) && self.inputs.bridge_ready && self.permits_torque(),
             fault: !self.class_1.is_empty(),
-            fatal: self.fatal,
+            fatal: self.fatal || (!self.class_1.is_empty() && self.settings.reaction == Reaction::TorqueFree),
             standstill: self.class_3.contains(Class3::STANDSTILL),
+            released: self.progress.released,
+            torque_off: self.progress.torque_off,
         }
     }
 
-    /// Steps the state machine and puts its state into axis and amplifier.
-    fn update_state(&mut self) {
-        if self.machine.state().has_torque() {
-            if self.amplifier.fault {
-                self.class_1 |= Class1::MANUFACTURER;
-                self.manufacturer_1 |= Manufacturer1::AMPLIFIER_FAULT;
-                self.fatal = true;
-            } else if !self.amplifier.main_power {
-                self.class_1 |= Class1::UNDERVOLTAGE;
-            }
+    /// Both channels of safe torque off permit torque.
+    const fn permits_torque(&self) -> bool {
+        self.inputs.safe_torque_1 && self.inputs.safe_torque_2
+    }
+
+    /// Supervision of everything below the velocity loop, and of what only counts while torque is on.
+    fn look_after_the_motor(&mut self, index: Option<u32>) {
+        let torque = self.machine.state().has_torque();
+        let in_operation = self.machine.state().is_in_operation();
+        let findings = self.motor.supervise(&Surroundings {
+            torque,
+            count: self.counted(self.motor.measured().count),
+            index,
+            velocity_command: if in_operation && self.axis.mode() != Mode::Torque {
+                self.velocity_command
+            } else {
+                Velocity::ZERO
+            },
+        });
+        self.take(findings);
+        self.watch_safe_torque_off(torque);
+        if !torque {
+            return;
         }
+        let mut findings = Findings::default();
+        if !self.inputs.bridge_ready || (self.bridge_on && !self.hardware.bridge_is_on() && self.motor.measured().trip.is_none()) {
+            findings.add_own(Manufacturer1::AMPLIFIER_FAULT, true);
+        } else if !self.inputs.main_power {
+            findings.class_1 |= Class1::UNDERVOLTAGE;
+        }
+        if self.values.measured_velocity.abs() > self.settings.overspeed {
+            findings.add_own(Manufacturer1::OVERSPEED, false);
+        }
+        if in_operation && self.phase == Phase::Cp4 && self.lost.is_none() && !self.clock.is_locked() {
+            findings.add_own(Manufacturer1::SYNCHRONISATION, false);
+        }
+        self.take(findings);
+    }
+
+    /// The two channels are observed, never relied on: the hardware behind them takes the torque away by itself.
+    fn watch_safe_torque_off(&mut self, torque: bool) {
+        let differ = self.inputs.safe_torque_1 != self.inputs.safe_torque_2;
+        self.channels_differ = if differ { self.channels_differ.saturating_add(1) } else { 0 };
+        let mut findings = Findings::default();
+        if self.channels_differ >= CHANNELS_DIFFER_TICKS {
+            findings.add_own(Manufacturer1::SAFE_TORQUE_CHANNELS, true);
+        }
+        if torque && !self.permits_torque() {
+            findings.add_own(Manufacturer1::SAFE_TORQUE_OFF, true);
+        }
+        self.take(findings);
+    }
+
+    fn take(&mut self, findings: Findings) {
+        self.class_1 |= findings.class_1;
+        self.manufacturer_1 |= findings.manufacturer_1;
+        self.fatal |= findings.fatal;
+    }
+
+    /// One tick of switching on or off, and what it asks of bridge and brake.
+    fn step_sequence(&mut self, index: Option<Position>) {
+        let state = self.machine.state();
+        let wanted = match state {
+            DriveState::Off | DriveState::Fault => Sequence::Off,
+            DriveState::Engaging => Sequence::Stop,
+            _ => Sequence::Start,
+        };
+        let mut findings = Findings::default();
+        let bridge_on = self.bridge_on && self.hardware.bridge_is_on();
+        self.progress = self.motor.sequence(
+            &SequenceInputs {
+                wanted,
+                bridge_on,
+                standstill: self.class_3.contains(Class3::STANDSTILL),
+                position: self.encoder.position(),
+                torque_command: self.torque_command,
+                brake_contact: self.inputs.brake_open,
+                blocked: self.class_3.contains(Class3::TORQUE_LIMIT | Class3::STANDSTILL)
+                    && self.velocity_command.abs() > self.settings.standstill_window,
+                index,
+            },
+            &mut findings,
+        );
+        self.take(findings);
+        if let Some(current) = self.progress.preload {
+            self.axis.preload(current);
+        }
+        self.set_bridge(self.progress.bridge);
+        self.hardware.set_brake(self.progress.brake);
+    }
+
+    fn set_bridge(&mut self, on: bool) {
+        if on != self.bridge_on {
+            self.bridge_on = on;
+            self.hardware.set_bridge(on);
+        }
+    }
+
+    /// Steps the state machine and puts its state into axis, bridge and brake.
+    fn update_state(&mut self) {
         let before = self.machine.state();
         let conditions = self.conditions();
         // A homing that is not cancelled holds the drive as HALT does.
@@ -277,8 +413,10 @@ impl<B: Bus + Clone, H: Hardware> Motion<B, H> {
         let state = self.machine.update(switches, conditions);
         let mode = match (state, self.mode) {
             (DriveState::Off | DriveState::Fault, _) => Mode::Off,
+            // Without an angle there is no torque that a loop could use.
+            (DriveState::SwitchingOn, _) if !self.motor.commutates() => Mode::Off,
             (DriveState::SwitchingOff | DriveState::FaultReaction, _) => Mode::Stopping,
-            (DriveState::Halted, _) => Mode::Halt,
+            (DriveState::Halted | DriveState::SwitchingOn | DriveState::Engaging, _) => Mode::Halt,
             (DriveState::Following, Some(OperationMode::Torque)) => Mode::Torque,
             (DriveState::Following, Some(OperationMode::Velocity)) => Mode::Velocity,
             (DriveState::Following, _) => Mode::Position,
@@ -289,11 +427,9 @@ impl<B: Bus + Clone, H: Hardware> Motion<B, H> {
             self.apply_axis_settings();
         }
         self.axis.set_mode(mode);
-        if state != before {
-            if !state.has_torque() {
-                self.hardware.set_current(CurrentFraction::ZERO);
-            }
-            self.hardware.set_amplifier(state.has_torque());
+        if state != before && !state.has_torque() {
+            self.set_bridge(false);
+            self.hardware.set_brake(false);
         }
     }
 

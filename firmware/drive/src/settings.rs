@@ -4,9 +4,13 @@ use sercos::Idn;
 use sercos::parameters::Parameters;
 use sercos::transition::OPERATION_MODES;
 use servo::{
-    Acceleration, AxisParameters, AxisSettings, EncoderSettings, Gain, LoopClockSettings, Modulo, Position,
-    PositionScale, SettingsError, Velocity, VelocityScale,
+    Acceleration, AxisParameters, AxisSettings, EncoderSettings, Gain, Interpolation, Jerk, LoopClockSettings, Modulo,
+    Position, PositionScale, SettingsError, Velocity, VelocityLimits, VelocityScale,
 };
+
+pub(crate) mod motor;
+
+pub use motor::MotorSettings;
 
 use crate::bits::BitSettings;
 use crate::hardware::LOOP_PERIOD_MICROSECONDS;
@@ -48,6 +52,29 @@ impl OperationMode {
             3 => Some(Self::PositionWithLag),
             11 => Some(Self::PositionWithoutLag),
             _ => None,
+        }
+    }
+}
+
+/// What an error does to a motor that runs (P-0-0140).
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
+pub enum Reaction {
+    /// 0: the velocity command goes to zero at once; the motor stops at its torque limit.
+    TorqueLimit,
+    /// 1: torque-free at once, the brake closes.
+    TorqueFree,
+    /// 2: the velocity command goes to zero at S-0-0138.
+    #[default]
+    Ramp,
+}
+
+impl Reaction {
+    const fn from_parameter(value: u16) -> Self {
+        match value {
+            0 => Self::TorqueLimit,
+            1 => Self::TorqueFree,
+            _ => Self::Ramp,
         }
     }
 }
@@ -110,8 +137,16 @@ pub struct MotionSettings {
     pub position_window: Position,
     /// S-0-0157.
     pub velocity_window: Velocity,
-    /// S-0-0091 with S-0-0113.
-    pub velocity_limit: Velocity,
+    /// Measured velocity that is an error: 1.25 times S-0-0113.
+    pub overspeed: Velocity,
+    /// S-0-0124.
+    pub standstill_window: Velocity,
+    /// S-0-0049 and S-0-0050, while S-0-0055 bit 4 switches them on.
+    pub position_limits: Option<(Position, Position)>,
+    /// P-0-0140: what an error does to a motor that runs.
+    pub reaction: Reaction,
+    /// Bridge, motor, brake.
+    pub motor: MotorSettings,
     /// S-0-0159; zero: not monitored.
     pub monitoring_window: Position,
     /// S-0-0125.
@@ -144,9 +179,17 @@ impl MotionSettings {
         let clock = LoopClockSettings::new(loop_timer_counts, ticks_per_cycle, three_quarters(loop_timer_counts))
             .map_err(invalid(2))?;
         let monitoring_window = position.to_position(signed(parameters, 159));
-        let velocity_limit = velocity
-            .to_velocity(signed(parameters, 91))
-            .min(Velocity::from_ten_thousandths_rpm(signed(parameters, 113)));
+        let fastest = Velocity::from_ten_thousandths_rpm(signed(parameters, 113));
+        let bipolar = velocity.to_velocity(signed(parameters, 91)).min(fastest);
+        let one_sided = |number| {
+            let value = signed(parameters, number);
+            (value != 0).then(|| velocity.to_velocity(value))
+        };
+        let velocity_limits = VelocityLimits::new(bipolar, one_sided(38), one_sided(39));
+        let acceleration = |number| {
+            Acceleration::from_milliradians_per_second_squared(parameters.get(Idn::standard(number)))
+        };
+        let ramp = (acceleration(136), acceleration(137));
         let peak_current = parameters.get(Idn::standard(110));
         let axis = AxisParameters {
             ticks_per_cycle: ticks_per_command,
@@ -156,10 +199,19 @@ impl MotionSettings {
             velocity_gain: parameters.get(Idn::standard(100)),
             integral_time: parameters.get_word(Idn::standard(101)),
             velocity_filter: parameters.get_word(Idn::standard(392)),
+            // S-0-0348 has 0.1 mA s²/rad.
+            acceleration_gain: 0,
             peak_current,
-            current_limit: current_limit(parameters),
-            velocity_limit,
-            deceleration: Acceleration::from_milliradians_per_second_squared(parameters.get(Idn::standard(138))),
+            velocity_limits,
+            deceleration: acceleration(138),
+            halt_deceleration: acceleration(372),
+            jerk: Some(Jerk::from_milliradians_per_second_cubed(parameters.get(Idn::standard(349))))
+                .filter(|jerk| jerk.to_bits() != 0),
+            velocity_ramp: (ramp.0.to_bits() | ramp.1.to_bits() != 0).then_some(ramp),
+            interpolation: match parameters.get_word(Idn::product(141)) {
+                0 => Interpolation::Linear,
+                _ => Interpolation::Cubic,
+            },
             standstill_window: velocity.to_velocity(signed(parameters, 124)),
             monitoring_window,
         };
@@ -176,7 +228,12 @@ impl MotionSettings {
         let torque_threshold = torque_command.apply(parameters.get(Idn::standard(126)).into());
         Ok(Self {
             with_lag: AxisSettings::new(&axis).map_err(invalid(100))?,
-            without_lag: AxisSettings::new(&AxisParameters { feed_forward, ..axis }).map_err(invalid(296))?,
+            without_lag: AxisSettings::new(&AxisParameters {
+                feed_forward,
+                acceleration_gain: u32::from(parameters.get_word(Idn::standard(348))).saturating_mul(100),
+                ..axis
+            })
+            .map_err(invalid(296))?,
             modes: modes(parameters)?,
             position,
             velocity,
@@ -193,7 +250,11 @@ impl MotionSettings {
             cycles_per_command,
             position_window: position.to_position(signed(parameters, 57)),
             velocity_window: velocity.to_velocity(signed(parameters, 157)),
-            velocity_limit,
+            overspeed: Velocity::saturating_from_bits(i64::from(fastest.to_bits()).saturating_mul(5) / 4),
+            standstill_window: velocity.to_velocity(signed(parameters, 124)),
+            position_limits: position_limits(parameters, &position),
+            reaction: Reaction::from_parameter(parameters.get_word(Idn::product(140))),
+            motor: MotorSettings::new(parameters, increments, fastest)?,
             monitoring_window,
             velocity_threshold: velocity.to_velocity(signed(parameters, 125)),
             velocity_monitoring_window: velocity.to_velocity(signed(parameters, 377)),
@@ -285,12 +346,11 @@ fn velocity_scale(parameters: &Parameters) -> Result<VelocityScale, InvalidSetti
     VelocityScale::new(numerator, denominator).map_err(invalid(45))
 }
 
-/// The smallest of S-0-0092 (0.1 % of S-0-0111), the motor's and the amplifier's peak current, in mA.
-fn current_limit(parameters: &Parameters) -> u32 {
-    let stall = u64::from(parameters.get(Idn::standard(111)));
-    let bipolar = stall.saturating_mul(u64::from(parameters.get_word(Idn::standard(92)))) / 1_000;
-    let peak = parameters.get(Idn::standard(109)).min(parameters.get(Idn::standard(110)));
-    u32::try_from(bipolar).unwrap_or(u32::MAX).min(peak)
+/// S-0-0049 and S-0-0050 as (highest, lowest), if bit 4 of S-0-0055 switches them on.
+fn position_limits(parameters: &Parameters, scale: &PositionScale) -> Option<(Position, Position)> {
+    const LIMITS_ON: u16 = 1 << 4;
+    let on = parameters.get_word(Idn::standard(55)) & LIMITS_ON != 0;
+    on.then(|| (scale.to_position(signed(parameters, 49)), scale.to_position(signed(parameters, 50))))
 }
 
 fn modes(parameters: &Parameters) -> Result<[Option<OperationMode>; 8], InvalidSetting> {
@@ -357,14 +417,6 @@ mod tests {
         assert_eq!(settings.velocity, preferred.velocity);
         let difference = settings.velocity.to_velocity(1_000_000) - Velocity::from_ten_thousandths_rpm(600_000);
         assert!(difference.abs().to_bits() <= 1, "one revolution per second is 60 rpm: {difference:?}");
-    }
-
-    #[test]
-    fn the_current_limit_is_the_smallest_of_three() {
-        // 200 % of 5 A, motor 20 A, amplifier 20 A.
-        assert_eq!(current_limit(&Parameters::new()), 10_000);
-        assert_eq!(current_limit(&with(&[(92, 5_000)])), 20_000);
-        assert_eq!(current_limit(&with(&[(109, 3_000)])), 3_000);
     }
 
     #[test]

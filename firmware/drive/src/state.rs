@@ -9,14 +9,18 @@ pub enum DriveState {
     /// Torque-free. Main power may be missing (status 01) or applied (status 10).
     #[default]
     Off,
+    /// Switching on: the torque comes, the commutation angle is found where it is not known, the brake opens. No command is followed yet.
+    SwitchingOn,
     /// In operation: the motor follows the cyclic command values.
     Following,
     /// In operation, but held by HALT: the drive has stopped by itself and keeps its loops closed.
     Halted,
-    /// The control took bit 15 away: best possible deceleration, then torque-free.
+    /// The control took bit 15 away: best possible deceleration, then [`DriveState::Engaging`].
     SwitchingOff,
-    /// A class 1 diagnostic: best possible deceleration, then [`DriveState::Fault`].
+    /// A class 1 diagnostic: best possible deceleration, then [`DriveState::Engaging`].
     FaultReaction,
+    /// At standstill: the brake closes, and then the torque goes.
+    Engaging,
     /// Torque-free after a class 1 diagnostic, until S-0-0099 has cleared it.
     Fault,
 }
@@ -26,6 +30,12 @@ impl DriveState {
     #[must_use]
     pub const fn has_torque(self) -> bool {
         !matches!(self, Self::Off | Self::Fault)
+    }
+
+    /// Whether the drive is in operation: the loops are closed and the axis is its own master or follows.
+    #[must_use]
+    pub const fn is_in_operation(self) -> bool {
+        matches!(self, Self::Following | Self::Halted | Self::SwitchingOff | Self::FaultReaction)
     }
 }
 
@@ -62,6 +72,10 @@ pub struct Conditions {
     pub fatal: bool,
     /// The motor stands still (within S-0-0124).
     pub standstill: bool,
+    /// Switching on is done: the torque is proven and the brake is open.
+    pub released: bool,
+    /// Switching off is done: the brake is closed and there is no torque any more.
+    pub torque_off: bool,
 }
 
 /// The state machine of sercos2.md 6.3.
@@ -89,18 +103,25 @@ impl StateMachine {
         let torque_forbidden = !conditions.power || conditions.fatal;
         self.state = match self.state {
             DriveState::Off if conditions.fault => DriveState::Fault,
-            DriveState::Off if rising && !torque_forbidden => Self::running(switches),
+            DriveState::Off if rising && !torque_forbidden => DriveState::SwitchingOn,
             DriveState::Off => DriveState::Off,
             DriveState::Fault if conditions.fault => DriveState::Fault,
             DriveState::Fault => DriveState::Off,
             _ if torque_forbidden => Self::stopped(conditions),
             // ENABLE goes past every ramp: torque off at once (sercos2.md 6.3). A lost ring has no switches to obey.
             _ if conditions.operating_phase && !switches.enable => Self::stopped(conditions),
-            DriveState::FaultReaction if conditions.standstill => Self::stopped(conditions),
+            DriveState::Engaging if conditions.torque_off => Self::stopped(conditions),
+            DriveState::Engaging if rising && !conditions.fault => DriveState::SwitchingOn,
+            DriveState::Engaging => DriveState::Engaging,
+            // Nothing moves yet: there is nothing to decelerate.
+            DriveState::SwitchingOn if conditions.fault || !request => DriveState::Engaging,
+            DriveState::SwitchingOn if conditions.released => Self::running(switches),
+            DriveState::SwitchingOn => DriveState::SwitchingOn,
+            DriveState::FaultReaction if conditions.standstill => DriveState::Engaging,
             DriveState::FaultReaction => DriveState::FaultReaction,
             _ if conditions.fault => DriveState::FaultReaction,
             DriveState::SwitchingOff if rising => Self::running(switches),
-            DriveState::SwitchingOff if conditions.standstill => DriveState::Off,
+            DriveState::SwitchingOff if conditions.standstill => DriveState::Engaging,
             DriveState::SwitchingOff => DriveState::SwitchingOff,
             DriveState::Following | DriveState::Halted if !request => DriveState::SwitchingOff,
             DriveState::Following | DriveState::Halted => Self::running(switches),
@@ -121,7 +142,7 @@ impl StateMachine {
 #[must_use]
 pub const fn status_bits(state: DriveState, conditions: Conditions) -> u16 {
     let ready = match state {
-        _ if state.has_torque() => 0xC000,
+        _ if state.is_in_operation() => 0xC000,
         _ if conditions.power => 0x8000,
         _ => 0x4000,
     };
@@ -139,15 +160,28 @@ mod tests {
     const ENABLED: Switches = Switches { on: false, enable: true, run: true };
     const NONE: Switches = Switches { on: false, enable: false, run: false };
     const READY: Conditions =
-        Conditions { operating_phase: true, power: true, fault: false, fatal: false, standstill: false };
+        Conditions {
+            operating_phase: true,
+            power: true,
+            fault: false,
+            fatal: false,
+            standstill: false,
+            released: true,
+            torque_off: true,
+        };
     const FAULT: Conditions = Conditions { fault: true, ..READY };
     const STANDING: Conditions = Conditions { standstill: true, ..READY };
 
     fn following() -> StateMachine {
         let mut machine = StateMachine::default();
         let _ = machine.update(NONE, READY);
-        assert_eq!(machine.update(FOLLOW, READY), DriveState::Following);
+        switch_on(&mut machine);
         machine
+    }
+
+    fn switch_on(machine: &mut StateMachine) {
+        assert_eq!(machine.update(FOLLOW, READY), DriveState::SwitchingOn);
+        assert_eq!(machine.update(FOLLOW, READY), DriveState::Following);
     }
 
     #[test]
@@ -159,7 +193,7 @@ mod tests {
         assert_eq!(machine.update(FOLLOW, no_power), DriveState::Off);
         assert_eq!(machine.update(FOLLOW, READY), DriveState::Off, "power came under a request that was already there");
         let _ = machine.update(ENABLED, READY);
-        assert_eq!(machine.update(FOLLOW, READY), DriveState::Following);
+        switch_on(&mut machine);
     }
 
     #[test]
@@ -167,11 +201,12 @@ mod tests {
         let mut machine = following();
         assert_eq!(machine.update(FOLLOW, FAULT), DriveState::FaultReaction);
         assert_eq!(machine.update(FOLLOW, FAULT), DriveState::FaultReaction);
-        assert_eq!(machine.update(FOLLOW, Conditions { standstill: true, ..FAULT }), DriveState::Fault);
+        assert_eq!(machine.update(FOLLOW, Conditions { standstill: true, ..FAULT }), DriveState::Engaging);
+        assert_eq!(machine.update(FOLLOW, FAULT), DriveState::Fault);
         assert_eq!(machine.update(FOLLOW, READY), DriveState::Off);
         assert_eq!(machine.update(FOLLOW, READY), DriveState::Off);
         let _ = machine.update(NONE, READY);
-        assert_eq!(machine.update(FOLLOW, READY), DriveState::Following);
+        switch_on(&mut machine);
     }
 
     #[test]
@@ -179,11 +214,13 @@ mod tests {
         let mut machine = following();
         let lost = Conditions { operating_phase: false, ..FAULT };
         assert_eq!(machine.update(NONE, lost), DriveState::FaultReaction);
-        assert_eq!(machine.update(NONE, Conditions { standstill: true, ..lost }), DriveState::Fault);
+        assert_eq!(machine.update(NONE, Conditions { standstill: true, ..lost }), DriveState::Engaging);
+        assert_eq!(machine.update(NONE, lost), DriveState::Fault);
         let mut machine = following();
         let orderly = Conditions { operating_phase: false, ..READY };
         assert_eq!(machine.update(NONE, orderly), DriveState::SwitchingOff);
-        assert_eq!(machine.update(NONE, Conditions { standstill: true, ..orderly }), DriveState::Off);
+        assert_eq!(machine.update(NONE, Conditions { standstill: true, ..orderly }), DriveState::Engaging);
+        assert_eq!(machine.update(NONE, orderly), DriveState::Off);
     }
 
     #[test]
@@ -203,7 +240,27 @@ mod tests {
         assert_eq!(machine.update(FOLLOW, STANDING), DriveState::Following);
         assert_eq!(machine.update(ENABLED, READY), DriveState::SwitchingOff);
         assert_eq!(machine.update(ENABLED, READY), DriveState::SwitchingOff);
-        assert_eq!(machine.update(ENABLED, STANDING), DriveState::Off);
+        assert_eq!(machine.update(ENABLED, STANDING), DriveState::Engaging);
+        assert_eq!(machine.update(ENABLED, READY), DriveState::Off);
+    }
+
+    #[test]
+    fn nothing_is_followed_before_the_brake_is_open_and_no_torque_goes_before_it_is_closed() {
+        let mut machine = StateMachine::default();
+        let closed = Conditions { released: false, torque_off: false, ..READY };
+        let _ = machine.update(NONE, closed);
+        for _ in 0..3 {
+            assert_eq!(machine.update(FOLLOW, closed), DriveState::SwitchingOn);
+        }
+        assert_eq!(status_bits(DriveState::SwitchingOn, closed), 0x8000, "power applied, not in operation");
+        assert_eq!(machine.update(FOLLOW, Conditions { released: true, ..closed }), DriveState::Following);
+        let standing = Conditions { standstill: true, ..closed };
+        assert_eq!(machine.update(ENABLED, standing), DriveState::SwitchingOff);
+        assert_eq!(machine.update(ENABLED, standing), DriveState::Engaging);
+        assert_eq!(machine.update(ENABLED, standing), DriveState::Engaging);
+        assert_eq!(machine.update(FOLLOW, standing), DriveState::SwitchingOn, "wanted again before it had gone");
+        assert_eq!(machine.update(ENABLED, standing), DriveState::Engaging, "and given up before it was released");
+        assert_eq!(machine.update(ENABLED, Conditions { torque_off: true, ..standing }), DriveState::Off);
     }
 
     #[test]

@@ -15,12 +15,14 @@ bitflags! {
         const PHASE_CHANGE = 4;
         /// `service_channel`: the service container waits for the processor.
         const SERVICE_CHANNEL = 8;
+        /// `control_loop`: a loop tick has begun.
+        const CONTROL_LOOP = 16;
     }
 }
 
 #[cfg(feature = "defmt")]
 impl defmt::Format for Work {
     fn format(&self, formatter: defmt::Formatter<'_>) {
-        defmt::write!(formatter, "Work({=u8:04b})", self.bits());
+        defmt::write!(formatter, "Work({=u8:05b})", self.bits());
     }
 }

@@ -235,6 +235,10 @@ dictionary! {
     S 36 "Velocity command value" ["rpm"] I32/4 written ALWAYS (-2_147_483_648 to 2_147_483_647) = 0 => Live, in_mdt;
     /// Added to S-0-0036.
     S 37 "Additive velocity command value" ["rpm"] I32/4 written ALWAYS (-2_147_483_648 to 2_147_483_647) = 0 => Live, in_mdt;
+    /// Highest velocity command; 0: only S-0-0091 counts.
+    S 38 "Positive velocity limit value" ["rpm"] I32/4 written ALWAYS (0 to 2_147_483_647) = 0 => Parameter, stored;
+    /// Lowest velocity command; 0: only S-0-0091 counts.
+    S 39 "Negative velocity limit value" ["rpm"] I32/4 written ALWAYS (-2_147_483_648 to 0) = 0 => Parameter, stored;
     /// Velocity of the motor encoder.
     S 40 "Velocity feedback value 1" ["rpm"] I32/4 written NEVER () = 0 => Live, in_at;
     /// Bit 0 inverts the velocity command, bit 1 the additive one, bit 2 the velocity feedback.
@@ -249,6 +253,10 @@ dictionary! {
     S 47 "Position command value" ["deg"] I32/4 written ALWAYS (-2_147_483_648 to 2_147_483_647) = 0 => Live, in_mdt;
     /// Added to S-0-0047: the angle of this axis against the line shaft.
     S 48 "Additive position command value" ["deg"] I32/4 written ALWAYS (-2_147_483_648 to 2_147_483_647) = 0 => Live, in_mdt;
+    /// Highest position, while bit 4 of S-0-0055 is set and the axis is homed.
+    S 49 "Positive position limit value" ["deg"] I32/4 written ALWAYS (-2_147_483_648 to 2_147_483_647) = 2_147_483_647 => Parameter, stored;
+    /// Lowest position, while bit 4 of S-0-0055 is set and the axis is homed.
+    S 50 "Negative position limit value" ["deg"] I32/4 written ALWAYS (-2_147_483_648 to 2_147_483_647) = -2_147_483_647 => Parameter, stored;
     /// Position of the motor encoder, captured at t4.
     S 51 "Position feedback value 1 (motor feedback)" ["deg"] I32/4 written NEVER () = 0 => Live, in_at;
     /// Position that S-0-0148 and S-0-0447 give to the place where the motor stands. Not while S-0-0148 is set (700CH).
@@ -267,6 +275,10 @@ dictionary! {
     S 80 "Torque command value" ["%"] I16/1 written ALWAYS (-32_768 to 32_767) = 0 => Live, in_mdt;
     /// Added to S-0-0080.
     S 81 "Additive torque command value" ["%"] I16/1 written ALWAYS (-32_768 to 32_767) = 0 => Live, in_mdt;
+    /// Highest torque, in per cent of S-0-0111.
+    S 82 "Positive torque limit value" ["%"] I16/1 written ALWAYS (0 to 32_767) = 32_767 => Parameter, stored;
+    /// Lowest torque, in per cent of S-0-0111.
+    S 83 "Negative torque limit value" ["%"] I16/1 written ALWAYS (-32_768 to 0) = -32_767 => Parameter, stored;
     /// Torque-producing current in per cent of S-0-0111.
     S 84 "Torque feedback value" ["%"] I16/1 written NEVER () = 0 => Live, in_at;
     /// Recovery time between two ATs of the same slave; this slave sends one.
@@ -299,14 +311,22 @@ dictionary! {
     S 103 "Modulo value" ["deg"] I32/4 written IN_CP2_CP3 (0 to 2_147_483_647) = 3_600_000 => Parameter, stored, needed_for_cp4;
     /// Velocity for one unit of following distance.
     S 104 "Position loop Kv-factor" ["1000/min"] U16/2 written ALWAYS (1 to 65_535) = 100 => Parameter, stored;
+    /// Voltage for one ampere of current difference in the d and q axis.
+    S 106 "Current loop proportional gain 1" ["V/A"] U16/3 written ALWAYS (1 to 65_535) = 40_000 => Parameter, stored, needed_for_cp4;
+    /// Time in which the integral part of the current loop reaches the proportional part; 0 switches it off.
+    S 107 "Current loop integral action time 1" ["ms"] U16/1 written ALWAYS (0 to 65_535) = 50 => Parameter, stored, needed_for_cp4;
     /// Largest current of the motor.
     S 109 "Motor peak current" ["A"] U32/3 written IN_CP2_CP3 (1 to 500_000) = 20_000 => Parameter, stored, needed_for_cp4;
     /// Current at full scale of the amplifier's command input; writable, because the amplifier is chosen by the builder.
     S 110 "Amplifier peak current" ["A"] U32/3 written IN_CP2_CP3 (1 to 500_000) = 20_000 => Parameter, stored, needed_for_cp4;
     /// Current of the motor at its continuous stall torque: 100 % of all torque data.
     S 111 "Motor continuous stall current" ["A"] U32/3 written IN_CP2_CP3 (1 to 500_000) = 5_000 => Parameter, stored, needed_for_cp4;
+    /// Current that the bridge carries for ever; from it and S-0-0110 the amplifier's thermal model is made.
+    S 112 "Amplifier rated current" ["A"] U32/3 written IN_CP2_CP3 (1 to 500_000) = 10_000 => Parameter, stored, needed_for_cp4;
     /// The drive never commands a higher velocity.
     S 113 "Maximum motor speed" ["rpm"] U32/4 written IN_CP2_CP3 (1 to 2_147_483_647) = 60_000_000 => Parameter, stored, needed_for_cp4;
+    /// Load of the thermal models at which the drive shuts down (C1D bit 0); 100 % is the continuous current for ever.
+    S 114 "Load limit of the motor" ["%"] U16/1 written IN_CP2_CP3 (901 to 2_000) = 1_100 => Parameter, stored, needed_for_cp4;
     /// Lines of the motor encoder; four increments each.
     S 116 "Resolution of feedback 1" ["cycles/rev"] U32/0 written IN_CP2_CP3 (1 to 1_048_576) = 2_500 => Parameter, stored, needed_for_cp4;
     /// Velocity below which C3D bit 1 (standstill) is set.
@@ -325,6 +345,10 @@ dictionary! {
     S 134 "Master control word" [""] BITS/0 written NEVER () = 0 => Live, bit_source;
     /// The status word of the last AT.
     S 135 "Drive status word" [""] BITS/0 written NEVER () = 0 => Live, bit_source;
+    /// Largest acceleration of velocity commands away from standstill; 0 with S-0-0137 also 0: they are followed as they come.
+    S 136 "Positive acceleration limit value" ["rad/s^2"] I32/3 written ALWAYS (0 to 2_147_483_647) = 0 => Parameter, stored;
+    /// Largest acceleration of velocity commands towards standstill; see S-0-0136.
+    S 137 "Negative acceleration limit value" ["rad/s^2"] I32/3 written ALWAYS (0 to 2_147_483_647) = 0 => Parameter, stored;
     /// Ramp of halt and of stopping after an error or Drive OFF.
     S 138 "Bipolar acceleration limit value" ["rad/s^2"] I32/3 written ALWAYS (1 to 2_147_483_647) = 1_000_000 => Parameter, stored;
     /// Takes the axis out: no torque until it is cancelled or the next run-up passes CP2.
@@ -367,6 +391,20 @@ dictionary! {
     S 191 "Cancel reference point procedure command" [""] COMMAND/0 written ALWAYS () = 0 => Command;
     /// IDNs that a control saves and restores.
     S 192 "IDN list of backup operation data" [""] IDNS/0 written NEVER () = 0 => Dictionary(Selection::Backup);
+    /// Heat sink temperature from which C2D bit 1 warns.
+    S 200 "Amplifier warning temperature" ["C"] U16/1 written ALWAYS (1 to 2_000) = 800 => Parameter, stored, needed_for_cp4;
+    /// Motor temperature from which C2D bit 2 warns.
+    S 201 "Motor warning temperature" ["C"] U16/1 written ALWAYS (1 to 2_500) = 1_150 => Parameter, stored, needed_for_cp4;
+    /// Heat sink temperature at which the drive shuts down (C1D bit 1).
+    S 203 "Amplifier shut-down temperature" ["C"] U16/1 written ALWAYS (2 to 2_000) = 900 => Parameter, stored, needed_for_cp4;
+    /// Motor temperature at which the drive shuts down (C1D bit 2).
+    S 204 "Motor shut-down temperature" ["C"] U16/1 written ALWAYS (2 to 2_500) = 1_300 => Parameter, stored, needed_for_cp4;
+    /// From the brake's current to its opening: no movement before.
+    S 206 "Drive on delay time" ["ms"] U16/0 written ALWAYS (0 to 10_000) = 100 => Parameter, stored;
+    /// From the end of the brake's current to its holding: torque stays so long.
+    S 207 "Drive off delay time" ["ms"] U16/0 written ALWAYS (0 to 10_000) = 100 => Parameter, stored;
+    /// Bit 0: 0 degrees Celsius.
+    S 208 "Temperature data scaling type" [""] BITS/0 written NEVER () = 0 => Parameter;
     /// Increments of one line of the motor encoder.
     S 256 "Multiplication 1" [""] U32/0 written NEVER () = 4 => Parameter;
     /// Gives everything in S-0-0192 its default. Not while torque is on.
@@ -379,6 +417,8 @@ dictionary! {
     S 267 "Password" [""] TEXT/0 written ALWAYS () = 0 => Live, restricted;
     /// 1: operation data live in RAM and are lost with the supply. This drive has no other mode.
     S 269 "Storage mode" [""] BITS/0 written NEVER () = 1 => Parameter;
+    /// Time after which an axis that does not come to a standstill is braked all the same; 0: never.
+    S 273 "Maximum drive off delay time" ["ms"] U16/0 written ALWAYS (0 to 65_535) = 0 => Parameter, stored;
     /// Bit 3: the encoder counts the other way round. Rotary, incremental, at the motor: all other bits 0.
     S 277 "Position feedback 1 type" [""] BITS/0 written IN_CP2_CP3 () = 0 => Parameter, stored, needed_for_cp4;
     /// What S-0-0267 locks.
@@ -439,10 +479,22 @@ dictionary! {
     S 336 "Status in position" [""] BITS/0 written NEVER () = 0 => Live, bit_source;
     /// Velocity command minus velocity feedback.
     S 347 "Velocity error" ["rpm"] I32/4 written NEVER () = 0 => Live, in_at;
+    /// Current for one unit of commanded acceleration at the motor, in mode 11.
+    S 348 "Acceleration feed-forward gain" ["mAs^2/rad"] U16/1 written ALWAYS (0 to 65_535) = 0 => Parameter, stored;
+    /// Jerk of halt and of the ramps of velocity commands; 0: not limited.
+    S 349 "Bipolar jerk limit value" ["rad/s^3"] I32/3 written ALWAYS (0 to 2_147_483_647) = 0 => Parameter, stored;
+    /// Ramp of halt; 0: as S-0-0138.
+    S 372 "Drive halt acceleration bipolar" ["rad/s^2"] I32/3 written ALWAYS (0 to 2_147_483_647) = 0 => Parameter, stored;
     /// S-0-0390 of the last 32 errors since the supply came on, the newest first; their times are in P-0-0004.
     S 375 "List of diagnostic numbers" [""] HEXES/0 written NEVER () = 0 => Live;
     /// Velocity deviation above which C2D bit 11 warns; 0: not monitored.
     S 377 "Velocity feedback monitoring window" ["rpm"] I32/4 written ALWAYS (0 to 2_147_483_647) = 0 => Parameter, stored;
+    /// Filtered voltage of the DC link.
+    S 380 "DC bus voltage" ["V"] U16/0 written NEVER () = 0 => Live, in_at;
+    /// From the sensor in the motor.
+    S 383 "Motor temperature" ["C"] I16/1 written NEVER () = 0 => Live, in_at;
+    /// Of the heat sink.
+    S 384 "Amplifier temperature" ["C"] I16/1 written NEVER () = 0 => Live, in_at;
     /// State or error of the drive as a number; belongs to S-0-0095.
     S 390 "Diagnostic number" [""] HEX/0 written NEVER () = 0 => Live, in_at;
     /// Time constant of the velocity that the velocity loop controls.
@@ -487,6 +539,72 @@ dictionary! {
     P 11 "Remedy for the diagnostic message" [""] TEXT/0 written NEVER () = 0 => Live;
     /// A word of the control's own choice that comes back in the AT. Real-time and signal bits can set its bits.
     P 19 "Application word" [""] U16/0 written ALWAYS (0 to 65_535) = 0 => Live, in_at, bit_target;
+    /// Phase current at full deflection of the current sensors, 1 to 8 times S-0-0110.
+    P 100 "Measuring range of the phase currents" ["A"] U32/3 written IN_CP2_CP3 (1 to 4_000_000) = 25_000 => Parameter, stored, needed_for_cp4;
+    /// Bus voltage at the end of the converter's range.
+    P 101 "Measuring range of the bus voltage" ["V"] U16/0 written IN_CP2_CP3 (50 to 4_000) = 500 => Parameter, stored, needed_for_cp4;
+    /// Time for which both transistors of a phase are off at a change, set in the bridge's timer.
+    P 102 "Dead time of the bridge" ["ns"] U16/0 written NEVER () = 1_000 => Parameter;
+    /// Phase current up to which the dead time is compensated in proportion; 0: no compensation.
+    P 103 "Band of the dead-time compensation" ["A"] U16/3 written ALWAYS (0 to 65_535) = 200 => Parameter, stored;
+    /// Bus voltage below which there is no main power, and an error with torque on (C1D bit 9).
+    P 104 "Undervoltage threshold" ["V"] U16/0 written ALWAYS (1 to 4_000) = 150 => Parameter, stored, needed_for_cp4;
+    /// Bus voltage above which the bridge is switched off (C1D bit 8).
+    P 105 "Overvoltage threshold" ["V"] U16/0 written ALWAYS (1 to 4_000) = 440 => Parameter, stored, needed_for_cp4;
+    /// Phase current at which the current loop switches the bridge off (C1D bit 7); 0: 125 % of S-0-0110.
+    P 106 "Trip level of the phase currents" ["A"] U32/3 written IN_CP2_CP3 (0 to 4_000_000) = 0 => Parameter, stored, needed_for_cp4;
+    /// Largest current that weakens the field above the speed that the bus voltage reaches, in per cent of S-0-0110; 0: none.
+    P 107 "Field weakening current" ["%"] U16/1 written ALWAYS (0 to 900) = 0 => Parameter, stored;
+    /// Pole pairs of the motor; another number makes the commutation angle unknown.
+    P 110 "Pole pairs" [""] U16/0 written IN_CP2_CP3 (1 to 64) = 4 => Parameter, stored, needed_for_cp4;
+    /// Resistance of a phase.
+    P 111 "Winding resistance" ["Ohm"] U32/3 written ALWAYS (1 to 1_000_000) = 1_200 => Parameter, stored;
+    /// Inductance of a phase in the d axis; for the decoupling.
+    P 112 "Direct inductance" ["mH"] U32/3 written ALWAYS (0 to 1_000_000) = 6_000 => Parameter, stored, needed_for_cp4;
+    /// Inductance of a phase in the q axis; for the decoupling.
+    P 113 "Quadrature inductance" ["mH"] U32/3 written ALWAYS (0 to 1_000_000) = 6_000 => Parameter, stored, needed_for_cp4;
+    /// Flux linkage of the magnets with a phase, peak value: the torque constant over 1.5 times P-0-0110.
+    P 114 "Flux linkage" ["mVs"] U32/3 written ALWAYS (0 to 2_499_999) = 133_333 => Parameter, stored, needed_for_cp4;
+    /// Electrical angle at the encoder's index; -1: not known, the angle is then only that of the alignment.
+    P 115 "Commutation angle at the index" ["deg"] I32/2 written ALWAYS (-1 to 36_000) = -1 => Parameter, stored;
+    /// Largest current of the search for the commutation angle, in per cent of S-0-0110; ten times the friction.
+    P 116 "Alignment current" ["%"] U16/1 written ALWAYS (1 to 1_000) = 500 => Parameter, stored, needed_for_cp4;
+    /// 1: the encoder's index is connected, and lost or added increments are found by it.
+    P 117 "Encoder index" [""] BITS/0 written IN_CP2_CP3 (0 to 1) = 1 => Parameter, stored, needed_for_cp4;
+    /// Electrical angle at this moment; -1: not known. Written without torque it is taken over: for an axis whose angle was kept elsewhere while its brake held it.
+    P 118 "Commutation angle" ["deg"] I32/2 written ALWAYS (-1 to 36_000) = -1 => Live, restricted;
+    /// 0: the commutation angle is not known; 1: from the alignment or from P-0-0118; 2: checked by the index.
+    P 119 "Commutation state" [""] U16/0 written NEVER () = 0 => Live;
+    /// Bit 0: there is a holding brake; bit 1: it has a contact; bit 2: the axis stays where it is with its brake open and without torque, and may be aligned so.
+    P 120 "Holding brake" [""] BITS/0 written IN_CP2_CP3 (0 to 7) = 0 => Parameter, stored, needed_for_cp4;
+    /// Current of the d axis with which the torque is proven before the brake opens, in per cent of S-0-0110.
+    P 121 "Test current of the torque proof" ["%"] U16/1 written ALWAYS (10 to 1_000) = 100 => Parameter, stored, needed_for_cp4;
+    /// Movement beyond which a brake does not hold.
+    P 122 "Window of the brake test" ["deg"] U16/2 written ALWAYS (1 to 36_000) = 100 => Parameter, stored, needed_for_cp4;
+    /// Time in which the torque goes after the brake has closed, and for which the axis is watched then.
+    P 123 "Time of the brake test" ["ms"] U16/0 written ALWAYS (1 to 10_000) = 20 => Parameter, stored, needed_for_cp4;
+    /// Of the motor's winding.
+    P 130 "Thermal time constant of the motor" ["s"] U32/3 written IN_CP2_CP3 (1_000 to 3_600_000) = 60_000 => Parameter, stored, needed_for_cp4;
+    /// Of the bridge.
+    P 131 "Thermal time constant of the amplifier" ["s"] U32/3 written IN_CP2_CP3 (1_000 to 3_600_000) = 5_000 => Parameter, stored, needed_for_cp4;
+    /// Load of the motor's thermal model; the current is folded back from 90 % on.
+    P 132 "Motor load" ["%"] U16/1 written NEVER () = 0 => Live;
+    /// Load of the amplifier's thermal model.
+    P 133 "Amplifier load" ["%"] U16/1 written NEVER () = 0 => Live;
+    /// What an error does to a motor that runs: 0 velocity command zero at the torque limit, 1 torque-free, 2 ramp S-0-0138.
+    P 140 "Reaction to errors" [""] U16/0 written ALWAYS (0 to 2) = 2 => Parameter, stored;
+    /// Path between position commands: 0 straight lines, 1 cubic.
+    P 141 "Interpolation" [""] U16/0 written ALWAYS (0 to 1) = 0 => Parameter, stored;
+    /// Phase error of the loop tick to the ring at the last t3; positive: the tick comes early.
+    P 150 "Phase error of the loops" ["ns"] I32/0 written NEVER () = 0 => Live;
+    /// Largest magnitude of the phase error since the loops locked; 0 again in CP2.
+    P 151 "Largest phase error of the loops" ["ns"] I32/0 written NEVER () = 0 => Live;
+    /// How often the phase error had a magnitude of up to 50, 100, 200, 500, 1000, 2000 ns and above, since the loops locked.
+    P 152 "Histogram of the phase error" [""] LONGS/0 written NEVER () = 0 => Live;
+    /// Cycles of the current loop that came too late, since the start.
+    P 153 "Late current loops" [""] U32/0 written NEVER () = 0 => Live;
+    /// What limits the drive right now: bits 0 to 2 torque S-0-0082, 0083, 0092; 3 S-0-0109; 4 S-0-0110; 5, 6 load of motor and amplifier; 7 bus voltage; 8 field weakening; 9 to 11 velocity S-0-0038, 0039, 0091; 12 acceleration; 13 jerk; 14, 15 position S-0-0049, 0050.
+    P 160 "Limits in force" [""] BITS/0 written NEVER () = 0 => Live, in_at;
 }
 
 const fn is_ascending(rows: &[DataBlock]) -> bool {

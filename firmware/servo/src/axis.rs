@@ -47,6 +47,8 @@ pub struct AxisOutput {
     pub following_error: Position,
     /// Measured velocity for S-0-0040 and the monitoring, filtered with 2 ms.
     pub velocity: Velocity,
+    /// Measured velocity as the velocity loop sees it, filtered with S-0-0392.
+    pub loop_velocity: Velocity,
     /// Command of the velocity loop; the measured velocity in [`Mode::Off`] and [`Mode::Torque`].
     pub velocity_command: Velocity,
     /// Position setpoint of this tick, unbounded; the measured position while no position is commanded.
@@ -236,6 +238,7 @@ impl Axis {
             current: CurrentFraction::ZERO,
             following_error: Position::ZERO,
             velocity: monitored,
+            loop_velocity: velocity,
             velocity_command: velocity,
             position_command: measured,
             command_source: CommandSource::Interpolated,

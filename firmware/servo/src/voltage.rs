@@ -248,6 +248,14 @@ impl Reciprocal {
         Self { bits: bits.clamp(1, i64::from(i32::MAX)) as i32 }
     }
 
+    /// 2^44 divided by the voltage in 2^-14 V: the form that [`crate::current::BusScale::new`] takes.
+    #[inline]
+    #[must_use]
+    pub const fn of_fine_volts(self) -> i32 {
+        // 2^30 per volt, from 2^35 per volt.
+        self.bits >> 5
+    }
+
     /// `voltage` as a part of the bus voltage, limited to the range of [`Duty`].
     #[inline]
     #[must_use]

@@ -59,6 +59,7 @@ impl<B: Bus + Clone, H: Hardware> Motion<B, H> {
             settings.encoder != self.settings.encoder || settings.encoder_reversed != self.settings.encoder_reversed;
         let clock = settings.clock != self.settings.clock;
         self.settings = settings;
+        self.motor.apply_settings(settings.motor, settings.encoder_reversed);
         if clock {
             self.clock = LoopClock::new(settings.clock);
         }
@@ -93,9 +94,10 @@ impl<B: Bus + Clone, H: Hardware> Motion<B, H> {
     /// Returns whether the drive is free of errors now.
     pub fn reset_class_1(&mut self) -> bool {
         let reacting = self.machine.state().has_torque() && !self.class_1.is_empty();
-        if reacting || self.amplifier.fault {
+        if reacting || !self.inputs.bridge_ready {
             return false;
         }
+        self.hardware.reset_bridge();
         self.class_1 = Class1::empty();
         self.manufacturer_1 = Manufacturer1::empty();
         self.fatal = false;
@@ -186,7 +188,9 @@ impl<B: Bus + Clone, H: Hardware> Motion<B, H> {
     pub fn set_reference(&mut self, value: i32) {
         let before = self.encoder.position();
         self.encoder.set_position(self.settings.position.to_position(value));
-        self.axis.shift(self.encoder.position() - before);
+        let difference = self.encoder.position() - before;
+        self.axis.shift(difference);
+        self.motor.shift(difference);
         self.referenced = true;
     }
 

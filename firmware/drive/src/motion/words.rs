@@ -3,7 +3,7 @@
 use sercon816::Bus;
 use sercos::Phase;
 use sercos::diagnostic::{Class1, Class2, Class3};
-use servo::{AxisOutput, Mode, Position, Velocity};
+use servo::{AxisOutput, Limiting, Mode, Position, Velocity};
 
 use super::Motion;
 use crate::bits::{Source, SourceBit, Word};
@@ -15,6 +15,22 @@ use crate::state::status_bits;
 /// Change bits of the status word (sercos2.md 1.7).
 const CLASS_2_CHANGE: u16 = 1 << 12;
 const CLASS_3_CHANGE: u16 = 1 << 11;
+
+/// Ticks after the start in which the current sensors have found their zero.
+const CALIBRATION_TICKS: u64 = 2_000;
+
+/// The limits that C3D bit 4 stands for.
+const TORQUE_LIMITS: Limiting = Limiting::TORQUE_POSITIVE
+    .union(Limiting::TORQUE_NEGATIVE)
+    .union(Limiting::TORQUE_BIPOLAR)
+    .union(Limiting::MOTOR_PEAK)
+    .union(Limiting::AMPLIFIER_PEAK)
+    .union(Limiting::MOTOR_LOAD)
+    .union(Limiting::AMPLIFIER_LOAD);
+
+/// The limits that C3D bit 5 stands for.
+const VELOCITY_LIMITS: Limiting =
+    Limiting::VELOCITY_POSITIVE.union(Limiting::VELOCITY_NEGATIVE).union(Limiting::VELOCITY_BIPOLAR);
 
 /// Real-time status bits of the status word, S-0-0305 and S-0-0307.
 const REAL_TIME_STATUS: [u16; 2] = [1 << 6, 1 << 7];
@@ -124,12 +140,17 @@ impl<B: Bus + Clone, H: Hardware> Motion<B, H> {
         own.set(Manufacturer2::NOT_LOCKED, self.phase == Phase::Cp4 && !self.clock.is_locked());
         own.set(Manufacturer2::TELEGRAM_LOST, self.loss_shown > 0);
         let known = self.class_1.contains(Class1::MANUFACTURER);
-        own.set(Manufacturer2::AMPLIFIER_NOT_READY, self.amplifier.fault && !torque && !known);
+        own.set(Manufacturer2::AMPLIFIER_NOT_READY, !self.inputs.bridge_ready && !torque && !known);
+        own.set(Manufacturer2::NOT_CALIBRATED, !self.motor.measured().calibrated && self.ticks > CALIBRATION_TICKS);
         self.manufacturer_2 = own;
 
         let mut class_2 = Class2::empty();
         let wants_torque = self.phase == Phase::Cp4 && self.switches.on && self.switches.enable;
-        class_2.set(Class2::UNDERVOLTAGE, wants_torque && !torque && !self.amplifier.main_power);
+        class_2.set(Class2::UNDERVOLTAGE, wants_torque && !torque && !self.motor.has_power(&self.inputs));
+        let watched = self.motor.watched();
+        class_2.set(Class2::OVERLOAD, watched.overload);
+        class_2.set(Class2::AMPLIFIER_TEMPERATURE, watched.heat_sink_warning);
+        class_2.set(Class2::MOTOR_TEMPERATURE, watched.winding_warning);
         let window = self.settings.velocity_monitoring_window;
         let deviation = (output.velocity_command - output.velocity).abs();
         class_2.set(Class2::VELOCITY_DEVIATION, torque && window != Velocity::ZERO && deviation > window);
@@ -146,10 +167,10 @@ impl<B: Bus + Clone, H: Hardware> Motion<B, H> {
         class_3.set(Class3::VELOCITY_REACHED, velocity_error.abs() <= settings.velocity_window);
         class_3.set(Class3::STANDSTILL, output.standstill);
         class_3.set(Class3::BELOW_THRESHOLD, velocity < settings.velocity_threshold);
-        let torque = i32::from(output.current.to_bits()).unsigned_abs();
+        let torque = i32::from(self.values.current.to_bits()).unsigned_abs();
         class_3.set(Class3::TORQUE_THRESHOLD, torque >= settings.torque_threshold);
-        class_3.set(Class3::TORQUE_LIMIT, output.current_limited);
-        class_3.set(Class3::VELOCITY_LIMIT, output.velocity_command.abs() >= settings.velocity_limit);
+        class_3.set(Class3::TORQUE_LIMIT, output.limiting.intersects(TORQUE_LIMITS));
+        class_3.set(Class3::VELOCITY_LIMIT, output.limiting.intersects(VELOCITY_LIMITS));
         let positioned = matches!(self.axis.mode(), Mode::Position | Mode::Halt);
         class_3.set(Class3::IN_POSITION, positioned && output.following_error.abs() <= settings.position_window);
         class_3.set(Class3::MANUFACTURER, !self.manufacturer_3.is_empty());

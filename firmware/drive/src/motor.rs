@@ -1,0 +1,258 @@
+//! The motor side below the velocity loop: what comes up from the current loop, what goes down to it, and everything that stands guard
+//! over bridge, motor, encoder and brake.
+//!
+//! A loop tick calls, in this order: [`Motor::measure`], [`Motor::supervise`], [`Motor::sequence`], then the loops with
+//! [`Motor::torque_limits`], and [`Motor::command`] last.
+
+mod sequence;
+mod supervision;
+
+use servo::current::{BusScale, CurrentCommand, Trip};
+use servo::{
+    Alignment, BrakeOutput, BrakeSequencer, BusVoltage, CommutationAngle, CurrentFraction, EncoderMonitor,
+    IndexCorrection, Limiting, LoadModel, Position, Rotation, Temperature, TorqueLimits, Velocity, VoltageOutput,
+};
+
+pub(crate) use sequence::{Progress, Sequence, SequenceInputs};
+pub(crate) use supervision::{Findings, Surroundings, Watched};
+
+use crate::current_control::CurrentOrder;
+use crate::link::{CurrentLink, get};
+use crate::settings::MotorSettings;
+use crate::settings::motor::FREQUENCY;
+
+/// What the current loop reported at the beginning of a tick.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub(crate) struct Measured {
+    /// Encoder count of the tick.
+    pub(crate) count: u32,
+    /// Torque-producing current.
+    pub(crate) torque_current: CurrentFraction,
+    /// Flux-producing current.
+    pub(crate) field_current: CurrentFraction,
+    /// Voltages of the d and q axis, volt 2^-14.
+    pub(crate) voltages: [i32; 2],
+    /// The zero of the current sensors is known.
+    pub(crate) calibrated: bool,
+    /// Why the current loop has switched the bridge off.
+    pub(crate) trip: Option<Trip>,
+    /// Cycles of the current loop that came too late, since the start.
+    pub(crate) late: u32,
+}
+
+/// State of the motor side.
+#[derive(Debug)]
+pub(crate) struct Motor {
+    link: &'static CurrentLink,
+    settings: MotorSettings,
+    measured: Measured,
+    voltage: BusVoltage,
+    bus: VoltageOutput,
+    heat_sink: Temperature,
+    winding: Temperature,
+    motor_load: LoadModel,
+    amplifier_load: LoadModel,
+    encoder: EncoderMonitor,
+    commutation: Option<CommutationAngle>,
+    alignment: Option<Alignment>,
+    index: IndexCorrection,
+    index_armed: bool,
+    brake: BrakeSequencer,
+    brake_output: BrakeOutput,
+    /// Currents and angle that the alignment asks for.
+    aligning: Option<(u32, CurrentFraction, CurrentFraction)>,
+    limits: TorqueLimits,
+    limiting: Limiting,
+    watched: Watched,
+    /// Bridge as it was last set.
+    bridge_on: bool,
+    slot: u8,
+    encoder_reversed: bool,
+}
+
+/// From the sample of the currents to the reading of the encoder, in 2^-16 of a tick: 1.9 us of conversion and 0.3 us to the handler.
+const SAMPLE_AGE: i64 = (22 << 16) / 1_250;
+
+impl Motor {
+    /// A motor side at rest.
+    pub(crate) fn new(link: &'static CurrentLink, settings: MotorSettings) -> Self {
+        let mut voltage = BusVoltage::new(&settings.voltage, 0);
+        let bus = voltage.tick(&settings.voltage, 0);
+        let count = get(&link.report.count);
+        let mut brake = BrakeSequencer::new();
+        let brake_output = sequence::at_rest(&mut brake, &settings);
+        link.settings.send(settings.current.to_words());
+        Self {
+            link,
+            settings,
+            measured: Measured { count, ..Measured::default() },
+            voltage,
+            bus,
+            heat_sink: Temperature::new(),
+            winding: Temperature::new(),
+            motor_load: LoadModel::new(),
+            amplifier_load: LoadModel::new(),
+            encoder: EncoderMonitor::new(count),
+            commutation: None,
+            alignment: None,
+            index: IndexCorrection::start(settings.index_angle),
+            index_armed: false,
+            brake,
+            brake_output,
+            aligning: None,
+            limits: TorqueLimits::symmetrical(CurrentFraction::ZERO, Limiting::AMPLIFIER_PEAK),
+            limiting: Limiting::empty(),
+            watched: Watched::default(),
+            bridge_on: false,
+            slot: 0,
+            encoder_reversed: false,
+        }
+    }
+
+    /// Takes new settings over. Another number of pole pairs or increments, or another direction of the encoder, makes the commutation angle
+    /// unknown again.
+    pub(crate) fn apply_settings(&mut self, settings: MotorSettings, encoder_reversed: bool) {
+        if settings.commutation != self.settings.commutation || encoder_reversed != self.encoder_reversed {
+            self.commutation = None;
+            self.encoder = EncoderMonitor::new(self.measured.count);
+        }
+        if settings.index_angle != self.settings.index_angle {
+            self.index = IndexCorrection::start(settings.index_angle);
+            self.index_armed = false;
+        }
+        if settings.current != self.settings.current {
+            self.link.settings.send(settings.current.to_words());
+        }
+        self.encoder_reversed = encoder_reversed;
+        self.settings = settings;
+    }
+
+    /// What the current loop has to tell in this tick.
+    #[inline]
+    pub(crate) fn measure(&mut self) -> &Measured {
+        let report = &self.link.report;
+        let currents = get(&report.currents);
+        let half = |word: u32| CurrentFraction::from_bits(((word & 0xFFFF) as u16).cast_signed());
+        self.measured = Measured {
+            count: get(&report.count),
+            torque_current: half(currents),
+            field_current: half(currents >> 16),
+            voltages: [
+                get(&report.direct_voltage).cast_signed(),
+                get(&report.quadrature_voltage).cast_signed(),
+            ],
+            calibrated: get(&report.calibrated) != 0,
+            trip: Trip::from_code(get(&report.trip)),
+            late: get(&report.late),
+        };
+        &self.measured
+    }
+
+    /// What was measured in this tick.
+    #[inline]
+    pub(crate) const fn measured(&self) -> &Measured {
+        &self.measured
+    }
+
+    /// Limits of the torque in this tick.
+    #[inline]
+    pub(crate) const fn torque_limits(&self) -> &TorqueLimits {
+        &self.limits
+    }
+
+    /// What limits the motor side in this tick, apart from the loops.
+    pub(crate) const fn limiting(&self) -> Limiting {
+        self.limiting
+    }
+
+    /// Temperatures, loads and voltage as last looked at.
+    pub(crate) const fn watched(&self) -> &Watched {
+        &self.watched
+    }
+
+    /// The commutation angle is known and the loops may use torque.
+    #[inline]
+    pub(crate) const fn commutates(&self) -> bool {
+        self.commutation.is_some() && self.aligning.is_none()
+    }
+
+    /// The electrical angle of a position, in 2^-32 revolution, if it is known.
+    pub(crate) fn commutation_angle(&self, position: Position) -> Option<u32> {
+        self.commutation.as_ref().map(|commutation| commutation.at(position))
+    }
+
+    /// Gives the electrical angle of a position (P-0-0118).
+    pub(crate) fn set_commutation_angle(&mut self, position: Position, angle: u32) {
+        self.commutation = Some(CommutationAngle::new(self.settings.commutation, position, angle));
+    }
+
+    /// Moves the zero of the position without a movement.
+    pub(crate) fn shift(&mut self, difference: Position) {
+        if let Some(commutation) = &mut self.commutation {
+            commutation.shift(difference);
+        }
+    }
+
+    /// Sends the current loop its order for this tick: the current that the loops want, at the velocity that they measured.
+    #[inline]
+    pub(crate) fn command(&mut self, position: Position, current: CurrentFraction, velocity: Velocity, trim: i16) {
+        let settings = &self.settings;
+        // 2^-32 of an electrical revolution a tick
+        let speed = i64::from(velocity.to_bits()).wrapping_mul(settings.pole_pairs.into()) >> 4;
+        // Beyond half an electrical revolution a tick nothing commutates any more, and the overspeed has long been found.
+        let speed = speed as i32;
+        let (angle, direct, quadrature) = match (self.aligning, &self.commutation) {
+            (Some((angle, direct, quadrature)), _) => (angle, direct, quadrature),
+            (None, Some(commutation)) => {
+                // A scale of at most 1, 2^15.
+                let scale = i32::from(self.brake_output.torque_scale.to_bits());
+                let scaled = (i32::from(current.to_bits()).wrapping_mul(scale) >> 15) as i16;
+                (commutation.at(position), self.brake_output.test_current, CurrentFraction::from_bits(scaled))
+            }
+            (None, None) => (0, CurrentFraction::ZERO, CurrentFraction::ZERO),
+        };
+        let aged = (i64::from(speed).wrapping_mul(SAMPLE_AGE) >> 16) as i32;
+        let (direct_voltage, quadrature_voltage) = settings.model.induced(speed, direct, quadrature);
+        let per_increment = settings.angle_per_increment;
+        let order = CurrentOrder {
+            on: self.bridge_on,
+            trim,
+            command: CurrentCommand {
+                direct: CurrentCommand::reference(direct),
+                quadrature: CurrentCommand::reference(quadrature),
+                angle: angle.wrapping_sub(aged.cast_unsigned()),
+                count: self.measured.count,
+                angle_per_increment: if self.encoder_reversed { per_increment.wrapping_neg() } else { per_increment },
+                ahead: Rotation::by((speed / CYCLES_AHEAD).cast_unsigned()),
+                direct_voltage,
+                quadrature_voltage,
+                bus: self.bus_scale(),
+            },
+        };
+        self.link.command.send(order.to_words());
+    }
+
+    #[inline]
+    fn bus_scale(&self) -> BusScale {
+        // From 2^-16 V to 2^-14 V.
+        BusScale::new(self.bus.voltage.to_bits() >> 2, self.bus.reciprocal.of_fine_volts(), FREQUENCY.reload())
+    }
+
+    /// Voltage that the bridge makes at the moment, as parts of the longest one, and whether there is none left.
+    #[inline]
+    fn voltage_is_exhausted(&self) -> bool {
+        let [direct, quadrature] = self.measured.voltages.map(|voltage| i64::from(voltage >> 4));
+        let longest = i64::from(self.bus_scale().longest() >> 4);
+        let squared = direct.wrapping_mul(direct).wrapping_add(quadrature.wrapping_mul(quadrature));
+        // 97 % of the longest vector.
+        squared.wrapping_mul(17) > longest.wrapping_mul(longest).wrapping_mul(16)
+    }
+
+    /// The torque-producing current that flows, for S-0-0084.
+    pub(crate) fn torque_current(&self) -> CurrentFraction {
+        if self.bridge_on { self.measured.torque_current } else { CurrentFraction::ZERO }
+    }
+}
+
+/// From a sample to the middle of the period in which its voltage acts: one cycle, in cycles of a tick.
+const CYCLES_AHEAD: i32 = FREQUENCY.cycles_per_tick() as i32;

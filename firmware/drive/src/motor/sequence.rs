@@ -1,0 +1,195 @@
+//! Switching on and off: commutation angle, proof of the torque, brake, in this order and back.
+
+use servo::{
+    Alignment, AlignmentError, AlignmentState, BrakeError, BrakeInputs, BrakeOutput, BrakeRequest, BrakeSequencer,
+    CommutationAngle, CurrentFraction, IndexState, Position,
+};
+
+use super::supervision::Findings;
+use super::Motor;
+use crate::diagnosis::Manufacturer1;
+use crate::settings::MotorSettings;
+use sercos::diagnostic::Class1;
+
+/// What the state of the drive asks of the sequence.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Sequence {
+    /// Torque on, brake open, free to move.
+    Start,
+    /// Brake closed, torque off, in order.
+    Stop,
+    /// Torque off and brake closed at once.
+    Off,
+}
+
+/// How far the sequence has come.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub(crate) struct Progress {
+    /// The axis may move.
+    pub(crate) released: bool,
+    /// There is no torque any more, or not yet.
+    pub(crate) torque_off: bool,
+    /// The bridge is to switch.
+    pub(crate) bridge: bool,
+    /// The brake's coil is to have current.
+    pub(crate) brake: bool,
+    /// The velocity loop is to start with this current.
+    pub(crate) preload: Option<CurrentFraction>,
+}
+
+/// What the sequence needs to know of the rest of the drive.
+pub(crate) struct SequenceInputs {
+    pub(crate) wanted: Sequence,
+    /// The bridge switches.
+    pub(crate) bridge_on: bool,
+    pub(crate) standstill: bool,
+    pub(crate) position: Position,
+    /// Torque-producing current as the loops commanded it in the last tick.
+    pub(crate) torque_command: CurrentFraction,
+    pub(crate) brake_contact: bool,
+    /// Motion is commanded at high torque, but nothing moves.
+    pub(crate) blocked: bool,
+    /// Position latched at an index pulse since the last tick.
+    pub(crate) index: Option<Position>,
+}
+
+/// The output of a sequence that has never run.
+pub(super) fn at_rest(brake: &mut BrakeSequencer, settings: &MotorSettings) -> BrakeOutput {
+    brake.tick(
+        &settings.brake,
+        &BrakeInputs {
+            request: BrakeRequest::Immediate,
+            bridge_on: false,
+            standstill: true,
+            position: Position::ZERO,
+            torque_command: CurrentFraction::ZERO,
+            torque_current: CurrentFraction::ZERO,
+            field_current: CurrentFraction::ZERO,
+            contact_open: false,
+            blocked: false,
+        },
+    )
+}
+
+impl Motor {
+    /// One tick of the sequence.
+    pub(crate) fn sequence(&mut self, inputs: &SequenceInputs, findings: &mut Findings) -> Progress {
+        self.correct_at_the_index(inputs.index, findings);
+        let aligning = self.align(inputs, findings);
+        let request = match inputs.wanted {
+            Sequence::Off => BrakeRequest::Immediate,
+            Sequence::Stop => BrakeRequest::Engage,
+            Sequence::Start if aligning || self.commutation.is_none() => BrakeRequest::Immediate,
+            Sequence::Start => BrakeRequest::Release,
+        };
+        self.brake_output = self.brake.tick(
+            &self.settings.brake,
+            &BrakeInputs {
+                request,
+                bridge_on: inputs.bridge_on,
+                standstill: inputs.standstill,
+                position: inputs.position,
+                torque_command: inputs.torque_command,
+                torque_current: self.measured.torque_current,
+                field_current: self.measured.field_current,
+                contact_open: inputs.brake_contact,
+                blocked: inputs.blocked,
+            },
+        );
+        let output = self.brake_output;
+        if let Some(error) = output.event {
+            self.take_brake_error(error, findings);
+        }
+        let bridge = aligning || output.torque;
+        self.bridge_on = bridge;
+        Progress {
+            released: request == BrakeRequest::Release && output.finished,
+            torque_off: !bridge,
+            bridge,
+            brake: output.energise || (aligning && self.settings.has_brake),
+            preload: output.preload,
+        }
+    }
+
+    /// Finds the commutation angle when torque is wanted and the angle is not known. Returns whether it is under way.
+    fn align(&mut self, inputs: &SequenceInputs, findings: &mut Findings) -> bool {
+        if inputs.wanted != Sequence::Start || self.commutation.is_some() {
+            self.alignment = None;
+            self.aligning = None;
+            return false;
+        }
+        if !self.measured.calibrated {
+            return false;
+        }
+        if self.settings.has_brake && !self.settings.aligns_with_open_brake {
+            // Without an angle there is no torque to hold a load with, and the load may be a vertical one.
+            findings.add_fatal(Class1::COMMUTATION);
+            return false;
+        }
+        let alignment = self.alignment.get_or_insert_with(|| Alignment::start(self.settings.alignment, inputs.position));
+        if !inputs.bridge_on {
+            // The first tick: the bridge is on its way.
+            self.aligning = Some((0, CurrentFraction::ZERO, CurrentFraction::ZERO));
+            return true;
+        }
+        let output = alignment.tick(inputs.position);
+        match output.state {
+            AlignmentState::Running => {
+                self.aligning = Some((output.angle, output.id, output.iq));
+                true
+            }
+            AlignmentState::Done => {
+                self.commutation =
+                    Some(CommutationAngle::new(self.settings.commutation, inputs.position, output.angle));
+                self.index_armed = true;
+                self.alignment = None;
+                self.aligning = None;
+                false
+            }
+            AlignmentState::Failed(error) => {
+                self.alignment = None;
+                self.aligning = None;
+                let own = match error {
+                    AlignmentError::NoMovement => Manufacturer1::ALIGNMENT_NO_MOVEMENT,
+                    AlignmentError::WrongDirection => Manufacturer1::ALIGNMENT_DIRECTION,
+                    _ => Manufacturer1::ALIGNMENT,
+                };
+                findings.add_own(own, true);
+                findings.add_fatal(Class1::COMMUTATION);
+                false
+            }
+        }
+    }
+
+    fn correct_at_the_index(&mut self, index: Option<Position>, findings: &mut Findings) {
+        let Some(commutation) = &mut self.commutation else { return };
+        if !self.index_armed {
+            return;
+        }
+        let output = self.index.tick(index.map(|position| commutation.at(position)));
+        commutation.correct(output.correction);
+        match output.state {
+            IndexState::Waiting | IndexState::Correcting => {}
+            IndexState::Failed(_) => {
+                self.index_armed = false;
+                findings.add_fatal(Class1::COMMUTATION);
+            }
+            _ => self.index_armed = false,
+        }
+    }
+
+    fn take_brake_error(&mut self, error: BrakeError, findings: &mut Findings) {
+        if !error.is_warning() {
+            findings.add_own(Manufacturer1::BRAKE, false);
+        }
+    }
+
+    /// How well the commutation angle is known (P-0-0119): 0 not at all, 1 aligned or given, 2 by the index.
+    pub(crate) fn commutation_state(&self) -> u16 {
+        match (&self.commutation, self.index_armed) {
+            (None, _) => 0,
+            (Some(_), true) => 1,
+            (Some(_), false) => 2,
+        }
+    }
+}

@@ -1,0 +1,195 @@
+//! What is watched in every tick: bus, temperatures, loads, encoder, the current loop itself.
+
+use sercos::diagnostic::Class1;
+use servo::{
+    EncoderMonitorInputs, Limiting, LoadOutput, TemperatureOutput, Velocity, VoltageError, VoltageOutput,
+};
+
+use super::Motor;
+use crate::diagnosis::Manufacturer1;
+use crate::hardware::Inputs;
+use crate::link::get;
+use servo::current::Trip;
+
+/// What supervision has found in a tick.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub(crate) struct Findings {
+    /// Errors for C1D.
+    pub(crate) class_1: Class1,
+    /// Errors behind C1D bit 15.
+    pub(crate) manufacturer_1: Manufacturer1,
+    /// The motor cannot be stopped under control any more: torque off at once.
+    pub(crate) fatal: bool,
+}
+
+impl Findings {
+    fn fatal(class_1: Class1) -> Self {
+        Self { class_1, manufacturer_1: Manufacturer1::empty(), fatal: true }
+    }
+
+    fn own(manufacturer_1: Manufacturer1, fatal: bool) -> Self {
+        Self { class_1: Class1::MANUFACTURER, manufacturer_1, fatal }
+    }
+
+    pub(crate) fn add(&mut self, other: Self) {
+        self.class_1 |= other.class_1;
+        self.manufacturer_1 |= other.manufacturer_1;
+        self.fatal |= other.fatal;
+    }
+
+    pub(crate) fn add_own(&mut self, manufacturer_1: Manufacturer1, fatal: bool) {
+        self.add(Self::own(manufacturer_1, fatal));
+    }
+
+    pub(crate) fn add_fatal(&mut self, class_1: Class1) {
+        self.add(Self::fatal(class_1));
+    }
+}
+
+/// Values and warnings of the slow supervision.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub(crate) struct Watched {
+    /// Heat sink in 0.1 degrees C.
+    pub(crate) heat_sink: i16,
+    /// Motor in 0.1 degrees C.
+    pub(crate) winding: i16,
+    /// Load of the motor in 0.1 %.
+    pub(crate) motor_load: u16,
+    /// Load of the amplifier in 0.1 %.
+    pub(crate) amplifier_load: u16,
+    /// Bus voltage in V.
+    pub(crate) bus: u16,
+    /// Current that the thermal models allow.
+    pub(crate) allowed: [servo::CurrentFraction; 2],
+    /// C2D bits 0, 1, 2: overload, amplifier temperature, motor temperature.
+    pub(crate) overload: bool,
+    pub(crate) heat_sink_warning: bool,
+    pub(crate) winding_warning: bool,
+}
+
+/// What the supervision needs to know of the rest of the drive.
+pub(crate) struct Surroundings {
+    /// Torque is on.
+    pub(crate) torque: bool,
+    /// Encoder count in the direction of positive current.
+    pub(crate) count: u32,
+    /// Count at an index pulse since the last tick.
+    pub(crate) index: Option<u32>,
+    /// Command of the velocity loop in the last tick; zero where none is followed.
+    pub(crate) velocity_command: Velocity,
+}
+
+impl Motor {
+    /// Looks at everything once; slow quantities take turns.
+    pub(crate) fn supervise(&mut self, surroundings: &Surroundings) -> Findings {
+        let mut findings = Findings::default();
+        self.watch_bus(surroundings.torque, &mut findings);
+        self.watch_current_loop(&mut findings);
+        self.watch_encoder(surroundings, &mut findings);
+        self.slot = self.slot.wrapping_add(1) & 3;
+        let temperatures = get(&self.link.report.temperatures);
+        match self.slot {
+            0 => {
+                let output = self.heat_sink.tick(&self.settings.heat_sink, (temperatures & 0xFFFF) as u16);
+                self.watched.heat_sink = output.temperature.unwrap_or_default();
+                self.watched.heat_sink_warning = output.warning;
+                watch_temperature(&output, Class1::AMPLIFIER_TEMPERATURE, &mut findings);
+            }
+            1 => {
+                let output = self.winding.tick(&self.settings.winding, (temperatures >> 16) as u16);
+                self.watched.winding = output.temperature.unwrap_or_default();
+                self.watched.winding_warning = output.warning;
+                watch_temperature(&output, Class1::MOTOR_TEMPERATURE, &mut findings);
+            }
+            2 => {
+                let (torque, field) = self.currents();
+                let output = self.motor_load.tick(&self.settings.motor_load, torque, field);
+                self.watched.motor_load = output.load;
+                self.take_load(0, &output, &mut findings);
+            }
+            _ => {
+                let (torque, field) = self.currents();
+                let output = self.amplifier_load.tick(&self.settings.amplifier_load, torque, field);
+                self.watched.amplifier_load = output.load;
+                self.take_load(1, &output, &mut findings);
+            }
+        }
+        let [motor, amplifier] = self.watched.allowed;
+        self.limits = self.settings.torque_limits.combine(motor, amplifier);
+        self.limiting = Limiting::empty();
+        if self.bridge_on && self.voltage_is_exhausted() {
+            self.limiting |= Limiting::VOLTAGE;
+        }
+        findings
+    }
+
+    /// Main power is present: the line says so, and the bus is charged.
+    pub(crate) fn has_power(&self, inputs: &Inputs) -> bool {
+        inputs.main_power && self.bus.main_power
+    }
+
+    fn currents(&self) -> (servo::CurrentFraction, servo::CurrentFraction) {
+        (self.measured.torque_current, self.measured.field_current)
+    }
+
+    fn watch_bus(&mut self, torque: bool, findings: &mut Findings) {
+        let sample = (get(&self.link.report.bus) & 0xFFFF) as u16;
+        self.bus = self.voltage.tick(&self.settings.voltage, sample);
+        let VoltageOutput { voltage, error, .. } = self.bus;
+        self.watched.bus = voltage.to_num();
+        match error {
+            Some(VoltageError::Overvoltage { .. }) => findings.add_fatal(Class1::OVERVOLTAGE),
+            Some(VoltageError::Undervoltage { .. }) if torque => findings.add_fatal(Class1::UNDERVOLTAGE),
+            _ => {}
+        }
+    }
+
+    fn watch_current_loop(&self, findings: &mut Findings) {
+        match self.measured.trip {
+            None => {}
+            Some(Trip::Overcurrent) => findings.add_fatal(Class1::OVERCURRENT),
+            Some(Trip::Overvoltage) => findings.add_fatal(Class1::OVERVOLTAGE),
+            Some(Trip::EncoderJump) => findings.add_fatal(Class1::FEEDBACK),
+            Some(Trip::CurrentSum) => findings.add_own(Manufacturer1::CURRENT_SENSOR, true),
+            Some(Trip::Late) => findings.add_own(Manufacturer1::DEADLINE, true),
+        }
+    }
+
+    fn watch_encoder(&mut self, surroundings: &Surroundings, findings: &mut Findings) {
+        let error = self.encoder.tick(
+            &self.settings.encoder,
+            &EncoderMonitorInputs {
+                count: surroundings.count,
+                index: surroundings.index,
+                velocity_command: surroundings.velocity_command,
+                current: self.measured.torque_current,
+            },
+        );
+        // What a motor without torque does is nobody's fault: it may be turned by hand while the encoder is being wired.
+        if error.is_some() && surroundings.torque {
+            findings.add_fatal(Class1::FEEDBACK);
+        }
+    }
+
+    fn take_load(&mut self, which: usize, output: &LoadOutput, findings: &mut Findings) {
+        if let Some(allowed) = self.watched.allowed.get_mut(which) {
+            *allowed = output.allowed;
+        }
+        self.watched.overload = self.watched.motor_load >= WARNING || self.watched.amplifier_load >= WARNING;
+        if output.shutdown {
+            findings.class_1 |= Class1::OVERLOAD;
+        }
+    }
+}
+
+/// Load from which C2D bit 0 is set, in 0.1 %.
+const WARNING: u16 = 900;
+
+fn watch_temperature(output: &TemperatureOutput, class_1: Class1, findings: &mut Findings) {
+    if output.shutdown {
+        findings.class_1 |= class_1;
+    }
+    if output.error.is_some() {
+        findings.add_own(Manufacturer1::TEMPERATURE_SENSOR, false);
+    }
+}
