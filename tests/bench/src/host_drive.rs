@@ -1,16 +1,16 @@
 //! The drive's portable tasks on this computer, started as the microcontroller's interrupt controller would.
 //!
-//! What this file stands for is `firmware/app/src/main.rs` and the board: edges of the interrupt pins, the loop timer,
-//! the order of priorities. Everything else is the product.
+//! What this file stands for is `firmware/app/src/main.rs` and the board: edges of the interrupt pins, the end of
+//! conversion, the order of priorities. Everything else is the product.
 
-use drive::{Communication, Drive, Identity, InterruptLine, Interrupts, Motion, Work};
+use drive::{Communication, CurrentControl, CurrentLink, Drive, Identity, InterruptLine, Interrupts, Motion, Work};
 use ring::Nanoseconds;
 use ring::chip::{ChipBus, InterruptPin, SharedChip};
 use ring::time::SharedClock;
 use rtic_core::Exclusive;
 
 use crate::executor::SharedMeasurements;
-use crate::motor_side::{MotorSide, SharedMotorSide};
+use crate::motor_side::{MotorSide, SharedMotorSide, SimulatedStage};
 use crate::processor::{Processor, ProcessorError};
 
 /// How long the simulated processor takes to get to a task.
@@ -34,6 +34,7 @@ pub struct HostDrive {
     chip: SharedChip,
     motor_side: SharedMotorSide,
     interrupts: Interrupts<ChipBus>,
+    current: CurrentControl<SimulatedStage>,
     communication: Communication<ChipBus>,
     motion: Motion<ChipBus, MotorSide>,
     latency: Latency,
@@ -58,12 +59,21 @@ impl HostDrive {
         let bus = ChipBus::new(chip.clone(), clock.clone());
         let address = identity.address.get();
         let refused = |cause: &dyn std::fmt::Debug| ProcessorError { address, cause: format!("{cause:?}") };
-        let Drive { mut interrupts, mut communication, mut motion } =
-            drive::new(bus, MotorSide::new(motor_side.clone()), identity).map_err(|error| refused(&error))?;
+        // As in the application: the link lives as long as the drive, which is for ever.
+        let link = Box::leak(Box::new(CurrentLink::new()));
+        let Drive { current, mut interrupts, mut communication, mut motion } = drive::new(
+            bus,
+            MotorSide::new(motor_side.clone()),
+            SimulatedStage::new(motor_side.clone()),
+            link,
+            identity,
+        )
+        .map_err(|error| refused(&error))?;
         communication.start(&mut interrupts, &mut motion).map_err(|error| refused(&error))?;
         Ok(Self {
             chip: chip.clone(),
             motor_side: motor_side.clone(),
+            current,
             interrupts,
             communication,
             motion,
@@ -133,15 +143,16 @@ impl HostDrive {
 impl Processor for HostDrive {
     fn next_event(&self) -> Option<Nanoseconds> {
         let background = self.background.map(|(due, _)| due);
-        let tick = self.motor_side.borrow().next_tick();
-        self.edges.into_iter().flatten().chain(background).chain([tick]).min()
+        let cycle = self.motor_side.borrow().next_cycle();
+        self.edges.into_iter().flatten().chain(background).chain([cycle]).min()
     }
 
     fn run(&mut self, now: Nanoseconds, _horizon: &dyn Fn() -> Nanoseconds) -> Result<(), ProcessorError> {
         self.take_edges();
+        let due = self.motor_side.borrow_mut().take_cycle(now);
+        let tick = due && self.current.current_loop().contains(Work::CONTROL_LOOP);
         self.chip_interrupts(now);
-        let due = self.motor_side.borrow_mut().take_tick(now);
-        if due {
+        if tick {
             let mut work = self.interrupts.poll(&mut self.motion);
             work |= self.motion.control_loop();
             self.start_tasks(now, work);

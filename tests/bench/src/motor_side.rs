@@ -1,43 +1,63 @@
-//! The board's motor side, simulated: encoder counter and latches, loop timer, amplifier, motor.
+//! The board's motor side, simulated: modulation timer, converters, encoder counters and their latches, digital inputs, and the machine
+//! behind them.
 
 use std::cell::RefCell;
 use std::rc::Rc;
 
-use drive::{Amplifier, Hardware, InterruptLine, ResetCause};
-use fixed::types::I1F15;
-use plant::Motor;
+use drive::{Cycle, Hardware, Inputs, InterruptLine, PowerStage, ProbeInput, ResetCause, Samples};
+use plant::{Machine, ReferenceAxis};
 use ring::Nanoseconds;
 use ring::time::SharedClock;
+use servo::current::PwmFrequency;
 
-/// The loop timer's clock in MHz: twice APB1 (42 MHz) of the STM32F407 at 168 MHz.
-const TIMER_MEGAHERTZ: u64 = 84;
+/// The modulation timer's clock in MHz: that of the APB2 timers of the STM32F407.
+const TIMER_MEGAHERTZ: u64 = 168;
+/// Counts of a period at 16 kHz: up and down.
+const PERIOD: u64 = 2 * PwmFrequency::Khz16.reload() as u64;
+/// Periods of a loop tick.
+const PERIODS: u64 = PwmFrequency::Khz16.cycles_per_tick() as u64;
+/// From the peak of the counter, where the currents are sampled, to the handler of the end of conversion: 1.9 us of conversion and 0.3 us.
+const CONVERSION: Nanoseconds = Nanoseconds(2_200);
 
 /// What a drive and its observer share.
 pub type SharedMotorSide = Rc<RefCell<MotorSideState>>;
 
-/// Motor and board of one drive.
+/// Machine and board of one drive.
 #[derive(Debug)]
 pub struct MotorSideState {
     clock: SharedClock,
-    motor: Motor,
-    inputs: Amplifier,
-    amplifier_on: bool,
+    machine: Machine,
+    peak_current: f64,
+    supply: f64,
+    inputs: Inputs,
+    bridge_on: bool,
+    /// A break or the current loop has switched the bridge off; it stays off until it is reset.
+    tripped: bool,
+    brake_open: bool,
     latches: [u32; 2],
-    current: f64,
-    timer: LoopTimer,
+    phases: [u16; 2],
+    index_seen: u32,
+    probes: [[Option<u32>; 2]; 2],
+    timer: ModulationTimer,
+    /// The next cycles come too late for their compare values.
+    late_cycles: u32,
 }
 
-/// A timer with preloaded period: a trim holds from the period after the running one.
+/// A centre-aligned timer, seen from peak to peak.
 #[derive(Debug)]
-struct LoopTimer {
-    /// Timer counts of the simulation's start to the last tick, of a clock that is off by so many ppm.
-    last_tick: u64,
+struct ModulationTimer {
+    /// Counts from the simulation's start to the last peak, of a clock that is off by so many ppm.
+    peak: u64,
     period: u64,
     next_period: u64,
+    /// The last peak is that of a tick's first period.
+    first: bool,
+    /// Counts from the simulation's start to the beginning of the tick.
+    tick: u64,
     clock_ppm: i64,
 }
 
-impl LoopTimer {
+impl ModulationTimer {
     fn time_of(&self, counts: u64) -> Nanoseconds {
         let nominal = counts * 1_000 / TIMER_MEGAHERTZ;
         let drift = i64::try_from(nominal).unwrap_or(i64::MAX) / 1_000_000 * self.clock_ppm;
@@ -48,104 +68,168 @@ impl LoopTimer {
         let drift = i64::try_from(now.0).unwrap_or(i64::MAX) / 1_000_000 * self.clock_ppm;
         now.0.saturating_add_signed(drift) * TIMER_MEGAHERTZ / 1_000
     }
+
+    /// Phase of an instant to the loop tick, in counts of 84 MHz.
+    fn phase_of(&self, at: Nanoseconds) -> u16 {
+        let counts = self.counts_at(at);
+        // The edge may lie between the peak that begins a tick and the handler that counts it.
+        let since = counts.saturating_sub(self.tick) % (PERIODS * PERIOD);
+        u16::try_from(since / 2).unwrap_or(u16::MAX)
+    }
 }
 
 impl MotorSideState {
-    /// A motor at rest beside an amplifier with main power on; the board's crystal is `clock_ppm` fast.
-    pub fn new(clock: SharedClock, motor: Motor, clock_ppm: i64) -> Self {
-        let period = u64::from(MotorSide::LOOP_TIMER_COUNTS);
+    /// A machine at rest with main power on; the board's crystal is `clock_ppm` fast.
+    pub fn new(clock: SharedClock, axis: &ReferenceAxis, clock_ppm: i64) -> Self {
+        let inputs = Inputs {
+            main_power: true,
+            bridge_ready: true,
+            safe_torque_1: true,
+            safe_torque_2: true,
+            ..Inputs::default()
+        };
         Self {
             clock,
-            motor,
-            inputs: Amplifier { main_power: true, fault: false },
-            amplifier_on: false,
+            machine: axis.machine(),
+            peak_current: f64::from(axis.peak_current) / 1_000.0,
+            supply: axis.machine.supply.voltage,
+            inputs,
+            bridge_on: false,
+            tripped: false,
+            brake_open: false,
             latches: [0; 2],
-            current: 0.0,
-            timer: LoopTimer { last_tick: 0, period, next_period: period, clock_ppm },
+            phases: [0; 2],
+            index_seen: 0,
+            probes: [[None; 2]; 2],
+            timer: ModulationTimer {
+                peak: 0,
+                period: PERIOD,
+                next_period: PERIOD,
+                first: false,
+                tick: 0,
+                clock_ppm,
+            },
+            late_cycles: 0,
         }
     }
 
-    /// The motor, to look at it or to load it.
-    pub fn motor(&mut self) -> &mut Motor {
-        &mut self.motor
+    /// The machine, to look at it, to load it or to break it.
+    pub fn machine(&mut self) -> &mut Machine {
+        &mut self.machine
     }
 
-    /// The amplifier's status lines.
-    pub fn set_amplifier_inputs(&mut self, inputs: Amplifier) {
-        self.inputs = inputs;
-        self.apply_current(self.clock.get());
+    /// The digital inputs as they are.
+    pub fn inputs(&self) -> Inputs {
+        self.inputs
     }
 
-    /// Whether the drive has the amplifier switched on.
-    pub fn amplifier_on(&self) -> bool {
-        self.amplifier_on
+    /// Changes digital inputs from now on. Without main power the supply is cut; a bridge that is not ready breaks the modulation.
+    pub fn change_inputs(&mut self, change: impl FnOnce(&mut Inputs)) {
+        let before = self.inputs;
+        change(&mut self.inputs);
+        let now = self.clock.get();
+        if before.main_power != self.inputs.main_power {
+            let voltage = if self.inputs.main_power { self.supply } else { 0.0 };
+            self.machine.set_supply(voltage, now.0);
+        }
+        if !self.inputs.bridge_ready {
+            self.trip(now);
+        }
+        for (probe, before, after) in
+            [(0, before.probe_1, self.inputs.probe_1), (1, before.probe_2, self.inputs.probe_2)]
+        {
+            if before != after {
+                self.probes[probe][usize::from(!after)] = Some(self.machine.encoder_count(now.0));
+            }
+        }
     }
 
-    /// The current command as a fraction of the peak current, zero while the amplifier is off.
-    pub fn current(&self) -> f64 {
-        if self.is_powered() { self.current } else { 0.0 }
+    /// Whether the bridge switches.
+    pub fn bridge_is_on(&self) -> bool {
+        self.bridge_on && !self.tripped
     }
 
-    /// An edge on an interrupt line latches the encoder.
+    /// Whether the coil of the brake has current.
+    pub fn brake_is_open(&self) -> bool {
+        self.brake_open
+    }
+
+    /// The torque-producing current as a fraction of the peak current.
+    pub fn current(&mut self) -> f64 {
+        let now = self.clock.get();
+        self.machine.dq_currents(now.0)[1] / self.peak_current
+    }
+
+    /// The next so many cycles of the current loop come too late.
+    pub fn delay_cycles(&mut self, cycles: u32) {
+        self.late_cycles = cycles;
+    }
+
+    /// An edge on an interrupt line latches the encoder and its time.
     pub fn latch(&mut self, line: InterruptLine, at: Nanoseconds) {
-        self.latches[latch_index(line)] = self.motor.encoder_count(at.0);
+        self.latches[line_index(line)] = self.machine.encoder_count(at.0);
+        self.phases[line_index(line)] = self.timer.phase_of(at);
     }
 
-    /// When the loop timer ticks next.
-    pub fn next_tick(&self) -> Nanoseconds {
-        self.timer.time_of(self.timer.last_tick + self.timer.period)
+    /// When the current loop runs next.
+    pub fn next_cycle(&self) -> Nanoseconds {
+        self.timer.time_of(self.timer.peak + self.timer.period) + CONVERSION
     }
 
-    /// Takes a tick that is due.
-    pub fn take_tick(&mut self, now: Nanoseconds) -> bool {
-        let due = self.next_tick() <= now;
+    /// Takes a cycle that is due.
+    pub fn take_cycle(&mut self, now: Nanoseconds) -> bool {
+        let due = self.next_cycle() <= now;
         if due {
-            self.timer.last_tick += self.timer.period;
-            self.timer.period = self.timer.next_period;
+            let timer = &mut self.timer;
+            timer.peak += timer.period;
+            timer.period = timer.next_period;
+            timer.first = !timer.first;
+            if timer.first {
+                timer.tick = timer.peak;
+            }
         }
         due
     }
 
-    /// The amplifier's status lines.
-    #[must_use]
-    pub fn amplifier_inputs(&self) -> Amplifier {
-        self.inputs
+    /// Switches the bridge from `at` on.
+    pub fn switch_bridge(&mut self, on: bool, at: Nanoseconds) {
+        self.bridge_on = on;
+        let switches = self.bridge_is_on();
+        self.machine.set_bridge(switches, at.0);
     }
 
-    /// The analogue current command, as a fraction of the peak current, from `at` on.
-    pub fn command_current(&mut self, fraction: f64, at: Nanoseconds) {
-        self.current = fraction;
-        self.apply_current(at);
+    /// Shares of the high sides from `at` on.
+    pub fn modulate(&mut self, duties: [f64; 3], at: Nanoseconds) {
+        self.machine.set_duties(duties, at.0);
     }
 
-    /// The amplifier's enable line from `at` on.
-    pub fn switch_amplifier(&mut self, on: bool, at: Nanoseconds) {
-        self.amplifier_on = on;
-        self.apply_current(at);
-    }
-
-    fn is_powered(&self) -> bool {
-        self.amplifier_on && self.inputs.main_power && !self.inputs.fault
-    }
-
-    fn apply_current(&mut self, at: Nanoseconds) {
-        let now = at.0;
-        if self.is_powered() {
-            self.motor.set_current(self.current, now);
-        } else {
-            self.motor.cut_current(now);
+    /// Current through the brake's coil from `at` on.
+    pub fn switch_brake(&mut self, open: bool, at: Nanoseconds) {
+        if open != self.brake_open {
+            self.brake_open = open;
+            self.machine.set_brake(open, at.0);
         }
+    }
+
+    fn trip(&mut self, at: Nanoseconds) {
+        self.tripped = true;
+        self.machine.set_bridge(false, at.0);
+    }
+
+    /// The instant of the samples of this cycle.
+    fn sampled(&self) -> Nanoseconds {
+        self.timer.time_of(self.timer.peak)
     }
 }
 
-const fn latch_index(line: InterruptLine) -> usize {
+const fn line_index(line: InterruptLine) -> usize {
     match line {
         InterruptLine::Int0 => 0,
         InterruptLine::Int1 => 1,
     }
 }
 
-/// The board as the drive sees it.
+/// The board as the tasks of the loop tick see it.
 #[derive(Debug)]
 pub struct MotorSide {
     state: SharedMotorSide,
@@ -163,41 +247,143 @@ impl Hardware for MotorSide {
 
     fn encoder_count(&mut self) -> u32 {
         let state = &mut *self.state.borrow_mut();
-        state.motor.encoder_count(state.clock.get().0)
+        state.machine.encoder_count(state.clock.get().0)
     }
 
     fn encoder_latch(&mut self, line: InterruptLine) -> u32 {
-        self.state.borrow().latches[latch_index(line)]
+        self.state.borrow().latches[line_index(line)]
     }
 
-    fn set_current(&mut self, fraction_of_peak: I1F15) {
+    fn edge_phase(&mut self, line: InterruptLine) -> u16 {
+        self.state.borrow().phases[line_index(line)]
+    }
+
+    fn phase_now(&mut self) -> u16 {
+        let state = self.state.borrow();
+        state.timer.phase_of(state.clock.get())
+    }
+
+    fn inputs(&mut self) -> Inputs {
         let state = &mut *self.state.borrow_mut();
         let now = state.clock.get();
-        state.command_current(fraction_of_peak.to_num(), now);
+        Inputs { brake_open: state.brake_open && !state.machine.brake_holds(now.0), ..state.inputs }
     }
 
-    fn set_amplifier(&mut self, on: bool) {
+    fn set_bridge(&mut self, on: bool) {
         let state = &mut *self.state.borrow_mut();
         let now = state.clock.get();
-        state.switch_amplifier(on, now);
+        state.switch_bridge(on, now);
     }
 
-    fn amplifier(&mut self) -> Amplifier {
-        self.state.borrow().inputs
+    fn bridge_is_on(&mut self) -> bool {
+        self.state.borrow().bridge_is_on()
+    }
+
+    fn reset_bridge(&mut self) {
+        let state = &mut *self.state.borrow_mut();
+        if state.inputs.bridge_ready {
+            state.tripped = false;
+        }
+    }
+
+    fn set_brake(&mut self, open: bool) {
+        let state = &mut *self.state.borrow_mut();
+        let now = state.clock.get();
+        state.switch_brake(open, now);
+    }
+
+    fn arm_index(&mut self) {
+        let state = &mut *self.state.borrow_mut();
+        let now = state.clock.get();
+        state.index_seen = state.machine.index_pulses(now.0);
+    }
+
+    fn index_latch(&mut self) -> Option<u32> {
+        let state = &mut *self.state.borrow_mut();
+        let now = state.clock.get();
+        let pulses = state.machine.index_pulses(now.0);
+        if pulses == state.index_seen {
+            return None;
+        }
+        state.index_seen = pulses;
+        state.machine.index_count(now.0)
+    }
+
+    fn arm_probe(&mut self, probe: ProbeInput) {
+        self.state.borrow_mut().probes[probe_index(probe)] = [None; 2];
+    }
+
+    fn probe_latch(&mut self, probe: ProbeInput, rising: bool) -> Option<u32> {
+        self.state.borrow_mut().probes[probe_index(probe)][usize::from(!rising)].take()
     }
 
     fn reset_cause(&self) -> ResetCause {
         ResetCause::PowerOn
     }
+}
 
-    fn loop_timer_phase(&mut self) -> u16 {
-        let state = self.state.borrow();
-        let counts = state.timer.counts_at(state.clock.get()).saturating_sub(state.timer.last_tick);
-        u16::try_from(counts).unwrap_or(u16::MAX)
+const fn probe_index(probe: ProbeInput) -> usize {
+    match probe {
+        ProbeInput::One => 0,
+        ProbeInput::Two => 1,
+    }
+}
+
+/// Inverter and converters as the current loop sees them.
+#[derive(Debug)]
+pub struct SimulatedStage {
+    state: SharedMotorSide,
+}
+
+impl SimulatedStage {
+    /// The current loop's side of a shared motor side.
+    pub fn new(state: SharedMotorSide) -> Self {
+        Self { state }
+    }
+}
+
+impl PowerStage for SimulatedStage {
+    fn begin(&mut self) -> Cycle {
+        let state = &mut *self.state.borrow_mut();
+        let late = state.late_cycles > 0;
+        state.late_cycles = state.late_cycles.saturating_sub(1);
+        Cycle { first: state.timer.first, late }
     }
 
-    fn trim_loop_timer(&mut self, counts: i16) {
+    fn samples(&mut self) -> Samples {
         let state = &mut *self.state.borrow_mut();
-        state.timer.next_period = u64::from(Self::LOOP_TIMER_COUNTS).saturating_add_signed(i64::from(counts));
+        let at = state.sampled().0;
+        let [heat_sink, motor] = state.machine.temperature_samples(at);
+        Samples {
+            currents: state.machine.current_samples(at),
+            bus: state.machine.bus_sample(at),
+            heat_sink,
+            motor,
+        }
+    }
+
+    fn encoder_count(&mut self) -> u32 {
+        let state = &mut *self.state.borrow_mut();
+        state.machine.encoder_count(state.clock.get().0)
+    }
+
+    /// The preloaded values act from the bottom of the counter on, half a period after its peak.
+    fn set_compare(&mut self, counts: [u16; 3]) {
+        let state = &mut *self.state.borrow_mut();
+        let bottom = state.timer.time_of(state.timer.peak + state.timer.period / 2);
+        let duties = counts.map(|count| f64::from(count) / f64::from(PwmFrequency::Khz16.reload()));
+        state.modulate(duties, bottom);
+    }
+
+    /// Both periods of a tick share the trim: so many counts of 168 MHz each.
+    fn trim(&mut self, counts: i16) {
+        let state = &mut *self.state.borrow_mut();
+        state.timer.next_period = PERIOD.saturating_add_signed(i64::from(counts));
+    }
+
+    fn switch_off(&mut self) {
+        let state = &mut *self.state.borrow_mut();
+        let now = state.clock.get();
+        state.trip(now);
     }
 }

@@ -84,7 +84,7 @@ pub(crate) fn station(setup: &DriveSetup, bit_rate: BitRate, clock: &SharedClock
     let straps = Straps { bit_rate, mclk_megahertz: 32 };
     let seed = u64::from(setup.address) * 0x9E37_79B9;
     let chip = Rc::new(RefCell::new(Chip::with_straps(straps, setup.alternatives, seed)));
-    let motor = MotorSideState::new(clock.clone(), setup.axis.motor(), setup.clock_ppm);
+    let motor = MotorSideState::new(clock.clone(), &setup.axis, setup.clock_ppm);
     (chip, Rc::new(RefCell::new(motor)))
 }
 

@@ -313,6 +313,64 @@ impl ReferenceAxis {
         }
     }
 
+    /// The axis that the defaults of the drive's parameters describe: a catalogue motor of 750 W on a belt.
+    ///
+    /// * Torque constant 0.8 Nm/A, 20 A peak: 16 Nm. 0.0004 kg m²: 40 000 rad/s² at peak.
+    /// * Windings: 4 pole pairs, so flux 0.8 / (1.5 * 4) = 0.133 Vs. 4 Nm at standstill (5 A) leave 1.5 * 1.2 * 5² = 45 W in 1.2 ohm.
+    ///   320 V carry the EMF of 0.533 V s/rad to 346 rad/s = 3 300 rpm.
+    /// * Encoder 10 000 increments (2 500 lines).
+    /// * Gains: 0.1 A s/rad crosses at 0.1 * 0.8 / 0.0004 = 200 rad/s; Tn 10 ms; Kv 16.7 1/s = 1.00 * 1000/min: the defaults.
+    #[must_use]
+    pub fn catalogue() -> Self {
+        let mechanics = Mechanics {
+            rotor_inertia: 0.000_4,
+            coulomb_friction: 0.1,
+            viscous_friction: 0.000_5,
+            load: None,
+            gravity_torque: 0.0,
+        };
+        let encoder =
+            Encoder { increments_per_revolution: 10_000, initial_count: 0, index_at: 0.300_05, electrical_zero: 0.019 };
+        Self {
+            name: "catalogue motor on a belt",
+            motor: motor(&mechanics, &encoder, 16.0, 100e-6),
+            machine: MachineSettings {
+                windings: Windings {
+                    pole_pairs: 4,
+                    resistance: 1.2,
+                    inductance_d: 6.0e-3,
+                    inductance_q: 6.0e-3,
+                    flux: 0.8 / (1.5 * 4.0),
+                    saturation: Some(Saturation { current: 40.0 }),
+                },
+                inverter: INVERTER,
+                supply: SINGLE_PHASE,
+                current_sensors: current_sensors(20.0),
+                bus_range: 500.0,
+                encoder,
+                mechanics,
+                brake: None,
+                thermal: Thermal {
+                    winding: HeatedBody { capacity: 500.0, resistance: 1.8 },
+                    heat_sink: HeatedBody { capacity: 600.0, resistance: 1.0 },
+                    ambient: AMBIENT,
+                },
+                seed: 5,
+            },
+            peak_current: 20_000,
+            standstill_current: 5_000,
+            maximum_speed: 6_000,
+            feed_constant: None,
+            gains: SuggestedGains {
+                velocity_gain: 1,
+                integral_time: 100,
+                position_gain: 100,
+                velocity_filter: 500,
+                acceleration_limit: 1_000_000,
+            },
+        }
+    }
+
     /// A motor of this axis at rest.
     #[must_use]
     pub fn motor(&self) -> Motor {
