@@ -4,9 +4,8 @@ use super::{Finding, Findings, pins};
 use crate::Guest;
 use crate::peripherals::Peripherals;
 use crate::peripherals::adc::{self, Converters, FASTEST_CLOCK_HZ, INJECTED_INTERRUPT, TRIGGERED_BY_TIM1, TRIPLE};
-use crate::peripherals::advanced_timer::{
-    ALL_SWITCHES, ARR, AdvancedTimer, BDTR, CCER, CCMR1, CCMR2, CCR4, CR1, CR2, PSC, RCR,
-};
+use crate::peripherals::advanced_timer::registers::{ARR, BDTR, CCER, CCMR1, CCMR2, CCR4, CR1, CR2, PSC, RCR};
+use crate::peripherals::advanced_timer::{ALL_SWITCHES, AdvancedTimer};
 use crate::peripherals::break_and_dead_time::{
     AUTOMATIC_OUTPUT, BREAK_ACTIVE_HIGH, BREAK_ENABLE, IDLE_STATE_DRIVEN, RUN_STATE_DRIVEN,
 };

@@ -434,5 +434,4 @@ fn refuse(register: &str, bits: u32) -> Result<(), String> {
 }
 
 #[cfg(test)]
-#[path = "adc_tests.rs"]
 mod tests;

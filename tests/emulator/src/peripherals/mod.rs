@@ -8,6 +8,7 @@ pub(crate) mod clocks;
 pub(crate) mod encoder_counters;
 pub(crate) mod gpio;
 pub(crate) mod interrupts;
+mod map;
 pub(crate) mod others;
 pub(crate) mod power_stage;
 pub(crate) mod timer;
@@ -21,38 +22,13 @@ use clocks::{ClockTree, Flash, Power, Rcc};
 use encoder_counters::{Edge, EncoderCounters};
 use gpio::{PinMode, Port};
 use interrupts::{Exti, Syscfg};
+use map::{
+    ADC, BIT_BAND, BIT_BAND_END, DAC, ENCODER_COUNTERS, EXTERNAL_BYTES, EXTI, FLASH, FSMC, GPIO, GPIO_END, IWDG, PWR,
+    RCC, SYSCFG, TIM1, TIM2, TIM5, TIM6, bit_band, clock_enable, counter_of, is_timer, port_of,
+};
 use others::{Dac, Fsmc, Watchdog};
 use power_stage::PowerStage;
 use timer::Timer;
-
-const TIM2: u32 = 0x4000_0000;
-const TIM3: u32 = 0x4000_0400;
-const TIM4: u32 = 0x4000_0800;
-const TIM5: u32 = 0x4000_0C00;
-const TIM6: u32 = 0x4000_1000;
-const IWDG: u32 = 0x4000_3000;
-const PWR: u32 = 0x4000_7000;
-const DAC: u32 = 0x4000_7400;
-const TIM1: u32 = 0x4001_0000;
-const TIM8: u32 = 0x4001_0400;
-const ADC: u32 = 0x4001_2000;
-const TIM9: u32 = 0x4001_4000;
-const SYSCFG: u32 = 0x4001_3800;
-const EXTI: u32 = 0x4001_3C00;
-const GPIO: u32 = 0x4002_0000;
-const GPIO_END: u32 = 0x4002_2400;
-const RCC: u32 = 0x4002_3800;
-const FLASH: u32 = 0x4002_3C00;
-const FSMC: u32 = 0xA000_0000;
-const BIT_BAND: u32 = 0x4200_0000;
-const BIT_BAND_END: u32 = 0x4400_0000;
-const PERIPHERALS: u32 = 0x4000_0000;
-
-/// Address lines A0 to A11 of a 16-bit bank: 8 KiB.
-const EXTERNAL_BYTES: u32 = 0x2000;
-
-/// Timers in the order of [`EncoderCounters`].
-const ENCODER_COUNTERS: [u32; 5] = [TIM2, TIM3, TIM4, TIM8, TIM9];
 
 /// An access of the product, for error messages.
 #[derive(Clone, Copy, Debug)]
@@ -458,31 +434,8 @@ impl Peripherals {
 
     /// A peripheral without its clock ignores writes and reads as 0: never what was meant.
     fn check_clock(&self, access: Access) -> Result<(), EmulatorError> {
-        const AHB1: u32 = 0x30;
-        const AHB3: u32 = 0x38;
-        const APB1: u32 = 0x40;
-        const APB2: u32 = 0x44;
-        let (register, bit) = match access.address & !0x3FF {
-            TIM1 => (APB2, 0),
-            TIM8 => (APB2, 1),
-            ADC => match access.address & 0x300 {
-                0x100 => (APB2, 9),
-                0x200 => (APB2, 10),
-                // The common registers are clocked with ADC1.
-                _ => (APB2, 8),
-            },
-            TIM9 => (APB2, 16),
-            TIM2 => (APB1, 0),
-            TIM3 => (APB1, 1),
-            TIM4 => (APB1, 2),
-            TIM5 => (APB1, 3),
-            TIM6 => (APB1, 4),
-            PWR => (APB1, 28),
-            DAC => (APB1, 29),
-            SYSCFG => (APB2, 14),
-            FSMC => (AHB3, 0),
-            page @ GPIO..GPIO_END => (AHB1, port_of(page) as u32),
-            _ => return Ok(()),
+        let Some((register, bit)) = clock_enable(access.address) else {
+            return Ok(());
         };
         if self.rcc.is_enabled(register, bit) {
             Ok(())
@@ -544,25 +497,6 @@ impl Peripherals {
 /// A failure that no access causes; the address tells where to look.
 fn by_itself(time: Nanoseconds, what: String) -> EmulatorError {
     EmulatorError::Misuse { time, what, address: ADC, pc: 0 }
-}
-
-fn is_timer(page: u32) -> bool {
-    ENCODER_COUNTERS.contains(&page) || [TIM1, TIM5, TIM6].contains(&page)
-}
-
-fn counter_of(page: u32) -> usize {
-    ENCODER_COUNTERS.iter().position(|base| *base == page).unwrap_or_default()
-}
-
-fn port_of(page: u32) -> usize {
-    ((page - GPIO) / 0x400) as usize
-}
-
-/// The word behind a bit-band address, and the bit in it.
-fn bit_band(address: u32) -> (u32, u32) {
-    let offset = address - BIT_BAND;
-    let byte = PERIPHERALS + offset / 32;
-    (byte & !3, (byte & 3) * 8 + offset / 4 % 8)
 }
 
 #[cfg(test)]

@@ -3,7 +3,8 @@
 use ring::Nanoseconds;
 
 use super::adc::Converters;
-use super::advanced_timer::{AdvancedTimer, Bridge, CR1, TimerEvent};
+use super::advanced_timer::registers::CR1;
+use super::advanced_timer::{AdvancedTimer, Bridge, TimerEvent};
 use super::clocks::ClockTree;
 use super::gpio::{PinMode, Port};
 use crate::Environment;

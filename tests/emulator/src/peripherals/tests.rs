@@ -233,15 +233,6 @@ pub(crate) fn set_up_power_stage() -> Vec<(u32, u32)> {
 }
 
 #[test]
-fn bit_band_addresses_name_one_bit() {
-    // RCC_AHB1ENR bit 6, as the hardware abstraction layer computes it.
-    let address = 0x4200_0000 + (0x2_3800 + 0x30) * 32 + 6 * 4;
-    assert_eq!(bit_band(address), (0x4002_3830, 6));
-    let address = 0x4200_0000 + (0x2_3800 + 0x40) * 32 + 29 * 4;
-    assert_eq!(bit_band(address), (0x4002_3840, 29));
-}
-
-#[test]
 fn currents_are_held_at_the_peak_of_every_period() {
     let (mut board, start) = Board::with_power_stage();
     board.run_until(Nanoseconds(start + 4 * HALF));

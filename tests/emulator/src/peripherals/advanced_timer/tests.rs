@@ -1,5 +1,6 @@
 //! The laws of TIM1, one test each.
 
+use super::registers::*;
 use super::*;
 
 const HALF: u64 = 31_250;
