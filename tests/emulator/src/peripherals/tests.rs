@@ -252,6 +252,20 @@ fn currents_are_held_at_the_peak_of_every_period() {
 }
 
 #[test]
+fn a_period_has_four_events_two_holds_the_end_and_the_underflow() {
+    let (mut board, start) = Board::with_power_stage();
+    let mut events = Vec::new();
+    while events.len() < 8 {
+        let next = board.peripherals.next_event().unwrap();
+        events.push(next.0 - start);
+        board.run_until(next);
+    }
+    let first = [31_251, 33_156, 33_728, 62_500];
+    let expected = first.into_iter().chain(first.map(|at| at + 2 * HALF));
+    assert_eq!(events, expected.collect::<Vec<_>>());
+}
+
+#[test]
 fn the_end_of_the_sequence_interrupts_and_foretells_what_the_handler_reads() {
     let (mut board, start) = Board::with_power_stage();
     board.peripherals.take_interrupts();
