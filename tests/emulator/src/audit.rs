@@ -1,7 +1,13 @@
 //! Checks what the binary has set up: clock tree, pins, external bus, interrupts.
 
-use crate::wiring::{expected_pins, pin_name};
+use crate::peripherals::encoder_counters::TIM2;
+use crate::peripherals::gpio::Port;
+use crate::wiring::{ExpectedPin, expected_pins, pin_name};
 use crate::{EmulatorError, Guest};
+
+mod power_stage;
+
+pub use power_stage::audit_power_stage;
 
 /// Something that is not as it should be.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -57,15 +63,14 @@ impl Findings {
 
 /// Compares the state of all peripherals with what the board needs; to be called once the product has finished its set-up.
 ///
-/// The outputs stay off by themselves after a break only while `BDTR.AOE` is 0; TIM1 has no model, so that touching it at all
-/// ends the run with [`EmulatorError::UnknownRegister`].
+/// The power stage on the board has an audit of its own: [`audit_power_stage`].
 ///
 /// # Errors
 /// The end of QEMU.
 pub fn audit(guest: &mut Guest) -> Result<Vec<Finding>, EmulatorError> {
     let mut findings = Findings::default();
     clocks(guest, &mut findings);
-    pins(guest, &mut findings);
+    pins(&guest.peripherals().ports, expected_pins(), &mut findings);
     bus(guest, &mut findings);
     pin_interrupts(guest, &mut findings);
     timers(guest, &mut findings);
@@ -90,9 +95,8 @@ fn clocks(guest: &Guest, findings: &mut Findings) {
     findings.check("flash prefetch and caches", 7, flash >> 8 & 7, |bits| format!("{bits:#05b}"));
 }
 
-fn pins(guest: &Guest, findings: &mut Findings) {
-    let ports = &guest.peripherals().ports;
-    for expected in expected_pins() {
+fn pins(ports: &[Port], expected: Vec<ExpectedPin>, findings: &mut Findings) {
+    for expected in expected {
         let (port, number) = expected.pin;
         let name = format!("{} {}", pin_name(expected.pin), expected.signal);
         let port = &ports[port];
@@ -143,7 +147,8 @@ fn pin_interrupts(guest: &Guest, findings: &mut Findings) {
 
 fn timers(guest: &Guest, findings: &mut Findings) {
     let peripherals = guest.peripherals();
-    let running = peripherals.tim2.is_enabled() && peripherals.tim2.counts_encoder();
+    let tim2 = peripherals.counters.timer(TIM2);
+    let running = tim2.is_enabled() && tim2.counts_encoder();
     findings.check("TIM2 counts the encoder", true, running, bool::to_string);
     let running = peripherals.tim6.is_enabled();
     findings.check("TIM6 runs", true, running, bool::to_string);

@@ -2,6 +2,34 @@
 
 use ring::Nanoseconds;
 
+/// Digital inputs of the power stage and the machine; `true` is the level 1.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct DigitalInputs {
+    /// Main power is on.
+    pub main_power: bool,
+    /// Safe torque off, channel 1: torque is allowed.
+    pub sto_1: bool,
+    /// Safe torque off, channel 2: torque is allowed.
+    pub sto_2: bool,
+    /// Home switch.
+    pub home_switch: bool,
+    /// Contact of the holding brake.
+    pub brake_feedback: bool,
+    /// Probe 1.
+    pub probe_1: bool,
+    /// Probe 2.
+    pub probe_2: bool,
+}
+
+/// The last rising edge of the encoder's index.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct IndexEdge {
+    /// How many there were so far.
+    pub number: u64,
+    /// Position at this one, counted as [`Environment::encoder_count`].
+    pub count: u32,
+}
+
 /// The world as the pins of the processor see it.
 ///
 /// `now` is the processor's own time of the access; the world has been advanced to it before.
@@ -46,4 +74,39 @@ pub trait Environment {
 
     /// The bit-rate straps SBAUD and SBAUD16 of the SERCON816 changed.
     fn set_bit_rate_straps(&mut self, _now: Nanoseconds, _sbaud: bool, _sbaud16: bool) {}
+
+    /// The 12-bit code that an ADC (1 to 3) takes on a channel at its hold instant. The world has been advanced to `at`.
+    fn analog_sample(&mut self, _at: Nanoseconds, _adc: usize, _channel: u8) -> u16 {
+        2048
+    }
+
+    /// From `at` on the six switches follow the duties, or all of them are off. The dead time is in nanoseconds.
+    fn set_bridge(&mut self, _at: Nanoseconds, _on: bool, _dead_time_ns: u32) {}
+
+    /// From `at` on each phase's high side is on for this share of the time, 0 to 1, dead time not taken off.
+    fn set_duties(&mut self, _at: Nanoseconds, _duties: [f64; 3]) {}
+
+    /// The coil of the holding brake.
+    fn set_brake(&mut self, _at: Nanoseconds, _energised: bool) {}
+
+    /// Level of the break input of the modulator: low = tripped. [`crate::Guest::run`] must be called at each of its edges.
+    fn break_input(&self) -> bool {
+        true
+    }
+
+    /// Levels of the digital inputs. [`crate::Guest::run`] must be called at each edge of the probes.
+    fn digital_inputs(&self) -> DigitalInputs {
+        DigitalInputs::default()
+    }
+
+    /// The last rising edge of the encoder's index up to `now`; falling edges are not told, no channel captures them.
+    fn index_count(&mut self, _now: Nanoseconds) -> IndexEdge {
+        IndexEdge::default()
+    }
+
+    /// Until when [`Environment::encoder_count`] certainly answers the same as at `now`; `now` itself when that is not known. Lets an answer
+    /// carry the position at standstill.
+    fn encoder_steady_until(&self, now: Nanoseconds) -> Nanoseconds {
+        now
+    }
 }

@@ -134,13 +134,15 @@ impl Guest {
         Ok(guest)
     }
 
-    /// The time of the guest's oldest unanswered access, question or wake-up.
+    /// The time of the guest's oldest unanswered access, question or wake-up, or of what its peripherals do by themselves before: a write
+    /// that waited may have brought that forward.
     #[must_use]
     pub fn next_event(&self) -> Option<Nanoseconds> {
-        Some(match self.posted.front() {
+        let guest = match self.posted.front() {
             Some(first) => self.clock.time_of(first.ticks),
             None => self.question_time(),
-        })
+        };
+        Some(self.peripherals.next_event().map_or(guest, |peripherals| peripherals.min(guest)))
     }
 
     /// Does what is due at `now` and, if that answers the guest's question, lets the guest run until it asks again: at `horizon` at the latest.
@@ -242,8 +244,8 @@ impl Guest {
     }
 
     fn sample<E: Environment + ?Sized>(&mut self, environment: &mut E, now: Nanoseconds) -> Result<(), EmulatorError> {
-        self.peripherals.advance(now)?;
-        let [int0, int1] = self.peripherals.sample(environment, now);
+        self.peripherals.advance(environment, now)?;
+        let [int0, int1] = self.peripherals.sample(environment, now)?;
         if int0.is_some() {
             self.happened(Trigger::Int0Edge, now);
         }
@@ -271,7 +273,7 @@ impl Guest {
         time: Nanoseconds,
     ) -> Result<(), EmulatorError> {
         self.count_instructions(posted.ticks);
-        self.peripherals.advance(time)?;
+        self.peripherals.advance(environment, time)?;
         let access = Access { now: time, address: posted.address, width: posted.kind & 0xFF, pc: posted.pc };
         if posted.kind & post::SERVED != 0 {
             self.measurements.prefetched_reads += 1;
@@ -324,8 +326,9 @@ impl Guest {
             self.prefetch.pass(Place::Interrupt(vector));
         }
         self.wake = self.peripherals.next_event().map_or(horizon, |event| event.min(horizon));
-        let chain =
-            self.prefetch.chain(resume::PREFETCH_CAPACITY, |address| self.peripherals.peek(environment, address));
+        let chain = self
+            .prefetch
+            .chain(resume::PREFETCH_CAPACITY, |address| self.peripherals.peek(environment, address, time, self.wake));
         let (read_cycles, write_cycles) = self.peripherals.fsmc.cycles();
         let frequency = self.peripherals.clock_tree().core;
         let bound = TickClock::new(frequency).ticks_until(self.post_bound);

@@ -2,7 +2,8 @@
 //!
 //! * [`Guest`]: the running product, advanced from event to event like every other participant of a simulation.
 //! * [`Environment`]: the world at its pins and on its external bus, which the caller implements.
-//! * [`audit`]: does the binary set its clocks, pins, bus and interrupts up as the board needs?
+//! * [`audit`]: does the binary set its clocks, pins, bus and interrupts up as the board needs? [`audit_power_stage`]: and modulator and
+//!   converters?
 //! * [`Measurements`]: instructions, exchanges and latencies, seen from outside.
 //!
 //! How it works: QEMU's machine `netduinoplus2` has the core, the NVIC and the memories of the part but hardly a peripheral. A shim beside
@@ -31,9 +32,9 @@ pub mod thumb;
 mod thumb_tests;
 pub mod wiring;
 
-pub use audit::{Finding, audit};
+pub use audit::{Finding, audit, audit_power_stage};
 pub use clock::CYCLES_PER_INSTRUCTION_TENTHS;
-pub use environment::Environment;
+pub use environment::{DigitalInputs, Environment, IndexEdge};
 pub use error::EmulatorError;
 pub use guest::{Guest, GuestConfiguration};
 pub use log::LogLine;

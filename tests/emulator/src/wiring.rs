@@ -32,6 +32,66 @@ pub const ADDRESS_SWITCHES: [Pin; 8] = [(6, 5), (6, 6), (6, 7), (6, 8), (6, 10),
 /// Bit-rate switch contacts, bit 0 first; a closed contact pulls low and stands for 1.
 pub const BIT_RATE_SWITCHES: [Pin; 2] = [(6, 14), (6, 15)];
 
+/// Gate signals of the high sides, phases U, V, W: TIM1 channels 1 to 3.
+pub const HIGH_SIDES: [Pin; 3] = [(0, 8), (0, 9), (0, 10)];
+/// Gate signals of the low sides: TIM1 channels 1N to 3N.
+pub const LOW_SIDES: [Pin; 3] = [(1, 13), (1, 14), (1, 15)];
+/// Fault of the gate drivers, TIM1 break input, 0 = tripped.
+pub const BREAK: Pin = (1, 12);
+/// Phase currents U, V, W: first rank of ADC1, ADC2, ADC3.
+pub const PHASE_CURRENTS: [Pin; 3] = [(2, 0), (2, 1), (2, 2)];
+/// Bus voltage, second rank of ADC1.
+pub const BUS_VOLTAGE: Pin = (2, 3);
+/// Temperature of the heat sink, second rank of ADC2.
+pub const HEAT_SINK_TEMPERATURE: Pin = (2, 4);
+/// Temperature of the motor, second rank of ADC3.
+pub const MOTOR_TEMPERATURE: Pin = (5, 6);
+/// Channels of the injected sequences of ADC1, ADC2 and ADC3: phase current, then a slow quantity.
+pub const ADC_SEQUENCES: [[u8; 2]; 3] = [[10, 13], [11, 14], [12, 4]];
+/// Tracks A and B at TIM3.
+pub const ENCODER_TIM3: [Pin; 2] = [(1, 4), (1, 5)];
+/// Encoder index, TIM3 channel 3.
+pub const INDEX: Pin = (1, 0);
+/// Tracks A and B at TIM4.
+pub const ENCODER_TIM4: [Pin; 2] = [(1, 6), (1, 7)];
+/// Probe 1, TIM4 channel 3 (and 4, crossed).
+pub const PROBE_1: Pin = (1, 8);
+/// Tracks A and B at TIM8.
+pub const ENCODER_TIM8: [Pin; 2] = [(2, 6), (2, 7)];
+/// Probe 2, TIM8 channel 3 (and 4, crossed).
+pub const PROBE_2: Pin = (2, 8);
+/// INT0 once more, TIM9 channel 1.
+pub const INT0_TIME: Pin = (4, 5);
+/// INT1 once more, TIM9 channel 2.
+pub const INT1_TIME: Pin = (4, 6);
+/// Main power contactor, 1 = on.
+pub const POWER_STAGE_MAIN_POWER: Pin = (2, 9);
+/// Safe torque off, channel 1, 1 = torque allowed.
+pub const STO_1: Pin = (2, 10);
+/// Safe torque off, channel 2, 1 = torque allowed.
+pub const STO_2: Pin = (2, 11);
+/// Home switch.
+pub const HOME_SWITCH: Pin = (2, 12);
+/// Contact of the holding brake.
+pub const BRAKE_FEEDBACK: Pin = (2, 13);
+/// Coil of the holding brake, 1 = energised.
+pub const BRAKE_COIL: Pin = (2, 15);
+
+/// The pin that an ADC (1 to 3) converts on a channel; `None` for the sources inside the part (data sheet, pin definitions).
+#[must_use]
+pub fn analogue_pin(adc: usize, channel: u8) -> Option<Pin> {
+    const OF_ADC_3: [u8; 5] = [6, 7, 8, 9, 10];
+    match (adc, channel) {
+        (3, 4..=8) => Some((5, OF_ADC_3[usize::from(channel - 4)])),
+        (3, 9) => Some((5, 3)),
+        (3, 14 | 15) => Some((5, channel - 10)),
+        (_, 0..=7) => Some((0, channel)),
+        (_, 8 | 9) => Some((1, channel - 8)),
+        (_, 10..=15) => Some((2, channel - 10)),
+        _ => None,
+    }
+}
+
 /// What the set-up must have made of a pin.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct ExpectedPin {
@@ -93,8 +153,48 @@ pub fn expected_pins() -> Vec<ExpectedPin> {
     pins
 }
 
+/// The pin table of the power stage on the board, beside [`expected_pins`].
+#[must_use]
+pub fn power_stage_pins() -> Vec<ExpectedPin> {
+    let mut pins = Vec::new();
+    let mut add = |signal, pins_of_signal: &[Pin], mode, pull| {
+        pins.extend(pins_of_signal.iter().map(|pin| ExpectedPin { signal, pin: *pin, mode, pull, speed: 0 }));
+    };
+    add("high side", &HIGH_SIDES, PinMode::Alternate(1), 0);
+    add("low side", &LOW_SIDES, PinMode::Alternate(1), 0);
+    add("phase current", &PHASE_CURRENTS, PinMode::Analogue, 0);
+    add("bus voltage", &[BUS_VOLTAGE], PinMode::Analogue, 0);
+    add("heat sink temperature", &[HEAT_SINK_TEMPERATURE], PinMode::Analogue, 0);
+    add("motor temperature", &[MOTOR_TEMPERATURE], PinMode::Analogue, 0);
+    for (signal, pin) in [
+        ("main power", POWER_STAGE_MAIN_POWER),
+        ("STO 1", STO_1),
+        ("STO 2", STO_2),
+        ("home switch", HOME_SWITCH),
+        ("brake feedback", BRAKE_FEEDBACK),
+    ] {
+        add(signal, &[pin], PinMode::Input, 2);
+    }
+    add("brake coil", &[BRAKE_COIL], PinMode::Output, 0);
+    pins
+}
+
 /// `PA3` for (0, 3).
 #[must_use]
 pub fn pin_name((port, number): Pin) -> String {
     format!("P{}{number}", char::from(b'A' + port as u8))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_sequences_convert_the_pins_of_their_signals() {
+        let pins = |adc: usize| ADC_SEQUENCES[adc - 1].map(|channel| analogue_pin(adc, channel));
+        assert_eq!(pins(1), [Some(PHASE_CURRENTS[0]), Some(BUS_VOLTAGE)]);
+        assert_eq!(pins(2), [Some(PHASE_CURRENTS[1]), Some(HEAT_SINK_TEMPERATURE)]);
+        assert_eq!(pins(3), [Some(PHASE_CURRENTS[2]), Some(MOTOR_TEMPERATURE)]);
+        assert_eq!(analogue_pin(1, 16), None);
+    }
 }

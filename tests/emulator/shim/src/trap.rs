@@ -256,8 +256,12 @@ impl State {
     /// Keeps an entry for the next message.
     fn post(&mut self, time: u32, address: u32, value: u32, kind: u32, pc: u32) {
         let mut time = time;
-        if kind & post::SERVED == 0 && changes_inputs(address) {
-            self.prefetched = 0;
+        if kind & post::SERVED == 0 {
+            if changes_inputs(address) {
+                self.prefetched = 0;
+            } else {
+                self.forget(address);
+            }
         }
         if self.posts == post::CAPACITY {
             self.exchange(message::FULL, time, 0, 0, pc, 0);
@@ -269,6 +273,16 @@ impl State {
         let start = header::WORDS + self.posts * post::WORDS;
         self.outgoing[start..start + post::WORDS].copy_from_slice(&[time, address, value, kind, pc]);
         self.posts += 1;
+    }
+
+    /// What the product wrote itself is no longer what the host foretold: flags that it clears, for one.
+    fn forget(&mut self, address: u32) {
+        for entry in &mut self.prefetch[..self.prefetched] {
+            if entry[0] == address & !3 {
+                // Nothing is read at address 0.
+                entry[0] = 0;
+            }
+        }
     }
 
     fn timer_fired(&mut self, now: u32, frame: &Frame) -> u32 {
@@ -388,8 +402,9 @@ impl State {
     }
 }
 
-/// Whether a write may change what the product reads of the ring controller or of its pins. The peripherals on APB1 and APB2
-/// (timers, converter, watchdog, interrupt routing) have no such effect, the ports and the external bus have.
+/// Whether a write may change what the product reads of the ring controller or of its pins. A write to the peripherals on APB1
+/// and APB2 (timers, converters, watchdog, interrupt routing) changes no more than its own register, one to the ports or the external bus
+/// may.
 fn changes_inputs(address: u32) -> bool {
     !(0x4000_0000..0x4002_0000).contains(&address)
 }

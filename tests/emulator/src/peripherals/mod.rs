@@ -1,9 +1,16 @@
 //! The STM32F407 around the core, as far as the product uses it: one model a peripheral, and the wiring between them.
 
+pub(crate) mod adc;
+pub(crate) mod advanced_timer;
+pub(crate) mod break_and_dead_time;
+mod centred_counter;
 pub(crate) mod clocks;
+pub(crate) mod encoder_counters;
 pub(crate) mod gpio;
 pub(crate) mod interrupts;
+mod map;
 pub(crate) mod others;
+pub(crate) mod power_stage;
 pub(crate) mod timer;
 
 use ring::Nanoseconds;
@@ -12,30 +19,16 @@ use crate::protocol::{EXTERNAL_BUS, EXTERNAL_BUS_END};
 use crate::wiring;
 use crate::{EmulatorError, Environment};
 use clocks::{ClockTree, Flash, Power, Rcc};
+use encoder_counters::{Edge, EncoderCounters};
 use gpio::{PinMode, Port};
 use interrupts::{Exti, Syscfg};
+use map::{
+    ADC, BIT_BAND, BIT_BAND_END, DAC, ENCODER_COUNTERS, EXTERNAL_BYTES, EXTI, FLASH, FSMC, GPIO, GPIO_END, IWDG, PWR,
+    RCC, SYSCFG, TIM1, TIM2, TIM5, TIM6, bit_band, clock_enable, counter_of, is_timer, port_of,
+};
 use others::{Dac, Fsmc, Watchdog};
+use power_stage::PowerStage;
 use timer::Timer;
-
-const TIM2: u32 = 0x4000_0000;
-const TIM5: u32 = 0x4000_0C00;
-const TIM6: u32 = 0x4000_1000;
-const IWDG: u32 = 0x4000_3000;
-const PWR: u32 = 0x4000_7000;
-const DAC: u32 = 0x4000_7400;
-const SYSCFG: u32 = 0x4001_3800;
-const EXTI: u32 = 0x4001_3C00;
-const GPIO: u32 = 0x4002_0000;
-const GPIO_END: u32 = 0x4002_2400;
-const RCC: u32 = 0x4002_3800;
-const FLASH: u32 = 0x4002_3C00;
-const FSMC: u32 = 0xA000_0000;
-const BIT_BAND: u32 = 0x4200_0000;
-const BIT_BAND_END: u32 = 0x4400_0000;
-const PERIPHERALS: u32 = 0x4000_0000;
-
-/// Address lines A0 to A11 of a 16-bit bank: 8 KiB.
-const EXTERNAL_BYTES: u32 = 0x2000;
 
 /// An access of the product, for error messages.
 #[derive(Clone, Copy, Debug)]
@@ -76,7 +69,8 @@ pub(crate) struct Peripherals {
     pub(crate) syscfg: Syscfg,
     pub(crate) exti: Exti,
     pub(crate) fsmc: Fsmc,
-    pub(crate) tim2: Timer,
+    pub(crate) counters: EncoderCounters,
+    pub(crate) stage: PowerStage,
     pub(crate) tim5: Timer,
     pub(crate) tim6: Timer,
     dac: Dac,
@@ -100,9 +94,10 @@ impl Peripherals {
             syscfg: Syscfg::default(),
             exti: Exti::default(),
             fsmc: Fsmc::new(),
-            tim2: Timer::new(32, false),
-            tim5: Timer::new(32, false),
-            tim6: Timer::new(16, true),
+            counters: EncoderCounters::new(),
+            stage: PowerStage::new(),
+            tim5: Timer::new(32, 4),
+            tim6: Timer::new(16, 0),
             dac: Dac::default(),
             watchdog: Watchdog::new(),
             interrupt_levels: None,
@@ -121,18 +116,22 @@ impl Peripherals {
 
     /// The next instant at which a peripheral does something by itself.
     pub(crate) fn next_event(&self) -> Option<Nanoseconds> {
-        [self.tim2.next_event(), self.tim5.next_event(), self.tim6.next_event(), self.watchdog.expires()]
-            .into_iter()
-            .flatten()
-            .min()
+        let timers = [self.tim5.next_event(), self.tim6.next_event()];
+        let others = [self.counters.next_event(), self.stage.next_event(), self.watchdog.expires()];
+        timers.into_iter().chain(others).flatten().min()
     }
 
     /// Does what is due until `now`.
-    pub(crate) fn advance(&mut self, now: Nanoseconds) -> Result<(), EmulatorError> {
+    pub(crate) fn advance<E: Environment + ?Sized>(
+        &mut self,
+        environment: &mut E,
+        now: Nanoseconds,
+    ) -> Result<(), EmulatorError> {
         if let Some(time) = self.watchdog.expires().filter(|expires| *expires <= now) {
             return Err(EmulatorError::Watchdog { time });
         }
-        self.tim2.advance(now);
+        self.stage.advance(&self.ports, environment, now).map_err(|what| by_itself(now, what))?;
+        self.counters.advance(now);
         self.tim5.advance(now);
         self.tim6.advance(now);
         self.update_lines();
@@ -144,31 +143,42 @@ impl Peripherals {
         &mut self,
         environment: &mut E,
         now: Nanoseconds,
-    ) -> [Option<bool>; 2] {
-        let (power, fault) = environment.amplifier_inputs();
-        self.drive(wiring::MAIN_POWER, power);
-        self.drive(wiring::AMPLIFIER_READY, !fault);
+    ) -> Result<[Option<bool>; 2], EmulatorError> {
+        self.stage.sample(&self.ports, environment, now).map_err(|what| by_itself(now, what))?;
+        self.counters.sample(&self.ports, environment, now);
+        self.drive_inputs(environment);
         let (int0, int1) = environment.interrupt_pins();
-        let before = self.interrupt_levels.replace((int0, int1));
+        let before = self.interrupt_levels.replace((int0, int1)).unwrap_or((int0, int1));
         self.drive(wiring::INT0, int0);
         self.drive(wiring::INT1, int1);
-        let Some(before) = before else {
-            return [None; 2];
-        };
         let edges = [(before.0 != int0).then_some(int0), (before.1 != int1).then_some(int1)];
-        for (edge, pin, channel) in [(edges[0], wiring::INT0, 4), (edges[1], wiring::INT1, 3)] {
-            let Some(rises) = edge else { continue };
-            let (port, number) = pin;
+        for (level, (port, number), edge) in
+            [(edges[0], wiring::INT0, Edge::Int0), (edges[1], wiring::INT1, Edge::Int1)]
+        {
+            let Some(rises) = level else { continue };
             if self.syscfg.port(number) == port {
                 self.exti.edge(number, rises);
             }
-            if self.ports[port].mode(number) == PinMode::Alternate(1) {
-                let encoder = self.encoder(environment, now);
-                self.tim2.capture_edge(channel, rises, now, encoder);
-            }
+            self.counters.edge(edge, rises, &self.ports, environment, now);
         }
         self.update_lines();
-        edges
+        Ok(edges)
+    }
+
+    fn drive_inputs<E: Environment + ?Sized>(&mut self, environment: &E) {
+        let (power, fault) = environment.amplifier_inputs();
+        let inputs = environment.digital_inputs();
+        for (pin, level) in [
+            (wiring::MAIN_POWER, power),
+            (wiring::AMPLIFIER_READY, !fault),
+            (wiring::POWER_STAGE_MAIN_POWER, inputs.main_power),
+            (wiring::STO_1, inputs.sto_1),
+            (wiring::STO_2, inputs.sto_2),
+            (wiring::HOME_SWITCH, inputs.home_switch),
+            (wiring::BRAKE_FEEDBACK, inputs.brake_feedback),
+        ] {
+            self.drive(pin, level);
+        }
     }
 
     /// Sets the switches, which do not move while the drive runs.
@@ -192,9 +202,25 @@ impl Peripherals {
         (std::mem::take(&mut self.edges), self.lines)
     }
 
-    /// What a read would answer, where that is sure not to change before the next event and has no side effect.
-    pub(crate) fn peek<E: Environment + ?Sized>(&self, environment: &E, address: u32) -> Option<u32> {
+    /// What a read at `now` would answer, where that is sure not to change by itself until `until` and has no side effect.
+    pub(crate) fn peek<E: Environment + ?Sized>(
+        &self,
+        environment: &mut E,
+        address: u32,
+        now: Nanoseconds,
+        until: Nanoseconds,
+    ) -> Option<u32> {
         const INPUT_DATA: u32 = 0x10;
+        const COUNT: u32 = TIM2 + 0x24;
+        let access = Access { now, address, width: 4, pc: 0 };
+        if address == COUNT || matches!(address & !0x3FF, TIM1 | ADC) {
+            self.check_clock(access).ok()?;
+            return match address & !0x3FF {
+                TIM1 => self.stage.peek_timer(address & 0x3FF, now, until),
+                ADC => self.stage.peek_converters(address & 0x3FF, until),
+                _ => self.counters.peek_position(&self.ports, environment, now, until),
+            };
+        }
         if (GPIO..GPIO_END).contains(&address) && address & 0x3FF == INPUT_DATA {
             let port = port_of(address & !0x3FF);
             let clocked = self.rcc.is_enabled(0x30, port as u32);
@@ -270,7 +296,7 @@ impl Peripherals {
     ) -> Result<u32, EmulatorError> {
         const TIMER_STATUS: u32 = 0x10;
         match access.address {
-            address if [TIM2, TIM5, TIM6].contains(&(address & !0x3FF)) => match address & 0x3FF {
+            address if is_timer(address & !0x3FF) => match address & 0x3FF {
                 TIMER_STATUS => Ok(u32::MAX),
                 0x34..=0x40 => Ok(0),
                 _ => self.read_word(environment, access),
@@ -293,10 +319,11 @@ impl Peripherals {
         self.check_clock(access)?;
         let offset = address & 0x3FF;
         let value = match address & !0x3FF {
-            TIM2 => {
-                let encoder = self.encoder(environment, now);
-                self.tim2.read(offset, now, encoder)
+            page if ENCODER_COUNTERS.contains(&page) => {
+                self.counters.read(counter_of(page), offset, &self.ports, environment, now)
             }
+            TIM1 => self.stage.timer.read(offset, now),
+            ADC => self.stage.converters.read(offset),
             TIM5 => self.tim5.read(offset, now, 0),
             TIM6 => self.tim6.read(offset, now, 0),
             IWDG => self.watchdog.read(offset, now),
@@ -325,10 +352,11 @@ impl Peripherals {
         let offset = address & 0x3FF;
         let fine = |done: Option<()>| done.map(Ok);
         let done = match address & !0x3FF {
-            TIM2 => {
-                let encoder = self.encoder(environment, now);
-                self.tim2.write(offset, value, now, encoder)
+            page if ENCODER_COUNTERS.contains(&page) => {
+                self.counters.write(counter_of(page), (offset, value), &self.ports, environment, now)
             }
+            TIM1 => self.stage.write_timer((offset, value), &self.ports, environment, now),
+            ADC => self.stage.converters.write(offset, value, now),
             TIM5 => self.tim5.write(offset, value, now, 0),
             TIM6 => self.tim6.write(offset, value, now, 0),
             IWDG => fine(self.watchdog.write(offset, value, now)),
@@ -345,9 +373,11 @@ impl Peripherals {
         done.ok_or_else(|| access.unknown("write"))?.map_err(|what| access.misuse(what))?;
         if address & !0x3FF == RCC {
             let tree = self.rcc.tree();
-            for timer in [&mut self.tim2, &mut self.tim5, &mut self.tim6] {
+            for timer in [&mut self.tim5, &mut self.tim6] {
                 timer.set_clock(tree.apb1_timers, now);
             }
+            self.counters.set_clocks(&tree, now);
+            self.stage.set_clocks(&tree, now);
         }
         self.tell(environment, now);
         self.update_lines();
@@ -404,20 +434,8 @@ impl Peripherals {
 
     /// A peripheral without its clock ignores writes and reads as 0: never what was meant.
     fn check_clock(&self, access: Access) -> Result<(), EmulatorError> {
-        const AHB1: u32 = 0x30;
-        const AHB3: u32 = 0x38;
-        const APB1: u32 = 0x40;
-        const APB2: u32 = 0x44;
-        let (register, bit) = match access.address & !0x3FF {
-            TIM2 => (APB1, 0),
-            TIM5 => (APB1, 3),
-            TIM6 => (APB1, 4),
-            PWR => (APB1, 28),
-            DAC => (APB1, 29),
-            SYSCFG => (APB2, 14),
-            FSMC => (AHB3, 0),
-            page @ GPIO..GPIO_END => (AHB1, port_of(page) as u32),
-            _ => return Ok(()),
+        let Some((register, bit)) = clock_enable(access.address) else {
+            return Ok(());
         };
         if self.rcc.is_enabled(register, bit) {
             Ok(())
@@ -430,6 +448,7 @@ impl Peripherals {
 
     /// Tells the world about outputs that changed.
     fn tell<E: Environment + ?Sized>(&mut self, environment: &mut E, now: Nanoseconds) {
+        self.stage.tell(&self.ports, environment, now);
         let on = self.drives_high(wiring::AMPLIFIER_ENABLE);
         if std::mem::replace(&mut self.amplifier_on, on) != on {
             environment.set_amplifier(now, on);
@@ -453,13 +472,6 @@ impl Peripherals {
         }
     }
 
-    fn encoder<E: Environment + ?Sized>(&self, environment: &mut E, now: Nanoseconds) -> u32 {
-        let connected = [wiring::ENCODER_A, wiring::ENCODER_B]
-            .iter()
-            .all(|(port, number)| self.ports[*port].mode(*number) == PinMode::Alternate(1));
-        if connected { environment.encoder_count(now) } else { 0 }
-    }
-
     fn drive(&mut self, (port, number): wiring::Pin, level: bool) {
         self.ports[port].drive(number, level);
     }
@@ -473,8 +485,8 @@ impl Peripherals {
     }
 
     fn update_lines(&mut self) {
-        let mut lines = self.exti.lines();
-        for (timer, vector) in [(&self.tim2, 28), (&self.tim5, 50), (&self.tim6, 54)] {
+        let mut lines = self.exti.lines() | self.counters.lines() | self.stage.lines();
+        for (timer, vector) in [(&self.tim5, 50), (&self.tim6, 54)] {
             lines |= u128::from(timer.line()) << vector;
         }
         self.edges |= lines & !self.lines;
@@ -482,27 +494,10 @@ impl Peripherals {
     }
 }
 
-fn port_of(page: u32) -> usize {
-    ((page - GPIO) / 0x400) as usize
-}
-
-/// The word behind a bit-band address, and the bit in it.
-fn bit_band(address: u32) -> (u32, u32) {
-    let offset = address - BIT_BAND;
-    let byte = PERIPHERALS + offset / 32;
-    (byte & !3, (byte & 3) * 8 + offset / 4 % 8)
+/// A failure that no access causes; the address tells where to look.
+fn by_itself(time: Nanoseconds, what: String) -> EmulatorError {
+    EmulatorError::Misuse { time, what, address: ADC, pc: 0 }
 }
 
 #[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn bit_band_addresses_name_one_bit() {
-        // RCC_AHB1ENR bit 6, as the hardware abstraction layer computes it.
-        let address = 0x4200_0000 + (0x2_3800 + 0x30) * 32 + 6 * 4;
-        assert_eq!(bit_band(address), (0x4002_3830, 6));
-        let address = 0x4200_0000 + (0x2_3800 + 0x40) * 32 + 29 * 4;
-        assert_eq!(bit_band(address), (0x4002_3840, 29));
-    }
-}
+pub(crate) mod tests;

@@ -28,12 +28,13 @@ const ONE_PULSE: u32 = 1 << 3;
 const DOWN: u32 = 1 << 4;
 const RELOAD_PRELOADED: u32 = 1 << 7;
 const UPDATE: u32 = 1;
+const CAPTURES: u32 = 0x1E;
 
 /// One timer.
 #[derive(Clone, Debug)]
 pub(crate) struct Timer {
     bits: u32,
-    basic: bool,
+    channels: u32,
     clock_hz: u64,
     control: u32,
     control_2: u32,
@@ -57,12 +58,12 @@ pub(crate) struct Timer {
 }
 
 impl Timer {
-    /// `bits` of the counter; basic timers (TIM6, TIM7) have no channels.
-    pub(crate) fn new(bits: u32, basic: bool) -> Self {
+    /// `bits` of the counter; basic timers (TIM6, TIM7) have no channels, TIM9 and TIM12 two, the others four.
+    pub(crate) fn new(bits: u32, channels: u32) -> Self {
         let full = u32::MAX >> (32 - bits);
         Self {
             bits,
-            basic,
+            channels,
             clock_hz: 16_000_000,
             control: 0,
             control_2: 0,
@@ -110,6 +111,11 @@ impl Timer {
         self.status & self.interrupts & 0x5F != 0
     }
 
+    /// The lines of a timer that has one for the update and one for the captures.
+    pub(crate) fn update_and_capture_lines(&self) -> [bool; 2] {
+        [UPDATE, CAPTURES].map(|mask| self.status & self.interrupts & mask != 0)
+    }
+
     /// Time of the next update, if it would raise the interrupt line.
     pub(crate) fn next_event(&self) -> Option<Nanoseconds> {
         let wanted = self.runs()
@@ -139,33 +145,34 @@ impl Timer {
         if !self.is_enabled() {
             self.held
         } else if self.counts_encoder() {
-            encoder.wrapping_add(self.held)
+            encoder.wrapping_add(self.held) & self.full()
         } else {
             let clocks = self.clocks(now).saturating_sub(self.zero_at);
             (clocks / self.divider() % self.limit) as u32
         }
     }
 
-    /// The pin of channel 1 to 4 changed its level.
+    /// The pin of channel 1 to 4 changed its level. It feeds the channel itself and the other one of its pair (CCxS = 1, CCxS = 2).
     pub(crate) fn capture_edge(&mut self, channel: u8, rises: bool, now: Nanoseconds, encoder: u32) {
-        let index = usize::from(channel - 1);
-        let polarity = self.capture_enable >> (4 * index);
-        let selection = self.capture_modes[index / 2] >> (8 * (index % 2)) & 3;
-        let (enabled, inverted, both) = (polarity & 1 != 0, polarity & 2 != 0, polarity & 0xA == 0xA);
-        // Selection 1: the channel's own input.
-        if !enabled || selection != 1 || !(both || rises != inverted) {
-            return;
+        let input = usize::from(channel - 1);
+        for (index, selected) in [(input, 1), (input ^ 1, 2)] {
+            let polarity = self.capture_enable >> (4 * index);
+            let selection = self.capture_modes[index / 2] >> (8 * (index % 2)) & 3;
+            let (enabled, inverted, both) = (polarity & 1 != 0, polarity & 2 != 0, polarity & 0xA == 0xA);
+            if !enabled || selection != selected || !(both || rises != inverted) {
+                continue;
+            }
+            self.capture[index] = self.count(now, encoder);
+            let flag = 2 << index;
+            if self.status & flag != 0 {
+                self.status |= flag << 8;
+            }
+            self.status |= flag;
         }
-        self.capture[index] = self.count(now, encoder);
-        let flag = 2 << index;
-        if self.status & flag != 0 {
-            self.status |= flag << 8;
-        }
-        self.status |= flag;
     }
 
     pub(crate) fn read(&mut self, offset: u32, now: Nanoseconds, encoder: u32) -> Option<u32> {
-        if self.basic && !matches!(offset, CR1 | CR2 | DIER | SR | EGR | CNT | PSC | ARR) {
+        if !self.has(offset) {
             return None;
         }
         Some(match offset {
@@ -199,10 +206,10 @@ impl Timer {
         now: Nanoseconds,
         encoder: u32,
     ) -> Option<Result<(), String>> {
-        if self.basic && !matches!(offset, CR1 | CR2 | DIER | SR | EGR | CNT | PSC | ARR) {
+        if !self.has(offset) {
             return None;
         }
-        let full = u32::MAX >> (32 - self.bits);
+        let full = self.full();
         match offset {
             CR1 => {
                 if value & (DOWN | 0x60) != 0 {
@@ -257,6 +264,20 @@ impl Timer {
         Some(Ok(()))
     }
 
+    fn has(&self, offset: u32) -> bool {
+        match offset {
+            CR1 | DIER | SR | EGR | CNT | PSC | ARR => true,
+            CR2 => self.channels != 2,
+            SMCR | CCMR1 | CCER => self.channels > 0,
+            CCR1..=CCR4 => (offset - CCR1) / 4 < self.channels,
+            _ => self.channels == 4,
+        }
+    }
+
+    fn full(&self) -> u32 {
+        u32::MAX >> (32 - self.bits)
+    }
+
     fn runs(&self) -> bool {
         self.is_enabled() && !self.counts_encoder()
     }
@@ -308,7 +329,7 @@ mod tests {
     const START: Nanoseconds = Nanoseconds(1_000_003);
 
     fn loop_timer() -> Timer {
-        let mut timer = Timer::new(16, true);
+        let mut timer = Timer::new(16, 0);
         timer.set_clock(84_000_000, Nanoseconds::ZERO);
         for (offset, value) in [(ARR, 10_499), (CR1, 0x84), (EGR, 1), (SR, 0), (DIER, 1), (CR1, 0x85)] {
             timer.write(offset, value, START, 0).unwrap().unwrap();
@@ -355,7 +376,7 @@ mod tests {
 
     #[test]
     fn both_edges_latch_the_encoder() {
-        let mut timer = Timer::new(32, false);
+        let mut timer = Timer::new(32, 4);
         for (offset, value) in [(CCMR2, 0x3131), (CCER, 0xBB00), (SMCR, 3), (CNT, 0), (CR1, 1)] {
             timer.write(offset, value, START, 500).unwrap().unwrap();
         }
@@ -373,7 +394,7 @@ mod tests {
 
     #[test]
     fn a_capture_of_one_polarity_ignores_the_other() {
-        let mut timer = Timer::new(32, false);
+        let mut timer = Timer::new(32, 4);
         for (offset, value) in [(CCMR2, 1), (CCER, 0x0100), (SMCR, 3), (CR1, 1)] {
             timer.write(offset, value, START, 0).unwrap().unwrap();
         }
@@ -381,5 +402,48 @@ mod tests {
         assert_eq!(timer.read(SR, START, 0), Some(0));
         timer.capture_edge(3, true, START, 6);
         assert_eq!(timer.read(CCR1 + 8, START, 0), Some(6));
+    }
+
+    #[test]
+    fn a_16_bit_encoder_counter_wraps_with_the_low_half_of_the_position() {
+        let mut timer = Timer::new(16, 4);
+        for (offset, value) in [(SMCR, 3), (ARR, 0xFFFF), (CNT, 0), (CR1, 1)] {
+            timer.write(offset, value, START, 0x0001_FFF0).unwrap().unwrap();
+        }
+        assert_eq!(timer.read(CNT, START, 0x0002_0010), Some(0x20));
+        assert_eq!(timer.read(CNT, START, 0x0001_FFEF), Some(0xFFFF));
+        assert_eq!(timer.read(CNT, START, 0x0003_0010), Some(0x20));
+    }
+
+    #[test]
+    fn both_channels_of_a_pair_capture_one_pin_each_at_its_edge() {
+        let mut timer = Timer::new(16, 4);
+        // IC3 on TI3 rising, IC4 on TI3 falling.
+        for (offset, value) in [(CCMR2, 0x0201), (CCER, 0x3100), (SMCR, 3), (CNT, 0), (CR1, 1)] {
+            timer.write(offset, value, START, 0).unwrap().unwrap();
+        }
+        timer.capture_edge(3, true, START, 100);
+        timer.capture_edge(3, false, START, 250);
+        timer.capture_edge(4, true, START, 400);
+        timer.capture_edge(4, false, START, 400);
+        assert_eq!(timer.read(SR, START, 0), Some(0x18));
+        assert_eq!(timer.read(CCR1 + 8, START, 0), Some(100));
+        assert_eq!(timer.read(CCR4, START, 0), Some(250));
+    }
+
+    #[test]
+    fn a_timer_of_two_channels_stamps_times_and_knows_no_more_registers() {
+        let mut timer = Timer::new(16, 2);
+        timer.set_clock(168_000_000, Nanoseconds::ZERO);
+        for (offset, value) in [(CCMR1, 0x0101), (CCER, 0xBB), (CR1, 1)] {
+            timer.write(offset, value, START, 0).unwrap().unwrap();
+        }
+        timer.capture_edge(1, false, START + Nanoseconds(100_000), 0);
+        timer.capture_edge(2, true, START + Nanoseconds(500_000), 0);
+        assert!(timer.read(CCR1, START, 0).unwrap().abs_diff(16_800) <= 1);
+        assert!(timer.read(CCR1 + 4, START, 0).unwrap().abs_diff(84_000 - 65_536) <= 1);
+        for offset in [CR2, CCMR2, CCR4, OR] {
+            assert_eq!(timer.read(offset, START, 0), None);
+        }
     }
 }
