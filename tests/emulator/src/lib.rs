@@ -4,6 +4,7 @@
 //! * [`Environment`]: the world at its pins and on its external bus, which the caller implements.
 //! * [`audit`]: does the binary set its clocks, pins, bus and interrupts up as the board needs?
 //! * [`Measurements`]: instructions, exchanges and latencies, seen from outside.
+//! * [`Tracer`], [`Activations`]: every instruction, counted by task and by function.
 //!
 //! How it works: QEMU's machine `netduinoplus2` has the core, the NVIC and the memories of the part but hardly a peripheral. A shim beside
 //! the product takes the reset and closes the peripheral space by the MPU; each access traps into it, is decoded ([`thumb`]) and
@@ -15,6 +16,7 @@
 //! The private peripheral bus is QEMU's own, so SysTick and DWT do not follow simulated time (QEMU 7.2 has no DWT cycle counter).
 #![forbid(unsafe_code)]
 
+mod activations;
 mod audit;
 mod clock;
 mod environment;
@@ -29,8 +31,10 @@ mod qemu;
 pub mod thumb;
 #[cfg(test)]
 mod thumb_tests;
+mod trace;
 pub mod wiring;
 
+pub use activations::{Activations, Listing, Spread, Step, TaskCount};
 pub use audit::{Finding, audit};
 pub use clock::CYCLES_PER_INSTRUCTION_TENTHS;
 pub use environment::Environment;
@@ -40,3 +44,4 @@ pub use log::LogLine;
 pub use measure::{Latency, Measurements, Probe, Trigger};
 pub use peripherals::clocks::{CRYSTAL_HZ, ClockTree};
 pub use peripherals::gpio::PinMode;
+pub use trace::{TraceEvent, TraceSink, Tracer};
