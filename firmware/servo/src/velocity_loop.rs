@@ -62,7 +62,8 @@ impl VelocityLoopSettings {
     pub fn limit_current(&self, current: CurrentFraction) -> VelocityLoopOutput {
         let wanted = i64::from(current.to_bits()) << 16;
         let limit = self.limit;
-        let within = wanted.clamp(limit.wrapping_neg(), limit);
+        // Not `clamp`: it panics if its limits are the wrong way round, and the compiler cannot see that they never are.
+        let within = wanted.max(limit.wrapping_neg()).min(limit);
         VelocityLoopOutput { current: CurrentFraction::from_bits((within >> 16) as i16), limited: within != wanted }
     }
 }

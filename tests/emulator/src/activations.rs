@@ -159,6 +159,7 @@ pub struct Activations {
     base: Context,
     recording: bool,
     executed: u64,
+    thread: TaskCount,
     tasks: BTreeMap<u16, TaskCount>,
     functions: BTreeMap<String, Spread>,
 }
@@ -173,6 +174,7 @@ impl Activations {
             base: Context::default(),
             recording: false,
             executed: 0,
+            thread: TaskCount::default(),
             tasks: BTreeMap::new(),
             functions: BTreeMap::new(),
         }
@@ -190,6 +192,12 @@ impl Activations {
         &self.functions
     }
 
+    /// Critical sections of the thread, which has no activations.
+    #[must_use]
+    pub fn thread(&self) -> &TaskCount {
+        &self.thread
+    }
+
     /// All instructions between the marks, the thread's included.
     #[must_use]
     pub fn executed(&self) -> u64 {
@@ -200,7 +208,7 @@ impl Activations {
         self.recording = !self.recording;
         // What runs right now has been seen in part only.
         self.contexts.clear();
-        self.base = Context::default();
+        self.thread = std::mem::take(&mut self.base).task;
     }
 
     fn leave(&mut self, exception: u16) {
@@ -364,6 +372,12 @@ mod tests {
         );
         // From behind the first lock: lock, 10c, unlock, unlock.
         assert_eq!(count.tasks()[&70].locked, once(4));
+    }
+
+    #[test]
+    fn a_critical_section_of_the_thread_is_known_after_the_second_mark() {
+        let count = counted([run([0x10a, 0x10c, 0x110]), vec![Mark]].concat());
+        assert_eq!(count.thread().locked, once(2));
     }
 
     #[test]

@@ -75,9 +75,11 @@ mod tests {
         let graph = graph();
         // The reset goes everywhere: it must find everything that there is, or the checks are blind.
         let main = graph.program.functions().iter().position(|function| function.name == "main").unwrap();
-        for check in [Check::Panic, Check::Division, Check::MemoryRoutine, Check::Lock, Check::IndirectCall] {
+        for check in [Check::Panic, Check::Division, Check::MemoryRoutine, Check::Lock] {
             assert!(!findings(&graph, main, check).is_empty(), "{}", check.name());
         }
+        // The service channel calls through tables of functions.
+        assert!(!findings(&graph, root(&graph, "CAN1_SCE"), Check::IndirectCall).is_empty());
         // The control loop shares its resources by locks.
         assert!(!findings(&graph, root(&graph, "TIM6_DAC"), Check::Lock).is_empty());
     }

@@ -6,6 +6,6 @@ mod graph;
 mod program;
 
 pub(crate) use checks::{Check, Finding, findings};
-pub(crate) use code::{Flow, Instruction};
+pub(crate) use code::Flow;
 pub(crate) use graph::{Depth, Graph};
-pub(crate) use program::{Function, Program};
+pub(crate) use program::Program;

@@ -99,7 +99,7 @@ pub(crate) fn judge(graph: &Graph, traced: &Traced, gates: Gates) -> Report {
         let found = vector.and_then(|(address, _)| static_report(graph, address));
         report.tasks.push(TaskReport { task: *task, count, found, timing: None });
     }
-    add_timing(&mut report.tasks, traced.cycles);
+    add_timing(&mut report.tasks, traced.cycles, locked_by(traced.activations.thread()));
     for function in gates.functions {
         let of_name = |name: &str| name.contains(function.symbol);
         let present = graph.program.functions().iter().any(|function| of_name(&function.name));
@@ -135,7 +135,13 @@ pub(crate) fn nanoseconds(instructions: u64, bus: u64) -> u64 {
     (instructions * CYCLES_PER_INSTRUCTION_TENTHS * 100).div_ceil(CORE_MEGAHERTZ) + bus * BUS_ACCESS
 }
 
-fn add_timing(tasks: &mut [TaskReport], cycles: u64) {
+/// Longest critical section, in ns.
+fn locked_by(count: &TaskCount) -> u64 {
+    nanoseconds(count.locked.most, count.bus_locked.most)
+}
+
+/// `thread`: the longest critical section of the thread, in ns.
+fn add_timing(tasks: &mut [TaskReport], cycles: u64, thread: u64) {
     let load = |report: &TaskReport| {
         let count = report.count?;
         let (period, activations) = match report.task.rate {
@@ -148,11 +154,14 @@ fn add_timing(tasks: &mut [TaskReport], cycles: u64) {
             period,
             activations,
             time: nanoseconds(count.own.most, count.bus.most),
-            locked: nanoseconds(count.locked.most, count.bus_locked.most),
+            locked: locked_by(&count),
         })
     };
     let (places, set): (Vec<usize>, Vec<Load>) =
         tasks.iter().enumerate().filter_map(|(place, report)| Some((place, load(report)?))).unzip();
+    // The thread is below all of them; it takes nothing away but while it locks.
+    let mut set = set;
+    set.push(Load { priority: 0, period: u64::MAX, activations: 0, time: 0, locked: thread });
     for (index, place) in places.into_iter().enumerate() {
         let (blocking, response) = (response::blocking(&set, index), response::response(&set, index));
         tasks[place].timing = Some(Timing { load: set[index], blocking, response });
@@ -276,10 +285,18 @@ mod tests {
     fn a_task_that_overruns_its_period_fails() {
         let mut tasks = [report(Some(20_000), Vec::new())];
         tasks[0].task.budget = None;
-        add_timing(&mut tasks, 1);
+        add_timing(&mut tasks, 1, 0);
         assert!(failures_of_task(&tasks[0])[0].contains("not always done within its period of 125 us"));
         tasks[0].count = Some(counted(100));
-        add_timing(&mut tasks, 1);
+        add_timing(&mut tasks, 1, 0);
         assert_eq!(failures_of_task(&tasks[0]), [""; 0]);
+    }
+
+    #[test]
+    fn a_task_waits_for_a_critical_section_of_the_thread() {
+        let mut tasks = [report(Some(100), Vec::new())];
+        add_timing(&mut tasks, 1, 2_000);
+        let timing = tasks[0].timing.unwrap();
+        assert_eq!((timing.blocking, timing.response), (2_000, Some(2_000 + nanoseconds(100, 0))));
     }
 }

@@ -98,7 +98,7 @@ fn is_lock(instruction: &Instruction) -> bool {
 /// Something that was looked for and found.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub(crate) struct Finding {
-    /// Where.
+    /// Of the instruction, or of the call that leads to the function.
     pub(crate) address: u32,
     /// The instruction, or the function by its name.
     pub(crate) what: String,
@@ -106,22 +106,30 @@ pub(crate) struct Finding {
     pub(crate) path: Vec<String>,
 }
 
-/// Everything of this kind that can be reached; nothing is looked for inside a function that is itself found.
+/// Does the program end in a function of this name?
+pub(super) fn is_end(name: &str) -> bool {
+    Check::Panic.is_function(name)
+}
+
+/// Everything of this kind that can be reached; nothing is looked for inside a function that is itself found, nor behind a panic, which is a
+/// finding of its own.
 pub(crate) fn findings(graph: &Graph, root: usize, check: Check) -> Vec<Finding> {
     let from = graph.reachable(root);
     let mut findings = Vec::new();
     for function in from.keys().copied() {
         let path = graph.path(&from, function);
-        let found = path.iter().position(|name| check.is_function(name));
-        if found.is_some_and(|place| place + 1 < path.len()) {
+        let is_found = |name: &&str| check.is_function(name);
+        let (callers, last) = path.split_at(path.len() - 1);
+        if callers.iter().any(is_found) || check != Check::Panic && path.iter().any(|name| is_end(name)) {
             continue;
         }
-        let path: Vec<String> = path.iter().map(|name| (*name).to_owned()).collect();
-        if found.is_some() {
-            let address = graph.program.functions()[function].address;
-            findings.push(Finding { address, what: graph.name(function).to_owned(), path });
+        let path_of_names: Vec<String> = path.iter().map(|name| (*name).to_owned()).collect();
+        if last.iter().any(is_found) {
+            let address = from.get(&function).and_then(|caller| graph.call_site(*caller, function)).unwrap_or_default();
+            findings.push(Finding { address, what: graph.name(function).to_owned(), path: path_of_names });
             continue;
         }
+        let path = path_of_names;
         for instruction in graph.instructions(function).iter().filter(|found| check.is_instruction(found)) {
             let what = format!("{} {}", instruction.mnemonic, instruction.operands);
             findings.push(Finding { address: instruction.address, what, path: path.clone() });
@@ -204,9 +212,24 @@ mod tests {
             );
             let found = findings(&Graph::new(program).unwrap(), 0, check);
             assert_eq!(found.len(), 1, "{name}: {found:?}");
-            assert_eq!((found[0].what.as_str(), found[0].address), (name, 0x0800_010a));
+            assert_eq!((found[0].what.as_str(), found[0].address), (name, 0x0800_0106), "the jump to it");
             assert_eq!(found[0].path, ["TIM6_DAC", "step", name]);
         }
+    }
+
+    #[test]
+    fn what_lies_behind_a_panic_is_not_found_beside_it() {
+        // bl panic; bx lr. Panic: udiv r0, r0, r1.
+        let program = Program::of_code(
+            0x0800_0100,
+            &[
+                ("TIM6_DAC", &[0x00, 0xf0, 0x01, 0xf8, 0x70, 0x47]),
+                ("core::panicking::panic_fmt", &[0xb0, 0xfb, 0xf1, 0xf0]),
+            ],
+        );
+        let graph = Graph::new(program).unwrap();
+        assert_eq!(findings(&graph, 0, Check::Division), []);
+        assert_eq!(findings(&graph, 0, Check::Panic).len(), 1);
     }
 
     #[test]

@@ -1,5 +1,6 @@
 //! Who calls whom.
 
+use super::checks::is_end;
 use super::code::{self, Flow, Instruction};
 use super::program::Program;
 use anyhow::{Context, Result};
@@ -92,12 +93,22 @@ impl Graph {
         names
     }
 
+    /// Address of the first instruction of `caller` that leads to `callee`.
+    pub(crate) fn call_site(&self, caller: usize, callee: usize) -> Option<u32> {
+        let leads = |instruction: &&Instruction| match instruction.flow {
+            Flow::Call(target) | Flow::Jump(target) => self.program.function_at(target) == Some(callee),
+            _ => false,
+        };
+        self.instructions(caller).iter().find(leads).map(|instruction| instruction.address)
+    }
+
     /// The name of a function.
     pub(crate) fn name(&self, function: usize) -> &str {
         self.program.functions().get(function).map_or("?", |function| &function.name)
     }
 
-    /// Stack of a function with all that it calls. Everything that is ever pushed in a function counts, also on ways that exclude each other.
+    /// Stack of a function with all that it calls. Everything that is ever pushed in a function counts, also on ways that exclude each other;
+    /// what a panic needs does not, because nothing comes after it.
     pub(crate) fn depth(&self, root: usize) -> Depth {
         self.deepest(root, &mut BTreeMap::new())
     }
@@ -116,7 +127,7 @@ impl Graph {
         } else {
             Depth::Bytes(0)
         };
-        for callee in &node.calls {
+        for callee in node.calls.iter().filter(|callee| !is_end(self.name(**callee))) {
             depth = match (depth, self.deepest(*callee, known)) {
                 (Depth::Bytes(first), Depth::Bytes(second)) => Depth::Bytes(first.max(second)),
                 _ => Depth::Unbounded,
