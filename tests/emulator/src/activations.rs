@@ -312,16 +312,18 @@ mod tests {
                 vec![Entered(70)],
                 run([0x100, 0x102]),
                 vec![Entered(34)],
-                run([0x300, 0x302, 0x304]),
+                run([0x300, 0x302]),
+                vec![Entered(35), Instruction(0x600), Left(35)],
+                run([0x304]),
                 vec![Left(34)],
                 run([0x106]),
                 vec![Left(70)],
             ]
             .concat(),
         );
-        assert_eq!((count.tasks()[&70].own, count.tasks()[&70].with_preemption), (once(3), once(6)));
-        assert_eq!((count.tasks()[&34].own, count.tasks()[&34].with_preemption), (once(3), once(3)));
-        assert_eq!(count.executed(), 6);
+        assert_eq!((count.tasks()[&70].own, count.tasks()[&70].with_preemption), (once(3), once(7)));
+        assert_eq!((count.tasks()[&34].own, count.tasks()[&34].with_preemption), (once(3), once(4)));
+        assert_eq!(count.executed(), 7);
     }
 
     #[test]
@@ -372,6 +374,13 @@ mod tests {
         );
         // From behind the first lock: lock, 10c, unlock, unlock.
         assert_eq!(count.tasks()[&70].locked, once(4));
+    }
+
+    #[test]
+    fn what_ran_at_one_mark_is_forgotten_at_the_next() {
+        let count =
+            counted([vec![Entered(70)], run([0x100]), vec![Mark, Mark], run([0x102]), vec![Left(70), Mark]].concat());
+        assert!(count.tasks().is_empty(), "{:?}", count.tasks());
     }
 
     #[test]

@@ -63,7 +63,7 @@ pub(crate) const GATES: Gates = Gates {
         task("phase_change", "CAN1_RX1", 2, Rate::OutsideTheCycle, None, &[]),
         task("service_channel", "CAN1_SCE", 2, Rate::EachCycle, None, &[]),
     ],
-    functions: &[],
+    functions: &[Function { symbol: "Motion<B,H>::update_state", budget: 120 }],
 };
 
 const fn task(
