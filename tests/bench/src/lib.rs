@@ -3,6 +3,7 @@
 //! * [`world`], [`processor`]: one simulated time for all.
 //! * [`host_drive`], [`motor_side`]: the drive's portable tasks on this computer, beside a motor.
 //! * [`measure`], [`report`]: what a run tells.
+//! * [`traced`]: the ELF, counted instruction by instruction.
 #![forbid(unsafe_code)]
 
 pub mod demo;
@@ -16,6 +17,7 @@ pub mod qemu_drive;
 pub mod replay;
 pub mod report;
 pub mod ring_of_drives;
+pub mod traced;
 pub mod world;
 
 pub use ::drive::Amplifier;
@@ -25,4 +27,5 @@ pub use host_drive::{HostDrive, Latency};
 pub use processor::{Processor, ProcessorError};
 pub use replay::{ReplayError, ReplayOptions, replay};
 pub use ring_of_drives::{DriveHandle, DriveSetup, ring_of_drives, ring_of_drives_on};
+pub use traced::{TraceError, Traced, traced};
 pub use world::World;

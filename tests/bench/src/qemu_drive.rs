@@ -38,6 +38,19 @@ impl QemuDrive {
     ) -> Result<Self, ProcessorError> {
         let guest = Guest::start(&GuestConfiguration::new(&elves.product, &elves.shim))
             .map_err(|error| ProcessorError { address, cause: error.to_string() })?;
+        Ok(Self::around(guest, chip, motor_side, address, bit_rate, measurements))
+    }
+
+    /// The same around a guest that was started otherwise, to trace it.
+    #[must_use]
+    pub fn around(
+        guest: Guest,
+        chip: &SharedChip,
+        motor_side: &SharedMotorSide,
+        address: u8,
+        bit_rate: BitRate,
+        measurements: SharedMeasurements,
+    ) -> Self {
         let environment = QemuEnvironment {
             chip: chip.clone(),
             motor_side: motor_side.clone(),
@@ -45,7 +58,7 @@ impl QemuDrive {
             bit_rate,
             observer: BusObserver::new(measurements),
         };
-        Ok(Self { address, guest, environment })
+        Self { address, guest, environment }
     }
 }
 

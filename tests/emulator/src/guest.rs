@@ -27,6 +27,8 @@ pub struct GuestConfiguration {
     /// How long a write may wait for the next exchange before the product is interrupted to deliver it. The write keeps its own time, and so
     /// does an edge that it causes on an interrupt pin; only the product's interrupt for that edge may come this much late.
     pub post_bound: Nanoseconds,
+    /// More arguments for QEMU, as [`crate::Tracer::arguments`] gives them.
+    pub arguments: Vec<std::ffi::OsString>,
 }
 
 impl GuestConfiguration {
@@ -38,6 +40,7 @@ impl GuestConfiguration {
             shim: shim.into(),
             qemu: "qemu-system-arm".into(),
             post_bound: Nanoseconds::from_microseconds(5),
+            arguments: Vec::new(),
         }
     }
 }
@@ -99,7 +102,7 @@ impl Guest {
         check_product(configuration, &product)?;
         let vectors = shim_vectors(configuration)?;
         let log = Log::new(&configuration.product, &product)?;
-        let qemu = Qemu::start(&configuration.qemu, &configuration.product, &configuration.shim, vectors)?;
+        let qemu = Qemu::start(configuration, vectors)?;
         let peripherals = Peripherals::new();
         let mut guest = Self {
             qemu,

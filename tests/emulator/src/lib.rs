@@ -5,6 +5,7 @@
 //! * [`audit`]: does the binary set its clocks, pins, bus and interrupts up as the board needs? [`audit_power_stage`]: and modulator and
 //!   converters?
 //! * [`Measurements`]: instructions, exchanges and latencies, seen from outside.
+//! * [`Tracer`], [`Activations`]: every instruction, counted by task and by function.
 //!
 //! How it works: QEMU's machine `netduinoplus2` has the core, the NVIC and the memories of the part but hardly a peripheral. A shim beside
 //! the product takes the reset and closes the peripheral space by the MPU; each access traps into it, is decoded ([`thumb`]) and
@@ -16,6 +17,7 @@
 //! The private peripheral bus is QEMU's own, so SysTick and DWT do not follow simulated time (QEMU 7.2 has no DWT cycle counter).
 #![forbid(unsafe_code)]
 
+mod activations;
 mod audit;
 mod clock;
 mod environment;
@@ -30,9 +32,12 @@ mod qemu;
 pub mod thumb;
 #[cfg(test)]
 mod thumb_tests;
+mod trace;
 pub mod wiring;
 
 pub use audit::{Finding, audit, audit_power_stage};
+pub use activations::{Activations, Listing, Spread, Step, TaskCount};
+pub use audit::{Finding, audit};
 pub use clock::CYCLES_PER_INSTRUCTION_TENTHS;
 pub use environment::{DigitalInputs, Environment, IndexEdge};
 pub use error::EmulatorError;
@@ -41,3 +46,4 @@ pub use log::LogLine;
 pub use measure::{Latency, Measurements, Probe, Trigger};
 pub use peripherals::clocks::{CRYSTAL_HZ, ClockTree};
 pub use peripherals::gpio::PinMode;
+pub use trace::{TraceEvent, TraceSink, Tracer};

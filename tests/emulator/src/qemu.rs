@@ -10,8 +10,8 @@ use rustix::event::{PollFd, PollFlags, Timespec, poll};
 use rustix::fs::{CWD, FileType, Mode, OFlags, mknodat};
 use tempfile::TempDir;
 
-use crate::EmulatorError;
 use crate::protocol::{FROM_HOST, MESSAGE_WORDS, TO_HOST};
+use crate::{EmulatorError, GuestConfiguration};
 
 /// Longest wait for a message. QEMU runs some 10^8 instructions a second, and the shim speaks at least every 2^31.
 const PATIENCE: Duration = Duration::from_secs(60);
@@ -27,10 +27,10 @@ pub(crate) struct Qemu {
 }
 
 impl Qemu {
-    /// Starts `program` with the product as kernel and the shim beside it, which takes the reset at `shim_vectors`.
-    pub(crate) fn start(program: &str, product: &Path, shim: &Path, shim_vectors: u32) -> Result<Self, EmulatorError> {
+    /// Starts QEMU with the product as kernel and the shim beside it, which takes the reset at `shim_vectors`.
+    pub(crate) fn start(configuration: &GuestConfiguration, shim_vectors: u32) -> Result<Self, EmulatorError> {
         let absolute = |path: &Path| std::path::absolute(path).map_err(EmulatorError::io("path"));
-        let (product, shim) = (absolute(product)?, absolute(shim)?);
+        let (product, shim) = (absolute(&configuration.product)?, absolute(&configuration.shim)?);
         let directory = TempDir::new().map_err(EmulatorError::io("temporary directory"))?;
         for name in [TO_HOST, FROM_HOST] {
             let mode = Mode::RUSR | Mode::WUSR;
@@ -50,7 +50,7 @@ impl Qemu {
             .map_err(|error| EmulatorError::Io { what: "FIFO mode", source: error.into() })?;
         let mut loader = std::ffi::OsString::from("loader,file=");
         loader.push(shim);
-        let child = Command::new(program)
+        let child = Command::new(&configuration.qemu)
             .args(["-machine", "netduinoplus2"])
             .args(["-display", "none", "-serial", "null", "-monitor", "none"])
             .args(["-nodefaults", "-no-user-config"])
@@ -62,6 +62,7 @@ impl Qemu {
             .arg(loader)
             .arg("-global")
             .arg(format!("armv7m.init-nsvtor={shim_vectors:#x}"))
+            .args(&configuration.arguments)
             .current_dir(directory.path())
             .stdin(Stdio::null())
             .stdout(Stdio::null())

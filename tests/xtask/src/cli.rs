@@ -42,6 +42,16 @@ pub(crate) enum Command {
         #[arg(long)]
         accept_size: bool,
     },
+    /// Count the instructions of every task of the release ELF, and look for what must not be in it
+    ///
+    /// The ELF runs in QEMU and follows a ring of 500 us; each instruction of 100 ms is logged and counted. Fails, with one line for each
+    /// gate, if a task takes more than its budget or longer than its period, or if a panic, a division or whatever else is forbidden can be
+    /// reached from it. The gates are in tests/xtask/src/budget/gates.rs.
+    Budget {
+        /// Print the tables as Markdown
+        #[arg(long)]
+        markdown: bool,
+    },
     /// Run clippy over the host crates and, where the compiler can, the target crates; warnings are errors
     Clippy,
     /// Run the tests: on this computer and, with the release ELF, in QEMU

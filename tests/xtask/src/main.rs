@@ -5,9 +5,11 @@
 //! names the cause and the remedy.
 #![forbid(unsafe_code)]
 
+mod budget;
 mod cli;
 mod clippy;
 mod demo;
+mod elf;
 mod firmware;
 mod flash;
 mod fuzz;
@@ -55,6 +57,9 @@ fn run(command_line: CommandLine) -> anyhow::Result<Verdict> {
     match command_line.command {
         Command::Setup => setup::everything(installing),
         Command::Build { accept_size } => firmware::build_and_print(accept_size, installing),
+        Command::Budget { markdown } => {
+            budget::run(if markdown { budget::Style::Markdown } else { budget::Style::Text }, installing)
+        }
         Command::Clippy => clippy::run(installing),
         Command::Test { host, qemu } => suite::run(suite::Selection::from_flags(host, qemu), installing),
         Command::Fuzz { target, runs } => fuzz::run(target, runs, installing),

@@ -33,6 +33,7 @@ fn the_help_is_as_written_down() {
     for arguments in [
         &["--help"][..],
         &["build", "--help"],
+        &["budget", "--help"],
         &["test", "--help"],
         &["fuzz", "--help"],
         &["demo", "--help"],

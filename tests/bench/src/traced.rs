@@ -1,0 +1,177 @@
+//! A drive on a fast ring, traced instruction by instruction while it follows the master and its service channel is in use.
+
+use emulator::{Activations, EmulatorError, Guest, GuestConfiguration, Listing, Tracer};
+use plant::ReferenceAxis;
+use ring::ident::{Idn, Value};
+use ring::master::{Activity, CommandValues, DriveScript, MasterError, MasterScript, Motion, ScriptedMaster, Telegram};
+use ring::service_client::Request;
+use ring::wire::BitRate;
+use ring::{Nanoseconds, Ring, RingConfiguration};
+
+use crate::executor::{Elves, SharedMeasurements};
+use crate::processor::{Processor, ProcessorError};
+use crate::qemu_drive::QemuDrive;
+use crate::report::Progress;
+use crate::ring_of_drives::{DriveSetup, station};
+use crate::world::World;
+
+/// What came of it.
+#[derive(Clone, Debug)]
+pub struct Traced {
+    /// The counts.
+    pub activations: Activations,
+    /// How long was traced.
+    pub window: Nanoseconds,
+    /// Communication cycles in that time.
+    pub cycles: u64,
+}
+
+/// Why there are no counts.
+#[derive(Debug, thiserror::Error)]
+pub enum TraceError {
+    /// The master gave up.
+    #[error("the master stopped: {0}")]
+    Master(#[from] MasterError),
+    /// The drive could not go on.
+    #[error(transparent)]
+    Processor(#[from] ProcessorError),
+    /// The trace could not be had.
+    #[error(transparent)]
+    Emulator(#[from] EmulatorError),
+    /// The drive is not where it should be.
+    #[error("the drive does not {what} within {seconds} s of simulated time; the master is {state}")]
+    TooLate {
+        /// What was waited for.
+        what: &'static str,
+        /// How long.
+        seconds: u64,
+        /// What the master was doing.
+        state: String,
+    },
+}
+
+const ADDRESS: u8 = 5;
+/// The shortest cycle that the drive is made for.
+pub const CYCLE: Nanoseconds = Nanoseconds::from_microseconds(500);
+/// Where the product's code may lie (memory.x); the shim's is above it.
+const CODE: core::ops::Range<u32> = 0x0800_0000..0x080C_0000;
+/// The drive has settled on the master's motion this long after its beginning.
+const SETTLING: Nanoseconds = Nanoseconds::from_millis(200);
+/// The marks lie on a multiple of this, so that it does not matter when exactly QEMU began to log.
+const GRID: Nanoseconds = Nanoseconds::from_millis(20);
+const WINDOW: Nanoseconds = Nanoseconds::from_millis(100);
+const STEP: Nanoseconds = Nanoseconds::from_millis(1);
+const PATIENCE_SECONDS: u64 = 30;
+/// 300 rpm of 3 600 000 increments a revolution, in increments a cycle.
+const INCREMENTS_PER_CYCLE: i32 = 9_000;
+/// Read while traced: a word, a long word, a text, a list, and the checksum over all parameters, the longest step of all.
+const READ: [u16; 5] = [104, 47, 30, 17, 326];
+
+/// Runs the drive up at 500 us, lets it follow a shaft at constant speed, and counts for 100 ms.
+///
+/// # Errors
+/// The ring did not come up, or QEMU did not trace.
+pub fn traced(elves: &Elves, listing: Listing, progress: &mut dyn FnMut(&Progress)) -> Result<Traced, TraceError> {
+    let mut tracer = Tracer::new(CODE, Activations::new(listing))?;
+    let arguments = tracer.arguments();
+    let mut world = world(elves, arguments)?;
+    let following = run_until(&mut world, progress, "follow", |world| {
+        matches!(world.ring().master().state().activity, Activity::Moving { .. })
+    })?;
+    world.run_until(following + SETTLING)?;
+    tracer.switch_on()?;
+    let on = run_until(&mut world, progress, "give a trace", |_| tracer.is_on())?;
+    let begin = Nanoseconds((on.0 / GRID.0 + 1) * GRID.0);
+    world.run_until(begin)?;
+    for idn in READ {
+        world.ring_mut().master_mut().service(0).request(Request::Read(Idn(idn)));
+    }
+    tracer.mark()?;
+    let mut now = begin;
+    while now < begin + WINDOW {
+        now += STEP;
+        world.run_until(now)?;
+        let done = (now.0 - begin.0) / STEP.0;
+        progress(&Progress {
+            phase: 4,
+            what: "counting instructions".into(),
+            done,
+            of: WINDOW.0 / STEP.0,
+            time_us: now.as_microseconds(),
+        });
+    }
+    tracer.mark()?;
+    if let Some(error) = world.ring().master().report().error.clone() {
+        return Err(error.into());
+    }
+    drop(world);
+    Ok(Traced { activations: tracer.finish()?, window: WINDOW, cycles: WINDOW.0 / CYCLE.0 })
+}
+
+fn run_until(
+    world: &mut World<ScriptedMaster>,
+    progress: &mut dyn FnMut(&Progress),
+    what: &'static str,
+    done: impl Fn(&World<ScriptedMaster>) -> bool,
+) -> Result<Nanoseconds, TraceError> {
+    let limit = world.now() + Nanoseconds::from_millis(PATIENCE_SECONDS * 1_000);
+    while !done(world) {
+        let now = world.now();
+        if now >= limit {
+            let state = world.ring().master().state().to_string();
+            return Err(TraceError::TooLate { what, seconds: PATIENCE_SECONDS, state });
+        }
+        world.run_until(now + STEP)?;
+        let master = world.ring().master();
+        if let Some(error) = master.report().error.clone() {
+            return Err(error.into());
+        }
+        let state = master.state();
+        let what = state.activity.to_string();
+        progress(&Progress { phase: state.phase, what, done: state.cycle, of: 0, time_us: now.as_microseconds() });
+    }
+    Ok(world.now())
+}
+
+fn world(elves: &Elves, arguments: Vec<std::ffi::OsString>) -> Result<World<ScriptedMaster>, TraceError> {
+    let bit_rate = BitRate::M4;
+    let configuration = RingConfiguration::new(1, bit_rate);
+    let (chip, motor_side) = station(&DriveSetup::new(ADDRESS), bit_rate, &configuration.clock);
+    let guest =
+        Guest::start(&GuestConfiguration { arguments, ..GuestConfiguration::new(&elves.product, &elves.shim) })?;
+    let drive = QemuDrive::around(guest, &chip, &motor_side, ADDRESS, bit_rate, SharedMeasurements::default());
+    let processors: Vec<Box<dyn Processor>> = vec![Box::new(drive)];
+    let ring = Ring::new(configuration, ScriptedMaster::new(script(bit_rate)), vec![chip]);
+    Ok(World::new(ring, processors))
+}
+
+fn script(bit_rate: BitRate) -> MasterScript {
+    let axis = ReferenceAxis::press();
+    let gains = &axis.gains;
+    let telegram = Telegram::application(&[Idn(51), Idn(40), Idn::FOLLOWING_DISTANCE], &[Idn::POSITION_COMMAND]);
+    let drive = DriveScript::new(ADDRESS, telegram)
+        .with(Idn::OPERATION_MODE, Value::Word(11))
+        .with(Idn(100), Value::Word(gains.velocity_gain * 100))
+        .with(Idn(101), Value::Word(gains.integral_time))
+        .with(Idn(104), Value::Word(gains.position_gain))
+        .with(Idn(109), Value::Long(axis.peak_current))
+        .with(Idn(110), Value::Long(axis.peak_current))
+        .with(Idn(111), Value::Long(axis.standstill_current))
+        .with(Idn(116), Value::Long(axis.motor.increments_per_revolution / 4))
+        .with(Idn(138), Value::Long(gains.acceleration_limit));
+    let motion = Motion::new(u64::from(u32::MAX), |point| {
+        // The shaft starts gently, over the first 200 cycles.
+        let cycles = i32::try_from(point.cycle).unwrap_or(i32::MAX);
+        let ramp = cycles.min(200);
+        let turned = INCREMENTS_PER_CYCLE.wrapping_mul(ramp) / 200 * ramp / 2;
+        let steady = cycles.wrapping_sub(ramp).wrapping_mul(INCREMENTS_PER_CYCLE);
+        CommandValues::at_position(point.start.wrapping_add(turned).wrapping_add(steady))
+    });
+    MasterScript {
+        bit_rate,
+        cycle: u16::try_from(CYCLE.as_microseconds()).unwrap_or(u16::MAX),
+        motion: Some(motion),
+        stops_at_refusals: false,
+        ..MasterScript::new(vec![drive])
+    }
+}

@@ -1,0 +1,78 @@
+//! What is allowed: the one place for budgets and for what must not be reached from an interrupt.
+
+use crate::elf::Check;
+
+/// How often a task runs.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Rate {
+    /// Every so many ns, by a timer.
+    Every(u64),
+    /// With the communication cycle, as often in each as the traced run shows.
+    EachCycle,
+    /// Not in a cycle that runs undisturbed: it has no part in the response times, and is not counted.
+    OutsideTheCycle,
+}
+
+/// A task of the application.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Task {
+    /// Its function in the application.
+    pub(crate) name: &'static str,
+    /// Symbol of its handler.
+    pub(crate) vector: &'static str,
+    /// Higher ones interrupt lower ones.
+    pub(crate) priority: u8,
+    /// How often it runs.
+    pub(crate) rate: Rate,
+    /// Most instructions of one activation, interrupting tasks not counted; `None`: reported only.
+    pub(crate) budget: Option<u64>,
+    /// What must not be reached from it.
+    pub(crate) forbidden: &'static [Check],
+}
+
+/// A function that is not inlined.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Function {
+    /// A part of its name.
+    pub(crate) symbol: &'static str,
+    /// Most instructions of one call, with all that it calls.
+    pub(crate) budget: u64,
+}
+
+/// All gates.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Gates {
+    /// The tasks, in the order of the table.
+    pub(crate) tasks: &'static [Task],
+    /// The functions.
+    pub(crate) functions: &'static [Function],
+}
+
+/// No task of the cycle may end the program, or go where nobody can follow it.
+const OF_THE_CYCLE: &[Check] = &[Check::Panic, Check::IndirectCall, Check::FloatingPoint, Check::Division];
+
+/// The tasks of the application's table, and what each may take. The budgets leave a fifth above what was measured; a binary that needs more has
+/// changed, and somebody should know why.
+pub(crate) const GATES: Gates = Gates {
+    tasks: &[
+        task("chip_interrupt_0", "EXTI3", 4, Rate::EachCycle, Some(200), OF_THE_CYCLE),
+        task("chip_interrupt_1", "EXTI2", 4, Rate::EachCycle, Some(200), OF_THE_CYCLE),
+        task("command_valid", "CAN1_TX", 4, Rate::EachCycle, Some(850), OF_THE_CYCLE),
+        task("capture_feedback", "CAN1_RX0", 4, Rate::EachCycle, Some(600), OF_THE_CYCLE),
+        task("control_loop", "TIM6_DAC", 4, Rate::Every(125_000), Some(1_400), OF_THE_CYCLE),
+        task("phase_change", "CAN1_RX1", 2, Rate::OutsideTheCycle, None, &[]),
+        task("service_channel", "CAN1_SCE", 2, Rate::EachCycle, None, &[]),
+    ],
+    functions: &[Function { symbol: "Motion<B,H>::update_state", budget: 120 }],
+};
+
+const fn task(
+    name: &'static str,
+    vector: &'static str,
+    priority: u8,
+    rate: Rate,
+    budget: Option<u64>,
+    forbidden: &'static [Check],
+) -> Task {
+    Task { name, vector, priority, rate, budget, forbidden }
+}

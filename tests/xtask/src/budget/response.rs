@@ -1,0 +1,84 @@
+//! Response times: how long a task takes from its cause to its end, at worst, with everything else that may run.
+
+/// A task, as far as time is concerned. All times in ns.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) struct Load {
+    /// Higher ones interrupt lower ones.
+    pub(crate) priority: u8,
+    /// Between its causes, or groups of causes.
+    pub(crate) period: u64,
+    /// Activations in a period, at worst all at once.
+    pub(crate) activations: u64,
+    /// Of one activation, at worst.
+    pub(crate) time: u64,
+    /// Its longest critical section, which holds up the tasks above it.
+    pub(crate) locked: u64,
+}
+
+/// Longest that a task waits for a critical section of a task below it.
+pub(crate) fn blocking(set: &[Load], task: usize) -> u64 {
+    let below = |load: &&Load| load.priority < set[task].priority;
+    set.iter().filter(below).map(|load| load.locked).max().unwrap_or(0)
+}
+
+/// From the cause to the end of the last activation of a period; `None` if that is not before the next cause.
+///
+/// The standard iteration of fixed-priority scheduling. Tasks of the same priority wait for each other, so each counts with all of its activations.
+pub(crate) fn response(set: &[Load], task: usize) -> Option<u64> {
+    let own = &set[task];
+    let begin = blocking(set, task) + own.activations * own.time;
+    let mut response = begin;
+    while response <= own.period {
+        let others = set.iter().enumerate().filter(|(index, load)| *index != task && load.priority >= own.priority);
+        let interference: u64 =
+            others.map(|(_, load)| response.div_ceil(load.period) * load.activations * load.time).sum();
+        if begin + interference == response {
+            return Some(response);
+        }
+        response = begin + interference;
+    }
+    None
+}
+
+/// Share of the processor, in tenths of a per cent.
+pub(crate) fn load(load: &Load) -> u64 {
+    (load.activations * load.time * 1_000).div_ceil(load.period)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const fn of(priority: u8, period: u64, time: u64) -> Load {
+        Load { priority, period, activations: 1, time, locked: 0 }
+    }
+
+    #[test]
+    fn the_textbook_set_has_the_textbook_response_times() {
+        // Periods 7, 12, 20; times 3, 3, 5: response times 3, 6, 20 (Joseph and Pandya).
+        let set = [of(3, 7, 3), of(2, 12, 3), of(1, 20, 5)];
+        assert_eq!([0, 1, 2].map(|task| response(&set, task)), [Some(3), Some(6), Some(20)]);
+        assert_eq!([0, 1, 2].map(|task| load(&set[task])), [429, 250, 250]);
+    }
+
+    #[test]
+    fn a_set_that_asks_for_more_than_there_is_has_no_response_time() {
+        let set = [of(2, 7, 3), of(1, 12, 7)];
+        assert_eq!(response(&set, 1), None);
+    }
+
+    #[test]
+    fn a_task_waits_for_the_longest_lock_below_it_and_for_no_lock_above() {
+        let mut set = [of(3, 100, 10), of(2, 100, 20), of(1, 100, 30)];
+        (set[0].locked, set[1].locked, set[2].locked) = (9, 4, 7);
+        assert_eq!([0, 1, 2].map(|task| blocking(&set, task)), [7, 7, 0]);
+        assert_eq!([0, 1, 2].map(|task| response(&set, task)), [Some(17), Some(37), Some(60)]);
+    }
+
+    #[test]
+    fn tasks_of_one_priority_wait_for_all_activations_of_each_other() {
+        let mut set = [of(4, 500, 10), of(4, 500, 20)];
+        set[0].activations = 3;
+        assert_eq!([0, 1].map(|task| response(&set, task)), [Some(50), Some(50)]);
+    }
+}

@@ -1,0 +1,302 @@
+//! Holds what was measured and found against the gates.
+
+use super::gates::{Gates, Rate, Task};
+use super::response::{self, Load};
+use crate::elf::{self, Check, Depth, Finding, Flow, Graph};
+use anyhow::{Result, bail};
+use bench::Traced;
+use bench::traced::CYCLE;
+use emulator::{CYCLES_PER_INSTRUCTION_TENTHS, Listing, Spread, Step, TaskCount};
+use std::collections::HashMap;
+
+/// The core clock, and an access to the ring controller with its slowest timing beside the instruction, in ns.
+const CORE_MEGAHERTZ: u64 = 168;
+const BUS_ACCESS: u64 = 550;
+
+/// Addresses of the external bus.
+const SLOW_BUS: std::ops::Range<u32> = 0x6000_0000..0x7000_0000;
+
+/// A task with all that is known of it.
+#[derive(Clone, Debug)]
+pub(crate) struct TaskReport {
+    pub(crate) task: Task,
+    /// What was counted; `None` if it did not run while traced.
+    pub(crate) count: Option<TaskCount>,
+    /// `None` if the vector has no handler.
+    pub(crate) found: Option<StaticReport>,
+    /// Blocking and response time in ns, where the task takes part.
+    pub(crate) timing: Option<Timing>,
+}
+
+/// What the ELF shows of a task.
+#[derive(Clone, Debug)]
+pub(crate) struct StaticReport {
+    /// Functions that can be reached, itself included.
+    pub(crate) functions: usize,
+    /// Stack of all of them, without the frame of the exception.
+    pub(crate) stack: Depth,
+    /// What was found, for each check.
+    pub(crate) findings: Vec<(Check, Vec<Finding>)>,
+}
+
+/// Times of a task in ns.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Timing {
+    pub(crate) load: Load,
+    pub(crate) blocking: u64,
+    pub(crate) response: Option<u64>,
+}
+
+/// A function with its count.
+#[derive(Clone, Debug)]
+pub(crate) struct FunctionReport {
+    pub(crate) symbol: &'static str,
+    pub(crate) budget: u64,
+    /// Is there a function with that name?
+    pub(crate) present: bool,
+    pub(crate) count: Option<Spread>,
+}
+
+/// All of it.
+#[derive(Clone, Debug)]
+pub(crate) struct Report {
+    pub(crate) tasks: Vec<TaskReport>,
+    pub(crate) functions: Vec<FunctionReport>,
+    /// One line for each gate that does not hold.
+    pub(crate) failures: Vec<String>,
+}
+
+pub(crate) const CHECKS: [Check; 6] =
+    [Check::Panic, Check::IndirectCall, Check::FloatingPoint, Check::Division, Check::MemoryRoutine, Check::Lock];
+
+/// What the count must know of the program.
+pub(crate) fn listing(graph: &Graph, gates: Gates) -> Result<Listing> {
+    let mut steps = HashMap::new();
+    for instruction in graph.all() {
+        let step = match instruction.flow {
+            Flow::Call(_) | Flow::CallIndirect => Step::Call(instruction.address + instruction.length),
+            _ if instruction.mnemonic == "msr" && instruction.operands.starts_with("basepri_max") => Step::Lock,
+            _ if instruction.mnemonic == "msr" && instruction.operands.starts_with("basepri") => Step::Unlock,
+            _ => continue,
+        };
+        steps.insert(instruction.address, step);
+    }
+    if steps.is_empty() {
+        bail!("the program has no calls: the ELF is not the drive's");
+    }
+    let wanted = |name: &str| gates.functions.iter().any(|function| name.contains(function.symbol));
+    let functions = graph.program.functions().iter().filter(|function| wanted(&function.name));
+    let functions = functions.map(|function| (function.address, function.name.clone())).collect();
+    Ok(Listing { steps, functions, slow_bus: SLOW_BUS })
+}
+
+/// Judges.
+pub(crate) fn judge(graph: &Graph, traced: &Traced, gates: Gates) -> Report {
+    let mut report = Report { tasks: Vec::new(), functions: Vec::new(), failures: Vec::new() };
+    for task in gates.tasks {
+        let vector = graph.program.vector(task.vector);
+        let count = vector.and_then(|(_, exception)| traced.activations.tasks().get(&exception).copied());
+        let found = vector.and_then(|(address, _)| static_report(graph, address));
+        report.tasks.push(TaskReport { task: *task, count, found, timing: None });
+    }
+    add_timing(&mut report.tasks, traced.cycles, locked_by(traced.activations.thread()));
+    for function in gates.functions {
+        let of_name = |name: &str| name.contains(function.symbol);
+        let present = graph.program.functions().iter().any(|function| of_name(&function.name));
+        let counts = traced.activations.functions().iter().filter(|(name, _)| of_name(name));
+        let count = counts.map(|(_, count)| *count).reduce(merged);
+        report.functions.push(FunctionReport { symbol: function.symbol, budget: function.budget, present, count });
+    }
+    report.failures = report.tasks.iter().flat_map(failures_of_task).collect();
+    report.failures.extend(report.functions.iter().filter_map(failure_of_function));
+    report
+}
+
+fn static_report(graph: &Graph, address: u32) -> Option<StaticReport> {
+    let root = graph.program.function_at(address)?;
+    Some(StaticReport {
+        functions: graph.reachable(root).len(),
+        stack: graph.depth(root),
+        findings: CHECKS.map(|check| (check, elf::findings(graph, root, check))).to_vec(),
+    })
+}
+
+fn merged(first: Spread, second: Spread) -> Spread {
+    Spread {
+        count: first.count + second.count,
+        least: first.least.min(second.least),
+        most: first.most.max(second.most),
+        sum: first.sum + second.sum,
+    }
+}
+
+/// Time of so many instructions and bus accesses, in ns, rounded up.
+pub(crate) fn nanoseconds(instructions: u64, bus: u64) -> u64 {
+    (instructions * CYCLES_PER_INSTRUCTION_TENTHS * 100).div_ceil(CORE_MEGAHERTZ) + bus * BUS_ACCESS
+}
+
+/// Longest critical section, in ns.
+fn locked_by(count: &TaskCount) -> u64 {
+    nanoseconds(count.locked.most, count.bus_locked.most)
+}
+
+/// `thread`: the longest critical section of the thread, in ns.
+fn add_timing(tasks: &mut [TaskReport], cycles: u64, thread: u64) {
+    let load = |report: &TaskReport| {
+        let count = report.count?;
+        let (period, activations) = match report.task.rate {
+            Rate::Every(period) => (period, 1),
+            Rate::EachCycle => (CYCLE.0, count.own.count.div_ceil(cycles.max(1))),
+            Rate::OutsideTheCycle => return None,
+        };
+        Some(Load {
+            priority: report.task.priority,
+            period,
+            activations,
+            time: nanoseconds(count.own.most, count.bus.most),
+            locked: locked_by(&count),
+        })
+    };
+    let (places, set): (Vec<usize>, Vec<Load>) =
+        tasks.iter().enumerate().filter_map(|(place, report)| Some((place, load(report)?))).unzip();
+    // The thread is below all of them; it takes nothing away but while it locks.
+    let mut set = set;
+    set.push(Load { priority: 0, period: u64::MAX, activations: 0, time: 0, locked: thread });
+    for (index, place) in places.into_iter().enumerate() {
+        let (blocking, response) = (response::blocking(&set, index), response::response(&set, index));
+        tasks[place].timing = Some(Timing { load: set[index], blocking, response });
+    }
+}
+
+fn failures_of_task(report: &TaskReport) -> Vec<String> {
+    let Task { name, vector, budget, forbidden, rate, .. } = report.task;
+    let Some(found) = &report.found else {
+        return vec![format!(
+            "{name}: the vector {vector} has no handler in the ELF; bind the task or take its gate out"
+        )];
+    };
+    let mut failures = Vec::new();
+    match (budget, report.count) {
+        (Some(budget), Some(count)) if count.own.most > budget => {
+            failures.push(format!("{name} ({vector}) takes {} instructions, {budget} are its budget", count.own.most));
+        }
+        (Some(_), None) => {
+            failures.push(format!("{name} ({vector}) did not run while it was traced: nothing is known of it"))
+        }
+        _ => {}
+    }
+    if report.timing.is_some_and(|timing| timing.response.is_none()) {
+        let period = match rate {
+            Rate::Every(period) => period,
+            _ => CYCLE.0,
+        };
+        failures.push(format!("{name} ({vector}) is not always done within its period of {} us", period / 1_000));
+    }
+    for (check, findings) in found.findings.iter().filter(|(check, _)| forbidden.contains(check)) {
+        if let Some(first) = findings.first() {
+            failures.push(format!(
+                "{name} ({vector}) reaches {} {}: the first is `{}` at {:#010x}, by {}",
+                findings.len(),
+                check.name(),
+                first.what.trim(),
+                first.address,
+                first.path.join(" > ")
+            ));
+        }
+    }
+    failures
+}
+
+fn failure_of_function(report: &FunctionReport) -> Option<String> {
+    let FunctionReport { symbol, budget, present, count } = report;
+    match count {
+        _ if !present => {
+            Some(format!("no function has {symbol} in its name: mark it #[inline(never)], or take its gate out"))
+        }
+        None => Some(format!("{symbol} was not called while traced: nothing is known of it")),
+        Some(count) if count.most > *budget => {
+            Some(format!("{symbol} takes {} instructions, {budget} are its budget", count.most))
+        }
+        Some(_) => None,
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn once(value: u64) -> Spread {
+        Spread { count: 1, least: value, most: value, sum: value }
+    }
+
+    fn counted(instructions: u64) -> TaskCount {
+        TaskCount { own: once(instructions), bus: once(0), ..TaskCount::default() }
+    }
+
+    fn report(instructions: Option<u64>, findings: Vec<(Check, Vec<Finding>)>) -> TaskReport {
+        let rate = Rate::Every(125_000);
+        let forbidden = &[Check::Panic];
+        let task = Task { name: "tick", vector: "TIM6_DAC", priority: 4, rate, budget: Some(100), forbidden };
+        let found = Some(StaticReport { functions: 1, stack: Depth::Bytes(0), findings });
+        TaskReport { task, count: instructions.map(counted), found, timing: None }
+    }
+
+    fn finding() -> Finding {
+        Finding { address: 0x0800_0100, what: "trap ".into(), path: vec!["TIM6_DAC".into(), "step".into()] }
+    }
+
+    #[test]
+    fn a_budget_holds_up_to_itself() {
+        assert_eq!(failures_of_task(&report(Some(100), Vec::new())), [""; 0]);
+        let failures = failures_of_task(&report(Some(101), Vec::new()));
+        assert_eq!(failures, ["tick (TIM6_DAC) takes 101 instructions, 100 are its budget"]);
+    }
+
+    #[test]
+    fn a_task_that_did_not_run_or_has_no_handler_fails() {
+        assert!(failures_of_task(&report(None, Vec::new()))[0].contains("did not run"));
+        let without = TaskReport { found: None, ..report(None, Vec::new()) };
+        assert!(failures_of_task(&without)[0].contains("the vector TIM6_DAC has no handler"));
+    }
+
+    #[test]
+    fn only_what_is_forbidden_fails_and_the_way_to_it_is_named() {
+        assert_eq!(failures_of_task(&report(Some(1), vec![(Check::Lock, vec![finding()])])), [""; 0]);
+        let failures = failures_of_task(&report(Some(1), vec![(Check::Panic, vec![finding(), finding()])]));
+        let expected = "tick (TIM6_DAC) reaches 2 panic: the first is `trap` at 0x08000100, by TIM6_DAC > step";
+        assert_eq!(failures, [expected]);
+    }
+
+    #[test]
+    fn a_function_that_is_missing_not_called_or_too_long_fails() {
+        let function = |present, count| FunctionReport { symbol: "core", budget: 160, present, count };
+        assert!(failure_of_function(&function(false, None)).unwrap().contains("no function has core in its name"));
+        assert!(failure_of_function(&function(true, None)).unwrap().contains("not called"));
+        assert!(failure_of_function(&function(true, Some(once(161)))).unwrap().contains("161 instructions, 160"));
+        assert_eq!(failure_of_function(&function(true, Some(once(160)))), None);
+    }
+
+    #[test]
+    fn a_thousand_instructions_and_two_accesses_take_ten_microseconds() {
+        assert_eq!(nanoseconds(1_000, 2), 8_929 + 1_100);
+    }
+
+    #[test]
+    fn a_task_that_overruns_its_period_fails() {
+        let mut tasks = [report(Some(20_000), Vec::new())];
+        tasks[0].task.budget = None;
+        add_timing(&mut tasks, 1, 0);
+        assert!(failures_of_task(&tasks[0])[0].contains("not always done within its period of 125 us"));
+        tasks[0].count = Some(counted(100));
+        add_timing(&mut tasks, 1, 0);
+        assert_eq!(failures_of_task(&tasks[0]), [""; 0]);
+    }
+
+    #[test]
+    fn a_task_waits_for_a_critical_section_of_the_thread() {
+        let mut tasks = [report(Some(100), Vec::new())];
+        add_timing(&mut tasks, 1, 2_000);
+        let timing = tasks[0].timing.unwrap();
+        assert_eq!((timing.blocking, timing.response), (2_000, Some(2_000 + nanoseconds(100, 0))));
+    }
+}

@@ -1,0 +1,11 @@
+//! The release ELF, read as the processor will: functions, instructions, who calls whom, and what must not be in it.
+
+mod checks;
+mod code;
+mod graph;
+mod program;
+
+pub(crate) use checks::{Check, Finding, findings};
+pub(crate) use code::Flow;
+pub(crate) use graph::{Depth, Graph};
+pub(crate) use program::Program;
