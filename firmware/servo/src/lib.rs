@@ -37,6 +37,7 @@ mod modulo;
 mod position_loop;
 mod ramp;
 mod scaling;
+mod scope;
 mod settings;
 mod units;
 mod velocity_estimate;
@@ -51,6 +52,9 @@ pub use modulo::{Modulo, ModuloCounter};
 pub use position_loop::{PositionLoop, PositionLoopOutput, PositionLoopSettings};
 pub use ramp::Ramp;
 pub use scaling::{PositionScale, VelocityScale};
+pub use scope::{
+    SCOPE_CHANNELS, SCOPE_POINTS, Scope, ScopeEdge, ScopeSettings, ScopeSettingsError, ScopeState, ScopeTrigger,
+};
 pub use settings::{AxisParameters, AxisSettings, SettingsError};
 pub use units::{Acceleration, CurrentFraction, LOOP_PERIOD_MICROSECONDS, LOOP_TICKS_PER_SECOND, Position, Velocity};
 pub use velocity_estimate::{VelocityEstimate, VelocityFilter};
