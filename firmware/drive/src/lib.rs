@@ -36,6 +36,7 @@ mod interrupts;
 mod live;
 mod motion;
 mod mst;
+pub mod oscilloscope;
 mod record;
 mod settings;
 mod snapshot;
