@@ -42,7 +42,7 @@ pub const LEVEL: Idn = Idn::product(206);
 pub const PRE_TRIGGER: Idn = Idn::product(207);
 /// P-0-0208: see [`Sampling`].
 pub const SAMPLING: Idn = Idn::product(208);
-/// P-0-0209: 1 arms, 0 stops.
+/// P-0-0209: writing 1 arms, 0 stops; reads what was written last.
 pub const CONTROL: Idn = Idn::product(209);
 /// P-0-0210 to P-0-0213: the points of each channel from P-0-0214 on.
 pub const POINTS: [Idn; SCOPE_CHANNELS] = [Idn::product(210), Idn::product(211), Idn::product(212), Idn::product(213)];
@@ -338,12 +338,6 @@ impl<'memory> Oscilloscope<'memory> {
     #[must_use]
     pub const fn state(&self) -> u16 {
         self.scope.state() as u16
-    }
-
-    /// P-0-0209 as it is read: 1 from the arming until the recording is complete.
-    #[must_use]
-    pub const fn control(&self) -> u16 {
-        self.scope.is_recording() as u16
     }
 
     /// P-0-0215; `current_loop` as for [`Sampling::interval`].

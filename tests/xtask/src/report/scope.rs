@@ -26,7 +26,7 @@ fn tenths(time: i64) -> String {
 /// How many points there are, and where they lie.
 fn extent(recording: &Recording) -> String {
     let last = recording.len().saturating_sub(1);
-    let milliseconds = |time: i64| format!("{:.3} ms", time as f64 / 10_000.0);
+    let milliseconds = |time: i64| format!("{:.4} ms", time as f64 / 10_000.0);
     format!(
         "{}, {} every {} us, from {} to {} around the trigger",
         counted(recording.channels.len() as u64, "signal"),
@@ -160,7 +160,7 @@ mod tests {
     fn the_text_tells_extent_and_ranges() {
         let text = text(&recording());
         assert!(
-            text.starts_with("3 signals, 4 points every 62.5 us, from -0.125 ms to 0.063 ms around the trigger\n"),
+            text.starts_with("3 signals, 4 points every 62.5 us, from -0.1250 ms to 0.0625 ms around the trigger\n"),
             "{text}"
         );
         assert!(text.contains("-1.0000 to 0.2500 of S-0-0110\n"), "{text}");
