@@ -21,7 +21,7 @@ use sercos::data_block::Location;
 use sercos::parameters::Parameters;
 use sercos::service::{LIVE_LONG_ENTRIES, ServiceError};
 use sercos::{Idn, dictionary};
-use servo::{SCOPE_CHANNELS, SCOPE_POINTS, Scope, ScopeEdge, ScopeSettings, ScopeSettingsError, ScopeTrigger};
+use servo::{SCOPE_CHANNELS, Scope, ScopeEdge, ScopeSettings, ScopeSettingsError, ScopeTrigger};
 
 use crate::bits::Source;
 use crate::record::{Command, Feedback};
@@ -267,6 +267,12 @@ impl Configuration {
     }
 }
 
+/// Whether a data block is one of the oscilloscope's (P-0-0200 to P-0-0215), of which the loops know nothing.
+#[must_use]
+pub fn is_own(idn: Idn) -> bool {
+    (STATE..=INTERVAL).contains(&idn)
+}
+
 /// Why this value cannot be written to a setting; `None` for one that can, and for all other data blocks.
 #[must_use]
 pub fn refuses_setting(idn: Idn, value: u64, parameters: &Parameters) -> Option<ServiceError> {
@@ -370,7 +376,7 @@ impl<'memory> Oscilloscope<'memory> {
         self.window
     }
 
-    /// Sets P-0-0214, 0 ..= 2 047.
+    /// Sets P-0-0214, 0 ..= 2 047; from elsewhere nothing can be read.
     pub const fn set_window(&mut self, start: u16) {
         self.window = start;
     }
@@ -379,8 +385,8 @@ impl<'memory> Oscilloscope<'memory> {
     /// of the recording, none before it is complete.
     pub fn points(&self, channel: usize) -> impl Iterator<Item = u32> + '_ {
         let start = usize::from(self.window);
-        let end = start.saturating_add(WINDOW_POINTS).min(SCOPE_POINTS);
-        (start..end).map_while(move |index| self.scope.point(channel, index)).map(i32::cast_unsigned)
+        let window = start..start.saturating_add(WINDOW_POINTS);
+        window.map_while(move |index| self.scope.point(channel, index)).map(i32::cast_unsigned)
     }
 }
 

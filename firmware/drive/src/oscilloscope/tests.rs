@@ -190,6 +190,16 @@ fn settings_that_do_not_go_together_are_refused_with_a_name() {
 }
 
 #[test]
+fn the_data_blocks_of_the_oscilloscope_are_p_0_0200_to_p_0_0215() {
+    let named = [STATE, TRIGGER, LEVEL, PRE_TRIGGER, SAMPLING, CONTROL, WINDOW, INTERVAL];
+    let mut all: Vec<Idn> = named.into_iter().chain(SIGNALS).chain(POINTS).collect();
+    all.sort_unstable();
+    assert_eq!(all, (200..=215).map(Idn::product).collect::<Vec<_>>());
+    assert!(all.into_iter().all(is_own));
+    assert_eq!([Idn::product(199), Idn::product(216), Idn::standard(205)].map(is_own), [false; 3]);
+}
+
+#[test]
 fn only_the_task_that_p_0_0208_names_records() {
     let mut scope = Box::new(Scope::new());
     let mut oscilloscope = Oscilloscope::new(&mut scope);
