@@ -510,7 +510,7 @@ mod tests {
 
     impl Naive {
         fn sample(&mut self, values: [i32; SCOPE_CHANNELS]) {
-            if self.calls % usize::from(self.settings.divider()) == 0 {
+            if self.calls.is_multiple_of(usize::from(self.settings.divider())) {
                 self.kept.push(values);
             }
             self.calls += 1;
