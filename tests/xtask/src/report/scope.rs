@@ -72,7 +72,7 @@ pub(crate) fn csv(recording: &Recording) -> String {
             // Nine places tell neighbouring increments apart in every unit there is.
             let written = format!("{value:.9}");
             let shortest = written.trim_end_matches('0').trim_end_matches('.');
-            let _ = write!(csv, ",{}", if shortest == "-0" { "0" } else { shortest });
+            let _ = write!(csv, ",{shortest}");
         }
         csv.push('\n');
     }

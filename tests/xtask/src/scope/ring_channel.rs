@@ -172,6 +172,8 @@ mod tests {
         assert_eq!(channel.write(51, 1), Err(ChannelError::Refused { idn: 51, code: 0x7004 }));
         assert!(matches!(channel.read_list(51), Err(ChannelError::Format { idn: 51, .. })));
         assert!(matches!(channel.read(17), Err(ChannelError::Format { idn: 17, .. })));
+        channel.write(392, 750).unwrap();
+        assert_eq!(channel.read(392), Ok(750), "two bytes");
         channel.write(37, 1_000_000).unwrap();
         channel.wait(500_000).unwrap();
         let rpm = channel.read(40).unwrap() as u32 as i32;
