@@ -40,6 +40,7 @@ mod live;
 mod motion;
 mod motor;
 mod mst;
+pub mod oscilloscope;
 mod record;
 mod settings;
 mod snapshot;

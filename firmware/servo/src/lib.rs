@@ -57,6 +57,7 @@ mod position_loop;
 mod probe;
 mod ramp;
 mod scaling;
+mod scope;
 mod settings;
 mod stopping;
 mod temperature;
@@ -97,6 +98,9 @@ pub use position_loop::{PositionLoop, PositionLoopOutput, PositionLoopSettings};
 pub use probe::{Edge, Probe, ProbeError, ProbeInput, ProbeInputs, ProbeSettings, ProbingCycle};
 pub use ramp::Ramp;
 pub use scaling::{PositionScale, VelocityScale};
+pub use scope::{
+    SCOPE_CHANNELS, SCOPE_POINTS, Scope, ScopeEdge, ScopeSettings, ScopeSettingsError, ScopeState, ScopeTrigger,
+};
 pub use settings::{AxisParameters, AxisSettings, SettingsError};
 pub use temperature::{Temperature, TemperatureError, TemperatureOutput, TemperatureParameters, TemperatureSettings};
 pub use trajectory::Trajectory;

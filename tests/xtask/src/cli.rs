@@ -2,9 +2,10 @@
 
 use crate::fuzz::Target;
 use crate::report::data::Platform;
+use crate::scope::{Edge, Order, Settings, Signal};
 use crate::setup::Installing;
 use clap::builder::{PossibleValuesParser, TypedValueParser};
-use clap::{Parser, Subcommand, ValueEnum, error::ErrorKind};
+use clap::{Args, Parser, Subcommand, ValueEnum, error::ErrorKind};
 use conformance::Section;
 use std::path::PathBuf;
 use std::process::ExitCode;
@@ -110,6 +111,12 @@ pub(crate) enum Command {
         #[arg(long)]
         check: bool,
     },
+    /// Record a velocity step with the drive's own oscilloscope, read it over the service channel, and draw it
+    ///
+    /// One drive on a simulated ring, on this computer. A signal is a data block (`S-0-0040`) or a signal inside the loops, by its
+    /// number: `F000` and `F001` position feedback and setpoint, `F002` following error, `F003` and `F004` velocity feedback and
+    /// setpoint, `F005` velocity error, `F006` current setpoint, `F010` to `F019` the current loop.
+    Scope(ScopeArguments),
     /// Serve the registers and the RAM of a master's SERCON816 on a simulated ring, for a foreign master driver
     ///
     /// One command a line, one answer a line, all numbers hexadecimal but the count of cycles:
@@ -130,6 +137,61 @@ pub(crate) enum Command {
         #[arg(long, value_name = "VID:PID[:SERIAL]")]
         probe: Option<String>,
     },
+}
+
+/// What `cargo xtask scope` records, and where it goes.
+#[derive(Debug, Args)]
+pub(crate) struct ScopeArguments {
+    /// What a channel records; may be given up to four times
+    #[arg(long = "signal", value_name = "SIGNAL", default_values = ["F004", "F003", "F006", "S-0-0040"])]
+    signals: Vec<Signal>,
+    /// Which of the signals is compared with the level, counted from 1
+    #[arg(long, value_name = "CHANNEL", default_value_t = 1, value_parser = channel_parser())]
+    trigger_channel: usize,
+    /// What the recording waits for
+    #[arg(long, value_enum, default_value_t = Edge::Rising)]
+    edge: Edge,
+    /// Level of the trigger, in the unit of its signal
+    #[arg(long, value_name = "VALUE", default_value_t = 1.0, allow_negative_numbers = true)]
+    level: f64,
+    /// Points kept from before the trigger
+    #[arg(long, value_name = "POINTS", default_value_t = 128, value_parser = clap::value_parser!(u16).range(0..=2_047))]
+    pre_trigger: u16,
+    /// 0: a point every 62.5 us; N: a point every N times 125 us
+    #[arg(long, value_name = "N", default_value_t = 1)]
+    sampling: u16,
+    /// Points of each channel to read; a recording has 2048
+    #[arg(long, value_name = "POINTS", default_value_t = 2_048, value_parser = clap::value_parser!(u16).range(1..=2_048))]
+    points: u16,
+    /// Step of the velocity command, made as soon as the oscilloscope waits for its trigger
+    #[arg(long, value_name = "RPM", default_value_t = 300.0, allow_negative_numbers = true)]
+    rpm: f64,
+    /// Folder for the plot [default: scope in Cargo's target folder]
+    #[arg(long, value_name = "FOLDER")]
+    output: Option<PathBuf>,
+    /// Write the points as a table, too: time in microseconds from the trigger, then a column a signal
+    #[arg(long, value_name = "FILE")]
+    csv: Option<PathBuf>,
+}
+
+impl From<ScopeArguments> for Order {
+    fn from(arguments: ScopeArguments) -> Self {
+        let settings = Settings {
+            signals: arguments.signals,
+            trigger_channel: arguments.trigger_channel,
+            edge: arguments.edge,
+            level: arguments.level,
+            pre_trigger: arguments.pre_trigger,
+            sampling: arguments.sampling,
+            points: arguments.points,
+        };
+        Self { settings, rpm: arguments.rpm, output: arguments.output, csv: arguments.csv }
+    }
+}
+
+/// Channels 1 to 4.
+fn channel_parser() -> impl TypedValueParser<Value = usize> {
+    clap::value_parser!(u8).range(1..=4).map(usize::from)
 }
 
 /// Headings by their names.

@@ -19,6 +19,7 @@ mod progress;
 mod replay;
 mod report;
 mod ring_server;
+mod scope;
 mod setup;
 mod size;
 mod slave_report;
@@ -67,6 +68,7 @@ fn run(command_line: CommandLine) -> anyhow::Result<Verdict> {
         Command::Replay { file, on, json } => replay::run(&file, on.into(), json, installing),
         Command::SlaveReport { sections, json } => slave_report::run(&sections, json),
         Command::Manual { check } => manual::run(check),
+        Command::Scope(arguments) => scope::run(&arguments.into()),
         Command::Ring { drives, chip_socket } => ring_server::run(&drives, &chip_socket),
         Command::Flash { probe } => flash::run(probe.as_deref(), installing),
     }

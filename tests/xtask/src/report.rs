@@ -8,4 +8,5 @@ pub(crate) mod examples;
 pub(crate) mod numbers;
 pub(crate) mod page;
 mod plot;
+pub(crate) mod scope;
 pub(crate) mod text;

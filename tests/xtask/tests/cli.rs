@@ -40,6 +40,7 @@ fn the_help_is_as_written_down() {
         &["replay", "--help"],
         &["slave-report", "--help"],
         &["manual", "--help"],
+        &["scope", "--help"],
         &["ring", "--help"],
         &["flash", "--help"],
     ] {
@@ -64,6 +65,9 @@ fn bad_arguments_are_refused_in_one_line() {
         (&["slave-report", "--section", "colour"], "invalid value 'colour'"),
         (&["ring", "--drives", "1,0", "--chip-socket", "s"], "0 is not in 1..=254"),
         (&["ring", "--drives", "1,255", "--chip-socket", "s"], "255 is not in 1..=254"),
+        (&["scope", "--signal", "F007"], "neither a data block of the drive"),
+        (&["scope", "--pre-trigger", "2048"], "2048 is not in 0..=2047"),
+        (&["scope", "--trigger-channel", "0"], "0 is not in 1..=4"),
         (&["test", "--host", "--qemu"], "cannot be used with"),
         (&["fuzz", "--target", "moon"], "invalid value 'moon'"),
         (&["fuzz", "--runs", "0"], "0 is not in 1.."),
@@ -71,6 +75,25 @@ fn bad_arguments_are_refused_in_one_line() {
         let line = refusal(&xtask().args(arguments).output().unwrap());
         assert!(line.contains(cause), "{cause:?} expected in {line}");
         assert!(line.contains("cargo xtask --help"), "{line}");
+    }
+}
+
+#[test]
+fn an_oscilloscope_order_that_no_drive_could_carry_out_is_refused_before_anything_runs() {
+    let folder = tempfile::tempdir().unwrap();
+    for (arguments, cause) in [
+        (&["--signal", "F003", "--trigger-channel", "2"][..], "--trigger-channel 2, but there are 1 signals"),
+        (
+            &["--signal", "F003", "--signal", "F003", "--signal", "F003", "--signal", "F003", "--signal", "F003"],
+            "5 signals",
+        ),
+        (&["--rpm", "10001"], "--rpm 10001, expected -10000 to 10000"),
+        (&["--level", "nan"], "--level NaN is no number"),
+    ] {
+        let output = folder.path().join("plot");
+        let line = refusal(&xtask().arg("scope").args(arguments).arg("--output").arg(&output).output().unwrap());
+        assert!(line.contains(cause), "{cause:?} expected in {line}");
+        assert!(!output.exists());
     }
 }
 

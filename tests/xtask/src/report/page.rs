@@ -321,7 +321,7 @@ fn in_seconds(microseconds: u64) -> f64 {
 }
 
 /// Text that comes from the run, made safe for HTML.
-fn escape(text: &str) -> String {
+pub(super) fn escape(text: &str) -> String {
     text.replace('&', "&amp;").replace('<', "&lt;").replace('>', "&gt;").replace('"', "&quot;")
 }
 
