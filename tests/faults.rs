@@ -243,7 +243,7 @@ fn a_position_command_that_jumps_beyond_the_monitoring_window_stops_the_motor() 
     bench.run(Nanoseconds::from_millis(500));
     assert!(!bench.has_torque());
     let now = bench.world.now().0;
-    let turned = bench.drive.motor_side.borrow_mut().motor().angle(now) * 360.0;
+    let turned = bench.drive.motor_side.borrow_mut().machine().angle(now) * 360.0;
     assert!((0.0..90.0).contains(&turned), "{turned} degrees towards the command before the stop");
     assert_eq!(bench.run_up_and_read(&[CLASS_1, DIAGNOSTIC_NUMBER]), [1 << 11, 0xF10B]);
 }

@@ -64,7 +64,7 @@ fn in_torque_mode_the_motor_accelerates_with_the_commanded_torque_up_to_the_velo
         }
     }
     bench.run(Nanoseconds::from_millis(50));
-    let current = bench.drive.motor_side.borrow().current();
+    let current = bench.drive.motor_side.borrow_mut().current();
     assert!((current - 5.0 / 60.0).abs() < 0.001, "20 % of 25 A on a 60 A amplifier, not {current}");
     assert!((195..=205).contains(&bench.number(84)), "{}", bench.number(84));
     bench.run(Nanoseconds::from_millis(3_000));
@@ -116,7 +116,7 @@ fn homing_gives_the_standing_motor_a_new_position_and_holds_it_until_the_master_
     bench.run(Nanoseconds::from_millis(300));
     assert!(!bench.has_torque());
     let now = bench.world.now().0;
-    let turned = bench.drive.motor_side.borrow_mut().motor().angle(now) * 360.0;
+    let turned = bench.drive.motor_side.borrow_mut().machine().angle(now) * 360.0;
     assert!(turned.abs() < 1.0, "{turned} degrees");
     assert_eq!(bench.run_up_and_read(&[11, 390]), [1 << 11, 0xF10B]);
     bench.write(191, Value::Word(3)).unwrap();

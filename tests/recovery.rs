@@ -5,7 +5,8 @@
 //! `recovery.regressions` beside this file. That file belongs into the repository: its seeds are tried first in every run.
 //! A seed goes when its events can no longer be made, not when it has passed. `PROPTEST_CASES` asks for more cases.
 
-use bench::{Amplifier, DriveHandle, DriveSetup, World, ring_of_drives};
+use bench::{Amplifier, DriveHandle, DriveSetup, World, parameters_of, ring_of_drives};
+use plant::ReferenceAxis;
 use proptest::prelude::*;
 use proptest::test_runner::FileFailurePersistence;
 use ring::fibre::{Effect, Fault, TelegramKind};
@@ -143,7 +144,7 @@ impl Bench {
     fn turn(&mut self) -> bool {
         let now = self.world.now().0;
         let rpm =
-            |drive: &DriveHandle| drive.motor_side.borrow_mut().motor().velocity(now) * 60.0 / core::f64::consts::TAU;
+            |drive: &DriveHandle| drive.motor_side.borrow_mut().machine().velocity(now) * 60.0 / core::f64::consts::TAU;
         self.world.ring().master().phase() == 4 && self.drives.iter().all(|drive| (299.0..301.0).contains(&rpm(drive)))
     }
 
@@ -209,17 +210,8 @@ fn defaults() -> impl Iterator<Item = (Idn, Value)> {
 }
 
 /// The motor of [`DriveSetup::new`], and loops that suit it.
-fn press_drive() -> [(Idn, Value); 8] {
-    [
-        (Idn(100), Value::Word(18_800)),
-        (Idn(101), Value::Word(160)),
-        (Idn(104), Value::Word(375)),
-        (Idn(109), Value::Long(60_000)),
-        (Idn(110), Value::Long(60_000)),
-        (Idn(111), Value::Long(25_000)),
-        (Idn(116), Value::Long(16_384)),
-        (Idn(138), Value::Long(400_000)),
-    ]
+fn press_drive() -> Vec<(Idn, Value)> {
+    parameters_of(&ReferenceAxis::press())
 }
 
 /// A parameter of fixed length that a master can write in CP2.

@@ -2,7 +2,8 @@
 
 #![allow(dead_code, reason = "every test program uses its own part of it")]
 
-use bench::{DriveHandle, DriveSetup, World, ring_of_drives};
+use bench::{DriveHandle, DriveSetup, World, parameters_of, ring_of_drives};
+use plant::ReferenceAxis;
 use ring::chip::Alternatives;
 use ring::fibre::{Effect, Fault, TelegramKind};
 use ring::ident::{Idn, Value};
@@ -18,15 +19,8 @@ pub(crate) const VELOCITY: i32 = 3_000_000;
 
 /// A drive in velocity mode, running at 300 rpm for ever.
 pub(crate) fn script() -> MasterScript {
-    let drive = DriveScript::new(ADDRESS, Telegram::standard(2).unwrap())
-        .with(Idn(100), Value::Word(18_800))
-        .with(Idn(101), Value::Word(160))
-        .with(Idn(104), Value::Word(375))
-        .with(Idn(109), Value::Long(60_000))
-        .with(Idn(110), Value::Long(60_000))
-        .with(Idn(111), Value::Long(25_000))
-        .with(Idn(116), Value::Long(16_384))
-        .with(Idn(138), Value::Long(400_000));
+    let drive =
+        DriveScript::new(ADDRESS, Telegram::standard(2).unwrap()).with_all(parameters_of(&ReferenceAxis::press()));
     let motion = Motion::new(1_000_000, |_| CommandValues::at_velocity(VELOCITY));
     MasterScript { motion: Some(motion), stops_at_refusals: false, ..MasterScript::new(vec![drive]) }
 }
@@ -70,11 +64,11 @@ impl Bench {
 
     pub(crate) fn rpm(&mut self) -> f64 {
         let now = self.world.now().0;
-        self.drive.motor_side.borrow_mut().motor().velocity(now) * 60.0 / core::f64::consts::TAU
+        self.drive.motor_side.borrow_mut().machine().velocity(now) * 60.0 / core::f64::consts::TAU
     }
 
     pub(crate) fn has_torque(&self) -> bool {
-        self.drive.motor_side.borrow().amplifier_on()
+        self.drive.motor_side.borrow().bridge_is_on()
     }
 
     /// So many telegrams of this kind are lost, from the next cycle but one on.

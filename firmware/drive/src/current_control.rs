@@ -2,7 +2,8 @@
 
 use servo::Rotation;
 use servo::current::{
-    BusScale, CurrentCommand, CurrentLoop, CurrentLoopSettings, CurrentReadings, Offsets, Protection, PwmFrequency, Trip,
+    BusScale, CurrentCommand, CurrentLoop, CurrentLoopSettings, CurrentReadings, Offsets, Protection, PwmFrequency,
+    Trip,
 };
 
 use crate::hardware::{PowerStage, Samples};
@@ -113,12 +114,8 @@ impl<P: PowerStage> CurrentControl<P> {
             self.stage.switch_off();
             return;
         }
-        let counts = self.current_loop.cycle(
-            &self.settings.current_loop,
-            command,
-            currents,
-            command.angle_at(self.count),
-        );
+        let counts =
+            self.current_loop.cycle(&self.settings.current_loop, command, currents, command.angle_at(self.count));
         self.stage.set_compare(counts);
     }
 
@@ -187,7 +184,8 @@ impl CurrentOrder {
 
     #[inline]
     fn from_words(words: [u32; COMMAND_WORDS]) -> Self {
-        let [on, trim, direct, quadrature, angle, count, angle_per_increment, cosine, sine, vd, vq, a, b, c, d, e] = words;
+        let [on, trim, direct, quadrature, angle, count, angle_per_increment, cosine, sine, vd, vq, a, b, c, d, e] =
+            words;
         Self {
             on: on != 0,
             trim: trim.cast_signed() as i16,
@@ -211,7 +209,20 @@ impl CurrentSettings {
     pub(crate) fn to_words(self) -> [u32; SETTINGS_WORDS] {
         let [alpha, beta, proportional, integral, middle, slope, full] = self.current_loop.to_words();
         let [current, sum, bus, increments] = self.protection.to_words();
-        [alpha, beta, proportional, integral, middle, slope, full, current, sum, bus, increments, (self.frequency == PwmFrequency::Khz8).into()]
+        [
+            alpha,
+            beta,
+            proportional,
+            integral,
+            middle,
+            slope,
+            full,
+            current,
+            sum,
+            bus,
+            increments,
+            (self.frequency == PwmFrequency::Khz8).into(),
+        ]
     }
 
     fn from_words(words: [u32; SETTINGS_WORDS]) -> Self {

@@ -131,13 +131,7 @@ pub struct Motion<B, H> {
 
 impl<B: Bus + Clone, H: Hardware> Motion<B, H> {
     /// A motor side at rest: torque-free, CP0, position zero where the encoder stands.
-    pub fn new(
-        bus: B,
-        address: u8,
-        mut hardware: H,
-        link: &'static CurrentLink,
-        settings: MotionSettings,
-    ) -> Self {
+    pub fn new(bus: B, address: u8, mut hardware: H, link: &'static CurrentLink, settings: MotionSettings) -> Self {
         let encoder = Encoder::new(settings.encoder, hardware.encoder_count());
         hardware.set_bridge(false);
         hardware.set_brake(false);
@@ -331,7 +325,9 @@ impl<B: Bus + Clone, H: Hardware> Motion<B, H> {
             return;
         }
         let mut findings = Findings::default();
-        if !self.inputs.bridge_ready || (self.bridge_on && !self.hardware.bridge_is_on() && self.motor.measured().trip.is_none()) {
+        if !self.inputs.bridge_ready
+            || (self.bridge_on && !self.hardware.bridge_is_on() && self.motor.measured().trip.is_none())
+        {
             findings.add_own(Manufacturer1::AMPLIFIER_FAULT, true);
         } else if !self.inputs.main_power {
             findings.class_1 |= Class1::UNDERVOLTAGE;

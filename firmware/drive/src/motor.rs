@@ -137,10 +137,7 @@ impl Motor {
             count: get(&report.count),
             torque_current: half(currents),
             field_current: half(currents >> 16),
-            voltages: [
-                get(&report.direct_voltage).cast_signed(),
-                get(&report.quadrature_voltage).cast_signed(),
-            ],
+            voltages: [get(&report.direct_voltage).cast_signed(), get(&report.quadrature_voltage).cast_signed()],
             calibrated: get(&report.calibrated) != 0,
             trip: Trip::from_code(get(&report.trip)),
             late: get(&report.late),

@@ -186,9 +186,8 @@ impl MotionSettings {
             (value != 0).then(|| velocity.to_velocity(value))
         };
         let velocity_limits = VelocityLimits::new(bipolar, one_sided(38), one_sided(39));
-        let acceleration = |number| {
-            Acceleration::from_milliradians_per_second_squared(parameters.get(Idn::standard(number)))
-        };
+        let acceleration =
+            |number| Acceleration::from_milliradians_per_second_squared(parameters.get(Idn::standard(number)));
         let ramp = (acceleration(136), acceleration(137));
         let peak_current = parameters.get(Idn::standard(110));
         let axis = AxisParameters {

@@ -159,16 +159,15 @@ mod tests {
     const HALT: Switches = Switches { on: true, enable: true, run: false };
     const ENABLED: Switches = Switches { on: false, enable: true, run: true };
     const NONE: Switches = Switches { on: false, enable: false, run: false };
-    const READY: Conditions =
-        Conditions {
-            operating_phase: true,
-            power: true,
-            fault: false,
-            fatal: false,
-            standstill: false,
-            released: true,
-            torque_off: true,
-        };
+    const READY: Conditions = Conditions {
+        operating_phase: true,
+        power: true,
+        fault: false,
+        fatal: false,
+        standstill: false,
+        released: true,
+        torque_off: true,
+    };
     const FAULT: Conditions = Conditions { fault: true, ..READY };
     const STANDING: Conditions = Conditions { standstill: true, ..READY };
 

@@ -9,6 +9,7 @@ use ring::master::{
 use ring::wire::BitRate;
 use ring::{Nanoseconds, RingConfiguration};
 
+use crate::axis::parameters_of;
 use crate::executor::Executor;
 use crate::processor::ProcessorError;
 use crate::report::{
@@ -103,21 +104,13 @@ pub fn demo(executor: &Executor, progress: &mut dyn FnMut(&Progress)) -> Result<
 }
 
 fn script(axis: &ReferenceAxis) -> MasterScript {
-    let gains = &axis.gains;
     let word = |value: u16| Value::Word(value);
     let drives = RING.map(|address| {
         let telegram =
             Telegram::application(&[Idn(51), Idn(40), Idn::FOLLOWING_DISTANCE, Idn(0x8013)], &[Idn::POSITION_COMMAND]);
         DriveScript::new(address, telegram)
             .with(Idn::OPERATION_MODE, word(11))
-            .with(Idn(100), word(gains.velocity_gain * 100))
-            .with(Idn(101), word(gains.integral_time))
-            .with(Idn(104), word(gains.position_gain))
-            .with(Idn(109), Value::Long(axis.peak_current))
-            .with(Idn(110), Value::Long(axis.peak_current))
-            .with(Idn(111), Value::Long(axis.standstill_current))
-            .with(Idn(116), Value::Long(axis.motor.increments_per_revolution / 4))
-            .with(Idn(138), Value::Long(gains.acceleration_limit))
+            .with_all(parameters_of(axis))
             .with(Idn(0x8013), word(u16::from(address)))
     });
     let cycles = SHAFT.duration().0 / CYCLE.0 + SETTLING.0 / CYCLE.0;
@@ -160,7 +153,7 @@ impl Look {
     fn at(handle: &DriveHandle, time: Nanoseconds) -> Self {
         let mut side = handle.motor_side.borrow_mut();
         let current = side.current();
-        let motor = side.motor();
+        let motor = side.machine();
         Self {
             time,
             degrees: motor.angle(time.0) * 360.0,

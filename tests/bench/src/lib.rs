@@ -6,6 +6,7 @@
 //! * [`traced`]: the ELF, counted instruction by instruction.
 #![forbid(unsafe_code)]
 
+mod axis;
 pub mod demo;
 pub mod executor;
 pub mod host_drive;
@@ -20,10 +21,11 @@ pub mod ring_of_drives;
 pub mod traced;
 pub mod world;
 
-pub use ::drive::Amplifier;
+pub use axis::{parameters_of, product};
 pub use demo::{DemoError, demo};
 pub use executor::{Elves, Executor};
 pub use host_drive::{HostDrive, Latency};
+pub use motor_side::Amplifier;
 pub use processor::{Processor, ProcessorError};
 pub use replay::{ReplayError, ReplayOptions, replay};
 pub use ring_of_drives::{DriveHandle, DriveSetup, ring_of_drives, ring_of_drives_on};

@@ -43,6 +43,15 @@ pub struct MotorSideState {
     late_cycles: u32,
 }
 
+/// The two inputs of the power stage that most tests are about.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Amplifier {
+    /// Main power is applied.
+    pub main_power: bool,
+    /// The gate drivers report a fault.
+    pub fault: bool,
+}
+
 /// A centre-aligned timer, seen from peak to peak.
 #[derive(Debug)]
 struct ModulationTimer {
@@ -101,14 +110,7 @@ impl MotorSideState {
             phases: [0; 2],
             index_seen: 0,
             probes: [[None; 2]; 2],
-            timer: ModulationTimer {
-                peak: 0,
-                period: PERIOD,
-                next_period: PERIOD,
-                first: false,
-                tick: 0,
-                clock_ppm,
-            },
+            timer: ModulationTimer { peak: 0, period: PERIOD, next_period: PERIOD, first: false, tick: 0, clock_ppm },
             late_cycles: 0,
         }
     }
@@ -142,6 +144,14 @@ impl MotorSideState {
                 self.probes[probe][usize::from(!after)] = Some(self.machine.encoder_count(now.0));
             }
         }
+    }
+
+    /// Main power, and whether the gate drivers are sound.
+    pub fn set_amplifier_inputs(&mut self, amplifier: Amplifier) {
+        self.change_inputs(|inputs| {
+            inputs.main_power = amplifier.main_power;
+            inputs.bridge_ready = !amplifier.fault;
+        });
     }
 
     /// Whether the bridge switches.
@@ -354,12 +364,7 @@ impl PowerStage for SimulatedStage {
         let state = &mut *self.state.borrow_mut();
         let at = state.sampled().0;
         let [heat_sink, motor] = state.machine.temperature_samples(at);
-        Samples {
-            currents: state.machine.current_samples(at),
-            bus: state.machine.bus_sample(at),
-            heat_sink,
-            motor,
-        }
+        Samples { currents: state.machine.current_samples(at), bus: state.machine.bus_sample(at), heat_sink, motor }
     }
 
     fn encoder_count(&mut self) -> u32 {

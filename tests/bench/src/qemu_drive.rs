@@ -1,7 +1,6 @@
 //! The flashed ELF in QEMU, as a processor of the world: its external bus is the chip's, its motor side is simulated.
 
-use drive::Amplifier;
-use emulator::{Environment, Guest, GuestConfiguration};
+use emulator::{DigitalInputs, Environment, Guest, GuestConfiguration, IndexEdge};
 use ring::Nanoseconds;
 use ring::chip::SharedChip;
 use ring::wire::BitRate;
@@ -13,8 +12,6 @@ use crate::processor::{Processor, ProcessorError};
 
 /// Byte offset of the registers in the window of the external bus; the RAM begins at 0 (board: A12 selects).
 const REGISTERS: u32 = 0x1000;
-/// Half of the converter's 12 bits: code of zero current, and codes up to full scale.
-const CONVERTER_ZERO: i32 = 0x800;
 
 /// A drive that runs in QEMU.
 pub struct QemuDrive {
@@ -144,21 +141,67 @@ impl Environment for QemuEnvironment {
     }
 
     fn encoder_count(&mut self, now: Nanoseconds) -> u32 {
-        self.motor_side.borrow_mut().motor().encoder_count(now.0)
+        self.motor_side.borrow_mut().machine().encoder_count(now.0)
     }
 
-    fn set_current(&mut self, now: Nanoseconds, code: u16) {
-        let fraction = f64::from(i32::from(code) - CONVERTER_ZERO) / f64::from(CONVERTER_ZERO);
-        self.motor_side.borrow_mut().command_current(fraction, now);
+    fn index_count(&mut self, now: Nanoseconds) -> IndexEdge {
+        let state = &mut *self.motor_side.borrow_mut();
+        let number = state.machine().index_pulses(now.0);
+        IndexEdge { number: number.into(), count: state.machine().index_count(now.0).unwrap_or(0) }
     }
 
-    fn set_amplifier(&mut self, now: Nanoseconds, on: bool) {
-        self.motor_side.borrow_mut().switch_amplifier(on, now);
+    /// The board's wiring: ADC1 phase current A and bus, ADC2 phase current B and heat sink, ADC3 phase current C and motor.
+    fn analog_sample(&mut self, at: Nanoseconds, adc: usize, channel: u8) -> u16 {
+        let machine = &mut *self.motor_side.borrow_mut();
+        let machine = machine.machine();
+        match (adc, channel) {
+            (1, 10) => machine.current_samples(at.0)[0],
+            (2, 11) => machine.current_samples(at.0)[1],
+            (3, 12) => machine.current_samples(at.0)[2],
+            (1, 13) => machine.bus_sample(at.0),
+            (2, 14) => machine.temperature_samples(at.0)[0],
+            (3, 4) => machine.temperature_samples(at.0)[1],
+            // Nothing is connected to the others.
+            _ => 0,
+        }
     }
+
+    fn set_bridge(&mut self, at: Nanoseconds, on: bool, _dead_time_ns: u32) {
+        self.motor_side.borrow_mut().switch_bridge(on, at);
+    }
+
+    fn set_duties(&mut self, at: Nanoseconds, duties: [f64; 3]) {
+        self.motor_side.borrow_mut().modulate(duties, at);
+    }
+
+    fn set_brake(&mut self, at: Nanoseconds, energised: bool) {
+        self.motor_side.borrow_mut().switch_brake(energised, at);
+    }
+
+    fn break_input(&self) -> bool {
+        self.motor_side.borrow().inputs().bridge_ready
+    }
+
+    fn digital_inputs(&self) -> DigitalInputs {
+        let inputs = self.motor_side.borrow().inputs();
+        DigitalInputs {
+            main_power: inputs.main_power,
+            sto_1: inputs.safe_torque_1,
+            sto_2: inputs.safe_torque_2,
+            home_switch: inputs.home_switch,
+            brake_feedback: inputs.brake_open,
+            probe_1: inputs.probe_1,
+            probe_2: inputs.probe_2,
+        }
+    }
+
+    // The board has no analogue amplifier.
+    fn set_current(&mut self, _now: Nanoseconds, _code: u16) {}
+
+    fn set_amplifier(&mut self, _now: Nanoseconds, _on: bool) {}
 
     fn amplifier_inputs(&self) -> (bool, bool) {
-        let Amplifier { main_power, fault } = self.motor_side.borrow().amplifier_inputs();
-        (main_power, fault)
+        (false, false)
     }
 
     fn address_switches(&self) -> u8 {

@@ -35,8 +35,8 @@ mod thumb_tests;
 mod trace;
 pub mod wiring;
 
-pub use audit::{Finding, audit, audit_power_stage};
 pub use activations::{Activations, Listing, Spread, Step, TaskCount};
+pub use audit::{Finding, audit, audit_power_stage};
 pub use clock::CYCLES_PER_INSTRUCTION_TENTHS;
 pub use environment::{DigitalInputs, Environment, IndexEdge};
 pub use error::EmulatorError;

@@ -5,8 +5,8 @@ use servo::{
     CommutationAngle, CurrentFraction, IndexState, Position,
 };
 
-use super::supervision::Findings;
 use super::Motor;
+use super::supervision::Findings;
 use crate::diagnosis::Manufacturer1;
 use crate::settings::MotorSettings;
 use sercos::diagnostic::Class1;
@@ -126,7 +126,8 @@ impl Motor {
             findings.add_fatal(Class1::COMMUTATION);
             return false;
         }
-        let alignment = self.alignment.get_or_insert_with(|| Alignment::start(self.settings.alignment, inputs.position));
+        let alignment =
+            self.alignment.get_or_insert_with(|| Alignment::start(self.settings.alignment, inputs.position));
         if !inputs.bridge_on {
             // The first tick: the bridge is on its way.
             self.aligning = Some((0, CurrentFraction::ZERO, CurrentFraction::ZERO));

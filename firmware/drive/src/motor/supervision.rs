@@ -1,9 +1,7 @@
 //! What is watched in every tick: bus, temperatures, loads, encoder, the current loop itself.
 
 use sercos::diagnostic::Class1;
-use servo::{
-    EncoderMonitorInputs, Limiting, LoadOutput, TemperatureOutput, Velocity, VoltageError, VoltageOutput,
-};
+use servo::{EncoderMonitorInputs, Limiting, LoadOutput, TemperatureOutput, Velocity, VoltageError, VoltageOutput};
 
 use super::Motor;
 use crate::diagnosis::Manufacturer1;

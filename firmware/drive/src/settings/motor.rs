@@ -69,11 +69,7 @@ impl MotorSettings {
     ///
     /// # Errors
     /// The first parameter that the motor side cannot work with.
-    pub fn new(
-        parameters: &Parameters,
-        increments: u32,
-        maximum_velocity: Velocity,
-    ) -> Result<Self, InvalidSetting> {
+    pub fn new(parameters: &Parameters, increments: u32, maximum_velocity: Velocity) -> Result<Self, InvalidSetting> {
         let long = |idn: Idn| parameters.get(idn);
         let word = |idn: Idn| parameters.get_word(idn);
         let peak = long(S(110));

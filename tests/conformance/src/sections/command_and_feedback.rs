@@ -86,7 +86,7 @@ pub(super) fn cases() -> Vec<Case> {
         slave.commands = 3_000_000_i32.to_le_bytes().to_vec();
         slave.control = 0xE000;
         slave.cycles(50);
-        let current = slave.drive.motor_side.borrow().current();
+        let current = slave.drive.motor_side.borrow_mut().current();
         ensure(current == 0.0, || format!("{current} of the peak current"))?;
         let command = slave.number(36)?;
         ensure(command == 0, || format!("S-0-0036 = {command}"))
@@ -111,7 +111,7 @@ fn command_valid(slave: &mut Slave, t1: u16, t2: u16, t3: u16) -> Outcome {
     let configuration = Configuration { t1, t2, t3, t4: 1_900, ..Configuration::application(&[84], &[80]) };
     in_operation(slave, 1, configuration)?;
     slave.cycles(200);
-    let current = |slave: &Slave| slave.drive.motor_side.borrow().current();
+    let current = |slave: &Slave| slave.drive.motor_side.borrow_mut().current();
     for percent in [40_i16, -40, 60] {
         let before = current(slave);
         slave.commands = percent.to_le_bytes().to_vec();
@@ -150,7 +150,7 @@ fn feedback_captured(slave: &mut Slave, t4: u16) -> Outcome {
     for _ in 0..20 {
         slave.finish_cycle_to(t4);
         let now = slave.world.now();
-        let angle = slave.drive.motor_side.borrow_mut().motor().angle(now.0) * 3_600_000.0;
+        let angle = slave.drive.motor_side.borrow_mut().machine().angle(now.0) * 3_600_000.0;
         let shown = slave.cycle().ok_or("no AT")?.long(0);
         let off = f64::from(shown) - angle;
         ensure(off.abs() < INCREMENT + MICROSECOND, || {

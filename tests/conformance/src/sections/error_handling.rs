@@ -474,7 +474,7 @@ fn drive_errors() -> Vec<Case> {
         slave.run_up(3, motor(2, Configuration::default()))?;
         slave.control = 0xE000;
         slave.cycles(20);
-        ensure(!slave.drive.motor_side.borrow().amplifier_on(), || "the amplifier is on in CP3".to_owned())?;
+        ensure(!slave.drive.motor_side.borrow().bridge_is_on(), || "the amplifier is on in CP3".to_owned())?;
         let at = slave.last.clone().ok_or("no AT")?;
         expect("status bits 15, 14", status::readiness(at.status), 2)
     }));
@@ -539,7 +539,7 @@ fn shut_down(slave: &mut Slave, class_1: u64, number: u64) -> Outcome {
     let at = slave.last.clone().ok_or("no AT")?;
     expect("status bit 13", at.status & status::SHUT_DOWN != 0, true)?;
     ensure(status::readiness(at.status) != 3, || format!("torque: status {:04X}H", at.status))?;
-    ensure(!slave.drive.motor_side.borrow().amplifier_on(), || "the amplifier is still on".to_owned())
+    ensure(!slave.drive.motor_side.borrow().bridge_is_on(), || "the amplifier is still on".to_owned())
 }
 
 /// No AT any more; the next run-up shows the error, S-0-0099 clears it, and everything goes on to CP4.

@@ -70,6 +70,13 @@ impl DriveScript {
         self.parameters.push((idn, value));
         self
     }
+
+    /// With these parameters, to be written in CP2 in this order.
+    #[must_use]
+    pub fn with_all(mut self, parameters: impl IntoIterator<Item = (Idn, Value)>) -> Self {
+        self.parameters.extend(parameters);
+        self
+    }
 }
 
 /// Where t1 to t4 come from.

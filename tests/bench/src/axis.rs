@@ -1,0 +1,48 @@
+//! What a commissioning engineer writes into a drive for an axis: motor, bridge and loops.
+
+use plant::ReferenceAxis;
+use ring::ident::{Idn, Value};
+
+/// Crossing of the current loop in rad/s: 1 100 Hz, which leaves 65 degrees of phase at 16 kHz.
+const CURRENT_CROSSING: f64 = 6_912.0;
+
+/// The parameters of an axis, each with its IDN, to be written in CP2.
+#[must_use]
+pub fn parameters_of(axis: &ReferenceAxis) -> Vec<(Idn, Value)> {
+    let gains = &axis.gains;
+    let windings = &axis.machine.windings;
+    let word = |value: f64| Value::Word(value.round() as u16);
+    let long = |value: f64| Value::Long(value.round() as u32);
+    let supply = axis.machine.supply.voltage;
+    vec![
+        (Idn(100), Value::Word(gains.velocity_gain * 100)),
+        (Idn(101), Value::Word(gains.integral_time)),
+        (Idn(104), Value::Word(gains.position_gain)),
+        (Idn(106), word(CURRENT_CROSSING * windings.inductance_q * 1_000.0)),
+        (Idn(107), word(windings.inductance_q / windings.resistance * 10_000.0)),
+        (Idn(109), Value::Long(axis.peak_current)),
+        (Idn(110), Value::Long(axis.peak_current)),
+        (Idn(111), Value::Long(axis.standstill_current)),
+        (Idn(112), Value::Long(axis.peak_current / 2)),
+        (Idn(113), Value::Long(axis.maximum_speed * 10_000)),
+        (Idn(116), Value::Long(axis.machine.encoder.increments_per_revolution / 4)),
+        (Idn(138), Value::Long(gains.acceleration_limit)),
+        (Idn(392), Value::Word(gains.velocity_filter)),
+        (product(100), long(axis.machine.current_sensors.range * 1_000.0)),
+        (product(101), word(axis.machine.bus_range)),
+        (product(104), word(supply / 2.0)),
+        (product(105), word(supply * 1.4)),
+        (product(110), Value::Word(windings.pole_pairs as u16)),
+        (product(111), long(windings.resistance * 1_000.0)),
+        (product(112), long(windings.inductance_d * 1e6)),
+        (product(113), long(windings.inductance_q * 1e6)),
+        (product(114), long(windings.flux * 1e6)),
+        (product(120), Value::Word(u16::from(axis.machine.brake.is_some()))),
+    ]
+}
+
+/// P-0-nnnn.
+#[must_use]
+pub const fn product(number: u16) -> Idn {
+    Idn(0x8000 | number)
+}
