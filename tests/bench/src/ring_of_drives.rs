@@ -46,6 +46,11 @@ impl DriveSetup {
             clock_ppm: 0,
         }
     }
+
+    /// The motor that the defaults of the drive's parameters describe: it runs without any parameter written.
+    pub fn catalogue(address: u8) -> Self {
+        Self { axis: ReferenceAxis::catalogue(), ..Self::new(address) }
+    }
 }
 
 /// What an observer keeps of one drive.
