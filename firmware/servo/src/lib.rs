@@ -45,6 +45,8 @@ mod debounce;
 mod derivatives;
 mod encoder;
 mod encoder_monitor;
+mod filter;
+mod friction;
 mod gain;
 mod homing;
 mod interpolation;
@@ -61,6 +63,7 @@ mod stopping;
 mod temperature;
 mod trajectory;
 mod trigonometry;
+mod tuning;
 mod units;
 mod velocity_estimate;
 mod velocity_loop;
@@ -80,6 +83,8 @@ pub use encoder::{Encoder, EncoderSettings};
 pub use encoder_monitor::{
     EncoderError, EncoderMonitor, EncoderMonitorInputs, EncoderMonitorParameters, EncoderMonitorSettings,
 };
+pub use filter::{CurrentFilter, CurrentFilterSettings, FilterSection};
+pub use friction::{FrictionParameters, FrictionSettings};
 pub use gain::Gain;
 pub use homing::{
     Homing, HomingError, HomingInputs, HomingMotion, HomingOutput, HomingParameters, HomingSettings,
@@ -98,6 +103,7 @@ pub use settings::{AxisParameters, AxisSettings, SettingsError};
 pub use temperature::{Temperature, TemperatureError, TemperatureOutput, TemperatureParameters, TemperatureSettings};
 pub use trajectory::Trajectory;
 pub use trigonometry::Rotation;
+pub use tuning::{CurrentGains, VelocityGains, current_gains, position_gain, velocity_gains};
 pub use units::{Acceleration, CurrentFraction, LOOP_PERIOD_MICROSECONDS, LOOP_TICKS_PER_SECOND, Position, Velocity};
 pub use velocity_estimate::{VelocityEstimate, VelocityFilter};
 pub use velocity_loop::{VelocityLoop, VelocityLoopOutput, VelocityLoopSettings};
