@@ -4,7 +4,7 @@
 //!
 //! | loop | rule | phase margin |
 //! |---|---|---|
-//! | current | the zero of the controller cancels the pole of the winding; gain for the bandwidth | 60 degrees or more |
+//! | current | the zero of the controller lies on the pole of the winding; gain for the bandwidth | 60 degrees or more |
 //! | velocity | gain for the bandwidth; integral action time 4 / bandwidth: the ideal loop is critically damped | 45 degrees or more |
 //! | position | a quarter of the velocity bandwidth | |
 //!
@@ -43,15 +43,17 @@ pub struct VelocityGains {
 /// -90 degrees - p. Closed, it has -3 dB at p for
 ///
 /// ```text
-/// k = 2 tan(p/2) (sqrt(1 + sin^2 p) - sin p),   gain = k * inductance / period,   integral action time = inductance / resistance
+/// k = 2 tan(p/2) (sqrt(1 + sin^2 p) - sin p),   gain = k (L/T - R/2),   integral action time = L/R - T/2
 /// ```
+///
+/// with the period T. The halves are what integration in steps of T adds: with them the zero lies on the pole of the sampled winding too.
 ///
 /// The crossing lies where `2 tan(p/2)` is k. A phase margin of 60 degrees is a crossing at p = 30 degrees, and a bandwidth of 0.1698
 /// of the frequency: 2 717 Hz at 16 kHz, 1 358 Hz at 8 kHz.
 ///
 /// # Errors
 /// [`SettingsError::Zero`] without resistance or inductance; [`SettingsError::OutOfRange`] when the bandwidth is not 10 Hz to the one above,
-/// or a result is not within 1 mV/A to 500 V/A or 1 us to 6.5 s.
+/// or a result is not within 1 mV/A to 500 V/A or a period to 6.5 s: a winding with a shorter time constant cannot be controlled at this rate.
 pub fn current_gains(
     resistance: u32,
     inductance: u32,
@@ -78,13 +80,16 @@ pub fn current_gains(
         i128::from(half.sine).saturating_mul(2).saturating_mul(root.saturating_sub(sine)),
         half.cosine.into(),
     );
-    // uH / s is 10^-3 mV/A
-    let proportional =
-        divide_rounding(i128::from(k).saturating_mul(inductance.into()).saturating_mul(hertz), 1_000 << 31);
-    let time = divide_rounding(i128::from(inductance).saturating_mul(1_000), resistance.into());
+    // L - R T / 2 in nH: mOhm / Hz is 10^6 nH.
+    let resistive = divide_rounding(i128::from(resistance).saturating_mul(500_000), hertz);
+    let inductive = i128::from(inductance).saturating_mul(1_000).saturating_sub(resistive.into());
+    // nH / s is 10^-6 mV/A, nH / mOhm is us.
+    let proportional = divide_rounding(i128::from(k).saturating_mul(inductive).saturating_mul(hertz), 1_000_000 << 31);
+    let time = divide_rounding(inductive, resistance.into());
+    let period = 1_000_000_u32.div_ceil(frequency.hertz());
     Ok(CurrentGains {
         proportional: in_range("current loop proportional gain S-0-0106", limited_to_u32(proportional), 1, 500_000)?,
-        integral_time: in_range("current loop integral action time S-0-0107", limited_to_u32(time), 1, 6_553_500)?,
+        integral_time: in_range("current loop integral action time S-0-0107", limited_to_u32(time), period, 6_553_500)?,
     })
 }
 
@@ -178,9 +183,9 @@ mod tests {
             (PwmFrequency::Khz8, 8_000.0, 1_000),
         ] {
             let gains = current_gains(700, 3_500, bandwidth, frequency).unwrap();
-            let expected = gain_of_the_open_loop(f64::from(bandwidth), hertz) * 0.003_5 * hertz * 1_000.0;
+            let expected = gain_of_the_open_loop(f64::from(bandwidth), hertz) * (0.003_5 * hertz - 0.35) * 1_000.0;
             assert!((f64::from(gains.proportional) / expected - 1.0).abs() < 1e-3, "{bandwidth}: {gains:?} {expected}");
-            assert_eq!(gains.integral_time, 5_000);
+            assert_eq!(gains.integral_time, 5_000 - (500_000.0 / hertz) as u32);
         }
     }
 
@@ -190,7 +195,7 @@ mod tests {
             [(PwmFrequency::Khz16, 16_000.0, 2_716), (PwmFrequency::Khz8, 8_000.0, 1_358)]
         {
             let gains = current_gains(700, 3_500, highest, frequency).unwrap();
-            let k = f64::from(gains.proportional) / 1_000.0 / 0.003_5 / hertz;
+            let k = f64::from(gains.proportional) / 1_000.0 / (0.003_5 * hertz - 0.35);
             let crossing = 2.0 * (k / 2.0).atan();
             let margin = (PI / 2.0 - crossing).to_degrees();
             assert!((60.0..60.05).contains(&margin), "{margin} degrees");
@@ -253,7 +258,11 @@ mod tests {
         ));
         assert_eq!(
             current_gains(1, 10_000, 1_000, frequency),
-            Err(out_of_range("current loop integral action time S-0-0107", 10_000_000, 1, 6_553_500))
+            Err(out_of_range("current loop integral action time S-0-0107", 9_999_969, 63, 6_553_500))
+        );
+        assert_eq!(
+            current_gains(100_000, 9_300, 1_000, frequency),
+            Err(out_of_range("current loop integral action time S-0-0107", 62, 63, 6_553_500))
         );
         assert_eq!(
             velocity_gains(u32::MAX, 1, 10, 0),
