@@ -49,11 +49,12 @@ pub struct VelocityGains {
 /// with the period T. The halves are what integration in steps of T adds: with them the zero lies on the pole of the sampled winding too.
 ///
 /// The crossing lies where `2 tan(p/2)` is k. A phase margin of 60 degrees is a crossing at p = 30 degrees, and a bandwidth of 0.1698
-/// of the frequency: 2 717 Hz at 16 kHz, 1 358 Hz at 8 kHz.
+/// of the frequency: 2 716 Hz at 16 kHz, 1 358 Hz at 8 kHz.
 ///
 /// # Errors
-/// [`SettingsError::Zero`] without resistance or inductance; [`SettingsError::OutOfRange`] when the bandwidth is not 10 Hz to the one above,
-/// or a result is not within 1 mV/A to 500 V/A or a period to 6.5 s: a winding with a shorter time constant cannot be controlled at this rate.
+/// [`SettingsError::Zero`] without resistance or inductance; [`SettingsError::OutOfRange`] when the bandwidth is not 10 Hz to the one
+/// above, the gain is not within 1 mV/A to 500 V/A, or the integral action time not within a period and 6.5 s: a winding with a shorter time
+/// constant cannot be controlled at this rate.
 pub fn current_gains(
     resistance: u32,
     inductance: u32,
@@ -75,7 +76,7 @@ pub fn current_gains(
     // 2^-31
     let sine = i128::from(half.sine).saturating_mul(half.cosine.into()) >> 30;
     let square = sine.saturating_mul(sine).saturating_add(1 << 62);
-    let root = i128::from(square.unsigned_abs().isqrt().cast_signed());
+    let root = square.unsigned_abs().isqrt().cast_signed();
     let k = divide_rounding(
         i128::from(half.sine).saturating_mul(2).saturating_mul(root.saturating_sub(sine)),
         half.cosine.into(),
@@ -100,16 +101,18 @@ const HIGHEST_BANDWIDTH: i128 = 1_698;
 /// Gains of the velocity loop for an `inertia` in 10^-7 kg m^2 (motor and load) and a `torque_constant` in uNm/A, that crosses at
 /// `bandwidth` in Hz.
 ///
-/// `filter`: the small times of the loop in us: velocity filter S-0-0392, filters of the current command, and the current loop (period of
-/// its bandwidth / 2 pi). 187.5 us are added: half a tick for the difference of two positions, half a tick until the current loop takes the
-/// command, half a tick for holding it.
+/// The integral part moves the crossing to 1.03 times that.
+///
+/// `filter`: the small times of the loop in us: velocity filter S-0-0392, filters of the current command, and the current loop
+/// (inductance / S-0-0106). 187.5 us are added: half a tick for the difference of two positions, half a tick until the current loop takes
+/// the command, half a tick for holding it.
 ///
 /// ```text
 /// gain = inertia * 2 pi * bandwidth / torque constant,   integral action time = 4 / (2 pi * bandwidth)
 /// ```
 ///
-/// The integral part takes 14 degrees of phase at the crossing, each small time at most 360 degrees * bandwidth * time. At most 31 degrees
-/// are allowed: the bandwidth is at most 0.086 / (`filter` + 187.5 us).
+/// The integral part takes 14 degrees of phase at the crossing, each small time at most 360 degrees * bandwidth * time. Small times may
+/// take 30 degrees: the bandwidth is at most 1 / (12 (`filter` + 187.5 us)).
 ///
 /// # Errors
 /// [`SettingsError::Zero`] without inertia or torque constant; [`SettingsError::OutOfRange`] when the bandwidth is not 1 Hz to the one
@@ -143,8 +146,8 @@ pub fn velocity_gains(
     })
 }
 
-/// 31 degrees in revolutions, times a million, twice.
-const PHASE_OF_SMALL_TIMES: u32 = 172_000;
+/// A twelfth of a second, in half microseconds.
+const PHASE_OF_SMALL_TIMES: u32 = 166_667;
 
 /// Kv-factor S-0-0104 in 0.01 * 1000/min for a velocity loop that crosses at `velocity_bandwidth` in Hz: a quarter of it.
 ///
@@ -226,15 +229,16 @@ mod tests {
         for filter in [0_u32, 250, 2_000] {
             let delay = (f64::from(filter) + 187.5) * 1e-6;
             let margin = |hertz: u32| {
-                let angular = TAU * f64::from(hertz);
-                (PI / 2.0 - 0.25_f64.atan() - angular * delay).to_degrees()
+                // Where (1 / u) sqrt(1 + 1 / (4 u)^2) is 1.
+                let crossing = (0.5 + 1.25_f64.sqrt() / 2.0).sqrt();
+                (PI / 2.0 - (0.25 / crossing).atan() - crossing * TAU * f64::from(hertz) * delay).to_degrees()
             };
             let Err(SettingsError::OutOfRange { maximum, .. }) = velocity_gains(1_000, 100_000, 1_000_000, filter)
             else {
                 panic!("a megahertz is refused");
             };
             assert!(velocity_gains(1_000, 100_000, maximum, filter).is_ok());
-            assert!((44.9..46.5).contains(&margin(maximum)), "{filter} us: {}", margin(maximum));
+            assert!((45.3..46.5).contains(&margin(maximum)), "{filter} us: {}", margin(maximum));
         }
     }
 
@@ -268,7 +272,7 @@ mod tests {
             velocity_gains(u32::MAX, 1, 10, 0),
             Err(out_of_range("velocity loop proportional gain S-0-0100", u32::MAX, 1, 6_553_500))
         );
-        assert_eq!(velocity_gains(1, 1, 0, 0), Err(out_of_range("bandwidth of the velocity loop", 0, 1, 458)));
+        assert_eq!(velocity_gains(1, 1, 0, 0), Err(out_of_range("bandwidth of the velocity loop", 0, 1, 444)));
         assert_eq!(velocity_gains(1, 1, 1, u32::MAX), Err(out_of_range("bandwidth of the velocity loop", 1, 1, 0)));
         assert_eq!(position_gain(6_954), Err(out_of_range("bandwidth of the velocity loop", 6_954, 1, 6_953)));
         assert_eq!(position_gain(0), Err(out_of_range("bandwidth of the velocity loop", 0, 1, 6_953)));

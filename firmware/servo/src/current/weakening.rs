@@ -191,9 +191,9 @@ mod tests {
         let settings = FieldWeakeningSettings::new(&PARAMETERS).unwrap();
         let bus = bus(320);
         let mut weakening = FieldWeakening::new();
-        let mut output = weakening.tick(&settings, &readings(&bus, 1.3, 0.5), &bus);
+        let mut output = weakening.tick(&settings, &readings(&bus, 1.9, 0.785), &bus);
         for _ in 0..2_000 {
-            output = weakening.tick(&settings, &readings(&bus, 1.3, 0.5), &bus);
+            output = weakening.tick(&settings, &readings(&bus, 1.9, 0.785), &bus);
         }
         assert_eq!(output.direct, CurrentFraction::from_num(-0.6));
         let back = weakening.tick(&settings, &readings(&bus, 0.0, 0.5), &bus).direct;
