@@ -10,8 +10,8 @@
 //! Both are transformed bilinearly, so that the frequency, and the width of a notch whose depth is 0, are exact at 8 kHz too.
 //!
 //! A section is the direct form 1 of [`idsp`] with 32 bits of the output's fraction fed back: rounding makes neither a dead band nor a
-//! limit cycle. Samples pass it in 2^-28 of peak: that leaves the sum of its five products, at most 7 times peak, inside the accumulator, and the
-//! limit to +-peak is applied to a true value, never to a wrapped one.
+//! limit cycle. Samples pass it in 2^-28 of peak: that leaves the sum of its five products, at most 7 times peak, inside the accumulator,
+//! and the limit to +-peak is applied to a true value, never to a wrapped one.
 
 use dsp_fixedpoint::Q32;
 use dsp_process::SplitProcess;

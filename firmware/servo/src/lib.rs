@@ -16,6 +16,8 @@
 //! * [`BrakeSequencer`]: the order of holding brake and torque.
 //! * [`LoadModel`], [`Temperature`], [`BusVoltage`], [`EncoderMonitor`]: supervision, each with warnings and errors of its own.
 //! * [`TorqueLimitSettings`]: what the torque is limited to, and [`Limiting`]: what limits the drive at the moment.
+//! * [`FrictionSettings`] and [`CurrentFilter`]: what is added to the current command, and what is taken out of it.
+//! * [`current_gains`], [`velocity_gains`], [`position_gain`]: gains from the data of a motor, outside the loops.
 //!
 //! * All arithmetic is integer: the same input gives the same output, bit for bit, on the host and on the target.
 //! * What a tick calls contains no division, no float, no panic and no loop whose length depends on data.

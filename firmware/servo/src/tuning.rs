@@ -53,8 +53,8 @@ pub struct VelocityGains {
 ///
 /// # Errors
 /// [`SettingsError::Zero`] without resistance or inductance; [`SettingsError::OutOfRange`] when the bandwidth is not 10 Hz to the one
-/// above, the gain is not within 1 mV/A to 500 V/A, or the integral action time not within a period and 6.5 s: a winding with a shorter time
-/// constant cannot be controlled at this rate.
+/// above, the gain is not within 1 mV/A to 500 V/A, or the integral action time not within a period and 6.5 s: a winding with a shorter
+/// time constant cannot be controlled at this rate.
 pub fn current_gains(
     resistance: u32,
     inductance: u32,
