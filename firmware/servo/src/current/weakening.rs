@@ -58,7 +58,6 @@ impl FieldWeakeningSettings {
 
 /// What field weakening asks for in a tick.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-#[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub struct WeakeningOutput {
     /// Flux-producing current: 0 or negative.
     pub direct: CurrentFraction,
