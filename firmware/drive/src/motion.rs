@@ -16,7 +16,7 @@ mod clock_monitor;
 mod cycle;
 mod words;
 
-pub use background::MotorValue;
+pub(crate) use background::MotorValue;
 use clock_monitor::ClockMonitor;
 
 use crate::diagnosis::{Manufacturer1, Manufacturer2, Manufacturer3};

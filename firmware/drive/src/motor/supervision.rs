@@ -163,7 +163,8 @@ impl Motor {
         self.bus_scale = BusScale::new(voltage.to_bits() >> 2, reciprocal.of_fine_volts(), FREQUENCY.reload());
         self.watched.bus = voltage.to_num();
         match error {
-            Some(VoltageError::Overvoltage { .. }) => findings.add_fatal(Class1::OVERVOLTAGE),
+            // Without torque neither is the drive's doing, and a bus whose thresholds are just being written has not failed.
+            Some(VoltageError::Overvoltage { .. }) if torque => findings.add_fatal(Class1::OVERVOLTAGE),
             Some(VoltageError::Undervoltage { .. }) if torque => findings.add_fatal(Class1::UNDERVOLTAGE),
             _ => {}
         }
