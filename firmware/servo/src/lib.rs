@@ -15,6 +15,7 @@
 //!
 //! * [`BrakeSequencer`]: the order of holding brake and torque.
 //! * [`LoadModel`], [`Temperature`], [`BusVoltage`], [`EncoderMonitor`]: supervision, each with warnings and errors of its own.
+//! * [`identification`]: resistance, inductances, flux and inertia of the motor, measured with its own currents.
 //! * [`TorqueLimitSettings`]: what the torque is limited to, and [`Limiting`]: what limits the drive at the moment.
 //!
 //! * All arithmetic is integer: the same input gives the same output, bit for bit, on the host and on the target.
@@ -47,6 +48,7 @@ mod encoder;
 mod encoder_monitor;
 mod gain;
 mod homing;
+pub mod identification;
 mod interpolation;
 mod limits;
 mod load_model;
