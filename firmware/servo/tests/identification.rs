@@ -172,16 +172,28 @@ fn inductance(bench: &mut Bench) -> End<InductanceMeasurement> {
 }
 
 fn flux(bench: &mut Bench, parameters: &IdentificationParameters) -> End<FluxMeasurement> {
-    let (milliohm, microhenry) = (bench.machine.resistance * 1e3, bench.machine.direct_inductance * 1e6);
-    let settings = FluxSettings::new(parameters, milliohm.round() as u32, microhenry.round() as u32).unwrap();
+    let milliohm = (bench.machine.resistance * 1e3).round() as u32;
+    flux_with(bench, parameters, milliohm)
+}
+
+fn flux_with(bench: &mut Bench, parameters: &IdentificationParameters, milliohm: u32) -> End<FluxMeasurement> {
+    let microhenry = bench.machine.direct_inductance * 1e6;
+    let settings = FluxSettings::new(parameters, milliohm, microhenry.round() as u32).unwrap();
     let mut sequence = FluxIdentification::start(settings, bench.position());
     run(bench, |inputs| sequence.tick(inputs), Bench::end_tick_with_velocity)
 }
 
 fn inertia(bench: &mut Bench, parameters: &IdentificationParameters) -> End<InertiaMeasurement> {
-    let machine = &bench.machine;
-    let torque_constant = 1.5e6 * f64::from(machine.pole_pairs) * machine.flux;
-    let settings = InertiaSettings::new(parameters, torque_constant.round() as u32).unwrap();
+    let torque_constant = 1.5e6 * f64::from(bench.machine.pole_pairs) * bench.machine.flux;
+    inertia_with(bench, parameters, torque_constant.round() as u32)
+}
+
+fn inertia_with(
+    bench: &mut Bench,
+    parameters: &IdentificationParameters,
+    torque_constant: u32,
+) -> End<InertiaMeasurement> {
+    let settings = InertiaSettings::new(parameters, torque_constant).unwrap();
     let mut sequence = InertiaIdentification::start(settings, bench.position());
     run(bench, |inputs| sequence.tick(inputs), Bench::end_tick_with_velocity)
 }
@@ -192,43 +204,68 @@ fn close(what: &str, machine: &Machine, actual: f64, expected: f64, tolerance: f
     assert!(error.abs() < tolerance, "{}: {what} {actual}, expected {expected}", machine.name);
 }
 
-/// Current at an angle that stands still; the rotor stands so many electrical degrees beside it.
-fn held(machine: Machine, beside: f64) -> Bench {
-    let mut bench = Bench::new(machine, beside.to_radians() / f64::from(machine.pole_pairs));
-    bench.held_angle = Some(0);
+/// Current at an electrical angle that stands still, in degrees; the rotor stands so many degrees beside it.
+fn held(machine: Machine, angle: f64, beside: f64) -> Bench {
+    let mut bench = Bench::new(machine, (angle + beside).to_radians() / f64::from(machine.pole_pairs));
+    bench.held_angle = Some((angle / 360.0 * 2_f64.powi(32)) as u32);
     bench
 }
 
 #[test]
-fn the_resistance_is_found_while_the_rotor_aligns_or_is_held() {
+fn the_resistance_is_found_while_the_rotor_aligns() {
     for machine in MACHINES {
-        for (fault, beside) in [(Fault::None, 140.0), (Fault::None, -30.0), (Fault::Blocked, 50.0)] {
-            let mut bench = held(machine, beside);
-            bench.fault = fault;
+        // At 30 degrees a phase is without current.
+        for (angle, beside) in [(0.0, 140.0), (30.0, -30.0), (200.0, 90.0)] {
+            let mut bench = held(machine, angle, beside);
             let end = resistance(&mut bench);
             let milliohm = end.result.unwrap().resistance().unwrap();
             close("resistance", &machine, f64::from(milliohm) / 1e3, machine.resistance, 0.05);
-            assert_eq!(end.ticks, 22_532);
-            let electrical = end.moved * f64::from(machine.pole_pairs);
-            if fault == Fault::None {
-                let way: f64 = beside / 360.0;
-                assert!((0.6 * way.abs()..1.0).contains(&electrical), "{electrical}");
-            }
+            assert_eq!(end.ticks, 22_531);
+            let electrical = end.moved * f64::from(machine.pole_pairs) * 360.0;
+            assert!((0.7 * beside.abs()..2.0 * beside.abs()).contains(&electrical), "{electrical}");
         }
     }
 }
 
 #[test]
-fn the_inductances_of_both_axes_are_found_while_the_rotor_shivers() {
+fn the_resistance_is_found_with_the_rotor_held_at_any_angle() {
     for machine in MACHINES {
-        let mut bench = held(machine, 3.0);
-        let end = inductance(&mut bench);
-        let inductances = end.result.unwrap().inductances().unwrap();
-        close("Ld", &machine, f64::from(inductances.direct) / 1e6, machine.direct_inductance, 0.05);
-        close("Lq", &machine, f64::from(inductances.quadrature) / 1e6, machine.quadrature_inductance, 0.05);
-        assert!(end.moved * f64::from(machine.pole_pairs) < 0.02, "{}", end.moved);
-        assert!((16_000..22_000).contains(&end.ticks), "{}", end.ticks);
+        for (angle, beside) in [(15.0, 50.0), (100.0, -120.0), (230.0, 180.0)] {
+            let mut bench = held(machine, angle, beside);
+            bench.fault = Fault::Blocked;
+            let end = resistance(&mut bench);
+            let milliohm = end.result.unwrap().resistance().unwrap();
+            close("resistance", &machine, f64::from(milliohm) / 1e3, machine.resistance, 0.05);
+            assert_eq!(end.moved, 0.0);
+        }
     }
+}
+
+#[test]
+fn the_inductances_of_both_axes_are_found_while_the_rotor_shivers_or_is_held() {
+    for machine in MACHINES {
+        for (angle, fault) in [(0.0, Fault::None), (240.0, Fault::None), (70.0, Fault::Blocked)] {
+            let beside = if fault == Fault::None { 3.0 } else { 0.0 };
+            let mut bench = held(machine, angle, beside);
+            bench.fault = fault;
+            let end = inductance(&mut bench);
+            let inductances = end.result.unwrap().inductances().unwrap();
+            close("Ld", &machine, f64::from(inductances.direct) / 1e6, machine.direct_inductance, 0.05);
+            close("Lq", &machine, f64::from(inductances.quadrature) / 1e6, machine.quadrature_inductance, 0.05);
+            let electrical = end.moved * f64::from(machine.pole_pairs) * 360.0;
+            assert!(electrical < 2.0 * beside + 0.01, "{electrical} degrees");
+            assert!((16_000..22_000).contains(&end.ticks), "{}", end.ticks);
+        }
+    }
+}
+
+#[test]
+fn the_late_compensation_of_a_phase_that_crosses_zero_makes_the_quadrature_inductance_a_tenth_too_high() {
+    let end = inductance(&mut held(SPINDLE, 37.0, 0.0));
+    let inductances = end.result.unwrap().inductances().unwrap();
+    close("Ld", &SPINDLE, f64::from(inductances.direct) / 1e6, SPINDLE.direct_inductance, 0.05);
+    let error = f64::from(inductances.quadrature) / 1e6 / SPINDLE.quadrature_inductance - 1.0;
+    assert!((0.05..0.11).contains(&error), "{error}");
 }
 
 #[test]
@@ -263,11 +300,137 @@ fn inertia_and_friction_are_found_in_both_directions() {
             let torque_constant = 1.5e-3 * f64::from(machine.pole_pairs) * machine.flux;
             let coulomb = machine.coulomb_friction / torque_constant;
             close("Coulomb friction", &machine, f64::from(result.coulomb_friction), coulomb, 0.05);
-            let viscous = machine.viscous_friction * std::f64::consts::TAU * 1_000.0 / 60.0 / torque_constant;
+            let viscous = machine.viscous_friction * std::f64::consts::TAU * 1e6 / 60.0 / torque_constant;
             close("viscous friction", &machine, f64::from(result.viscous_friction), viscous, 0.1);
             let (speed, acceleration) = (machine.speed / 60.0, machine.acceleration / std::f64::consts::TAU);
-            let way = 1.25 * speed * speed / acceleration + 1.3 * speed;
-            assert!((0.9 * way..1.02 * way).contains(&end.moved), "{} revolutions, {way}", end.moved);
+            let way = speed * speed / acceleration + 1.02 * speed;
+            assert!((0.95 * way..1.01 * way).contains(&end.moved), "{} revolutions, {way}", end.moved);
         }
     }
+}
+
+fn is_out_of_range<R>(result: Result<R, IdentificationError>) -> bool {
+    matches!(result, Err(IdentificationError::OutOfRange { actual, minimum, maximum })
+        if !(minimum..=maximum).contains(&actual))
+}
+
+/// The error of a sequence.
+fn error<M>(end: &End<M>) -> IdentificationError {
+    end.result.as_ref().err().copied().expect("the sequence fails")
+}
+
+fn with_fault(mut bench: Bench, fault: Fault) -> Bench {
+    bench.fault = fault;
+    bench
+}
+
+#[test]
+fn a_resistance_that_cannot_be_measured_is_refused_with_its_cause() {
+    let open = held(Machine { resistance: 200.0, ..TABLE }, 0.0, 0.0);
+    let mut bench = with_fault(open, Fault::Blocked);
+    assert_eq!(error(&resistance(&mut bench)), IdentificationError::VoltageLimit);
+
+    let mut bench = with_fault(held(AXIS, 0.0, 0.0), Fault::BridgeOff);
+    // 2.5 of 15 A
+    let expected = 11_184_810;
+    assert_eq!(error(&resistance(&mut bench)), IdentificationError::CurrentNotReached { actual: 0, expected });
+
+    for volts in [2.5, 3.0] {
+        let mut bench = with_fault(held(AXIS, 0.0, 0.0), Fault::LooseConnection(volts));
+        assert_eq!(error(&resistance(&mut bench)), IdentificationError::Unstable);
+    }
+
+    let mut bench = with_fault(held(AXIS, 0.0, 0.0), Fault::VaryingLoad(8.0));
+    let IdentificationError::TooMuchMovement { actual, maximum } = error(&resistance(&mut bench)) else {
+        panic!("the load turns the motor");
+    };
+    assert_eq!(maximum, (1 << 32) / 3);
+    assert!((-maximum * 11 / 10..-maximum).contains(&actual), "{actual}");
+
+    let mut bench = with_fault(held(Machine { resistance: 0.003, ..WHEEL }, 0.0, 0.0), Fault::Blocked);
+    assert!(is_out_of_range(resistance(&mut bench).result.unwrap().resistance()));
+}
+
+#[test]
+fn inductances_that_cannot_be_measured_are_refused_with_their_cause() {
+    let mut bench = with_fault(held(AXIS, 0.0, 0.0), Fault::BridgeOff);
+    // 3.75 of 15 A
+    let expected = 16_777_216;
+    let not_reached = error(&inductance(&mut bench));
+    assert!(
+        matches!(not_reached, IdentificationError::CurrentNotReached { actual: 0, expected: e } if (e - expected).abs() < 4),
+        "{not_reached:?}"
+    );
+
+    let mut bench = with_fault(held(Machine { quadrature_inductance: 0.5, ..SPINDLE }, 0.0, 0.0), Fault::Blocked);
+    assert_eq!(error(&inductance(&mut bench)), IdentificationError::VoltageLimit);
+
+    // A short circuit between turns: the first trial makes more current than was asked for.
+    let shorted = Machine { direct_inductance: 8e-3, quadrature_inductance: 30e-6, resistance: 0.05, ..AXIS };
+    let mut bench = with_fault(held(shorted, 0.0, 0.0), Fault::Blocked);
+    assert_eq!(error(&inductance(&mut bench)), IdentificationError::Unstable);
+
+    let mut bench = with_fault(held(AXIS, 0.0, 0.0), Fault::VaryingLoad(8.0));
+    assert!(matches!(error(&inductance(&mut bench)), IdentificationError::TooMuchMovement { .. }));
+}
+
+#[test]
+fn a_flux_that_cannot_be_measured_is_refused_with_its_cause() {
+    let all = parameters(&AXIS);
+    let mut bench = with_fault(Bench::new(AXIS, 0.0), Fault::Blocked);
+    assert_eq!(error(&flux(&mut bench, &all)), IdentificationError::NoMovement);
+
+    let mut bench = Bench::new(Machine { bus: 90.0, ..AXIS }, 0.0);
+    assert_eq!(error(&flux(&mut bench, &all)), IdentificationError::VoltageLimit);
+
+    let mut bench = with_fault(Bench::new(AXIS, 0.0), Fault::VaryingLoad(3.0));
+    assert_eq!(error(&flux(&mut bench, &all)), IdentificationError::Unstable);
+
+    let movement = Position::from_bits(5 << 32);
+    let end = flux(&mut Bench::new(AXIS, 0.0), &IdentificationParameters { movement, ..all });
+    assert!(matches!(error(&end), IdentificationError::TooMuchMovement { .. }));
+    assert!((5.0..5.1).contains(&end.moved), "{}", end.moved);
+
+    let mut bench = Bench::new(AXIS, 0.0);
+    assert!(is_out_of_range(flux_with(&mut bench, &all, 1_000_000).result.unwrap().flux()));
+}
+
+#[test]
+fn an_inertia_that_cannot_be_measured_is_refused_with_its_cause() {
+    let all = parameters(&AXIS);
+    let mut bench = with_fault(Bench::new(AXIS, 0.0), Fault::Blocked);
+    assert_eq!(error(&inertia(&mut bench, &all)), IdentificationError::NoMovement);
+
+    let mut bench = Bench::new(Machine { bus: 90.0, ..AXIS }, 0.0);
+    assert_eq!(error(&inertia(&mut bench, &all)), IdentificationError::VoltageLimit);
+
+    let mut bench = with_fault(Bench::new(AXIS, 0.0), Fault::VaryingLoad(3.0));
+    assert_eq!(error(&inertia(&mut bench, &all)), IdentificationError::Unstable);
+
+    let movement = Position::from_bits(5 << 32);
+    let end = inertia(&mut Bench::new(AXIS, 0.0), &IdentificationParameters { movement, ..all });
+    assert!(matches!(error(&end), IdentificationError::TooMuchMovement { .. }));
+
+    let mut bench = Bench::new(AXIS, 0.0);
+    assert!(is_out_of_range(inertia_with(&mut bench, &all, 1).result.unwrap().inertia()));
+}
+
+#[test]
+fn parameters_out_of_range_are_refused() {
+    let all = parameters(&AXIS);
+    for refused in [
+        IdentificationParameters { peak_current: 255, ..all },
+        IdentificationParameters { current: all.peak_current / 32 - 1, ..all },
+        IdentificationParameters { current: all.peak_current + 1, ..all },
+        IdentificationParameters { ripple: all.peak_current / 256 - 1, ..all },
+        IdentificationParameters { ripple: all.current / 2 + 1, ..all },
+        IdentificationParameters { pole_pairs: 0, ..all },
+        IdentificationParameters { pole_pairs: 65, ..all },
+    ] {
+        assert!(ResistanceSettings::new(&refused).is_err(), "{refused:?}");
+        assert!(InductanceSettings::new(&refused).is_err(), "{refused:?}");
+    }
+    assert!(FluxSettings::new(&IdentificationParameters { pole_pairs: 0, ..all }, 1, 1).is_err());
+    assert!(InertiaSettings::new(&all, 0).is_err());
+    assert!(InertiaSettings::new(&IdentificationParameters { velocity: Velocity::ZERO, ..all }, 1).is_err());
 }

@@ -1,7 +1,8 @@
 //! The flux linkage of the magnets, from the quadrature voltage at two speeds.
 //!
 //! `v_q = R i_q + w (L_d i_d + flux)`, with `w` the electrical speed. What dead time and transistors take is the same at both speeds, when
-//! the load is, and cancels in the difference.
+//! the load is, and cancels in the difference. A motor that turns with less current than the band of the dead-time compensation loses a voltage that
+//! goes with the current: with a high bus voltage and little friction the flux comes out up to a percent too high.
 //!
 //! The caller's velocity loop turns the motor, without feed-forward of voltages being needed; its current loop turns the voltage ahead to
 //! where it acts. Movement: revolutions in the direction of the velocity, up to

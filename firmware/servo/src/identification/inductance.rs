@@ -5,13 +5,15 @@
 //! [`super::interval`] has accounted for the delays of readings and voltages. The current loop works on, against the ripple; what it adds is
 //! in its readings and does no harm.
 //!
-//! * Dead time makes no error, because the standing current keeps the phases away from zero; what is left is in phase with the current.
+//! * Dead time makes no error where the standing current keeps the phases away from zero. That is best at 0, 60, 120 ... degrees. Around
+//!   30, 90, 150 ... degrees a phase crosses zero with the ripple, and the compensation comes a cycle late: `L_q` is then up to a tenth
+//!   too high, the more the smaller ripple and inductance are for the bus voltage.
 //! * A ripple along q shivers the rotor, and the voltage that this induces looks like a capacitance in series with the inductance: it
 //!   lowers it by 1.5 (pole pairs * flux)^2 / (inertia * speed of the sine^2). At half the frequency this is four times as much, and so
 //!   a third of the difference between the two is added again.
 //!
-//! The caller holds the angle still, as for the resistance: the rotor turns there, or a brake holds it where it is. With a brake, the angle
-//! must be that of the rotor. Movement: one electrical revolution at most, while the standing current builds up; the shivering is below one
+//! The caller holds the angle still: the rotor turns there, or a brake holds it where it is. With a brake, the angle must be that of the
+//! rotor. Movement: one electrical revolution at most, while the standing current builds up; the shivering is below one
 //! electrical degree at usual inertias. Takes 2.2 to 2.8 s.
 
 use super::interval::Interval;

@@ -12,7 +12,7 @@
 //! Friction is the line through the currents of the plateaus. A constant load (gravity) counts as Coulomb friction.
 //!
 //! Movement: revolutions in the direction of the velocity, up to [`IdentificationParameters::movement`]. With `v` the
-//! velocity and `a` the acceleration the way is `1.25 v^2 / a + 1.3 s v`. Takes 1.8 s and the ramps.
+//! velocity and `a` the acceleration the way is `v^2 / a + 1.02 s v`. Takes 1.54 s and the ramps.
 
 use super::flux::radians;
 use super::velocity_ramp::{Motion, VelocityRamp};
@@ -84,7 +84,7 @@ pub struct Inertia {
     pub inertia: u32,
     /// Current against the friction at standstill and a constant load, in mA; negative when the load drives in this direction.
     pub coulomb_friction: i32,
-    /// Current for 1 000 rpm in mA.
+    /// Current for 1 000 rpm in uA.
     pub viscous_friction: i32,
 }
 
@@ -119,13 +119,12 @@ impl InertiaMeasurement {
         let direction = changes.signum();
         let scaled = |current: i128| {
             let value = divide_rounding(milliamperes(current), 1 << CURRENT_BITS);
-            // Below a million.
-            value as i32
+            i32::try_from(value).unwrap_or(i32::MAX)
         };
         Ok(Inertia {
             inertia: believed(inertia, 1, 1_000_000_000)?,
             coulomb_friction: scaled(lower.saturating_sub(viscous(lower_velocity)).saturating_mul(direction)),
-            viscous_friction: scaled(viscous(THOUSAND_RPM)),
+            viscous_friction: scaled(viscous(THOUSAND_RPM).saturating_mul(1_000)),
         })
     }
 

@@ -54,8 +54,8 @@ mod tests {
         }
         let (real, imaginary) = (phasor.real as f64, phasor.imaginary as f64);
         let amplitude = 2.0 * real.hypot(imaginary) / 64.0 / 32_768.0;
-        assert!((amplitude / 1e6 - 1.0).abs() < 2e-4, "{amplitude}");
-        assert!((imaginary.atan2(real) - 0.7).abs() < 2e-4, "{}", imaginary.atan2(real));
+        assert!((amplitude / 1e6 - 1.0).abs() < 5e-4, "{amplitude}");
+        assert!((imaginary.atan2(real) - 0.7).abs() < 5e-4, "{}", imaginary.atan2(real));
         let rough = f64::from(phasor.amplitude(6)) / 1e6;
         assert!((0.999..1.12).contains(&rough), "{rough}");
     }

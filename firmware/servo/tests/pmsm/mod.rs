@@ -44,9 +44,9 @@ pub(crate) enum Fault {
     None,
     BridgeOff,
     Blocked,
-    /// Nm, as a square wave of 0.6 s.
+    /// Nm, as a square wave of 1.2 s that begins without load.
     VaryingLoad(f64),
-    /// V in the direct axis, as a square wave of 0.3 s.
+    /// V in the direct axis, as a square wave of 0.6 s.
     LooseConnection(f64),
 }
 
@@ -70,6 +70,8 @@ pub(crate) struct Bench {
     counts: [u16; 3],
     next: [u16; 3],
     cycles: u64,
+    /// Of the noise.
+    random: u32,
 }
 
 /// Time of the inverter's dead time, and what the drive believes of it.
@@ -129,6 +131,7 @@ impl Bench {
             counts: middle,
             next: middle,
             cycles: 0,
+            random: 1,
         };
         bench.estimate = VelocityEstimate::new(bench.position());
         bench
@@ -201,7 +204,8 @@ impl Bench {
     /// Samples at the peak, a new voltage half a period later.
     fn cycle(&mut self) {
         let currents = self.phase_currents().map(|current| {
-            let counts = (current / self.machine.measuring_range * 2_048.0 + 2_048.5).floor().clamp(0.0, 4_095.0);
+            let counts = current / self.machine.measuring_range * 2_048.0 + 2_048.5 + self.noise();
+            let counts = counts.floor().clamp(0.0, 4_095.0);
             ((counts - 2_048.0) * 8.0) as i32
         });
         let angle = self.command.angle_at(self.count());
@@ -210,6 +214,12 @@ impl Bench {
         self.counts = self.next;
         self.run(STEPS / 2);
         self.cycles += 1;
+    }
+
+    /// Up to one count of the converter.
+    fn noise(&mut self) -> f64 {
+        self.random = self.random.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
+        f64::from(self.random >> 8) / 2_f64.powi(23) - 1.0
     }
 
     fn phase_currents(&self) -> [f64; 3] {
