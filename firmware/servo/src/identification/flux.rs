@@ -206,3 +206,33 @@ impl FluxIdentification {
         Ok(None)
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// 10 A peak, 3 pole pairs, 2 ohm, 10 mH, 0.1 Vs; currents in A, velocity in rad/s.
+    fn means(direct: f64, quadrature: f64, velocity: f64) -> Means {
+        let speed = 3.0 * velocity;
+        let volts = 2.0 * quadrature + speed * (0.01 * direct + 0.1) + 3.0;
+        let current = |amperes: f64| (amperes / 10.0 * f64::from(1 << CURRENT_BITS)) as i32;
+        let velocity = velocity / core::f64::consts::TAU / 8_000.0 * 2_f64.powi(36);
+        let velocity = Velocity::from_bits(velocity as i32);
+        Means::steady(current(direct), current(quadrature), (volts * 16_384.0) as i32, velocity)
+    }
+
+    #[test]
+    fn the_parts_of_resistance_and_inductance_are_taken_off_and_a_constant_cancels() {
+        let motor = Motor { peak_current: 10_000, pole_pairs: 3, resistance: 2_000, direct_inductance: 10_000 };
+        for (low, high) in [
+            (means(0.0, 1.0, 50.0), means(0.0, 1.0, 100.0)),
+            (means(0.0, 1.0, 50.0), means(0.0, 4.0, 100.0)),
+            (means(-3.0, 1.0, 50.0), means(-3.0, 1.0, 100.0)),
+            (means(2.0, -1.0, -50.0), means(-3.0, -2.0, -100.0)),
+        ] {
+            let flux = FluxMeasurement { motor, low, high }.flux().unwrap();
+            assert!((99_990..=100_010).contains(&flux.linkage), "{flux:?}");
+            assert!((449_950..=450_050).contains(&flux.torque_constant), "{flux:?}");
+        }
+    }
+}

@@ -87,6 +87,12 @@ impl Window {
 }
 
 impl Means {
+    /// Means of a current, a voltage and a velocity that stand still.
+    #[cfg(test)]
+    pub(super) fn steady(direct: i32, quadrature: i32, quadrature_voltage: i32, velocity: Velocity) -> Self {
+        Self { direct, quadrature, quadrature_voltage, velocity, ..Self::default() }
+    }
+
     /// The direct current is within 1/16 of this one, the voltage is free and steady.
     #[inline]
     pub(super) fn check_current(&self, expected: i32) -> Result<(), IdentificationError> {

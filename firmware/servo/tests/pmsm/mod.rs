@@ -42,10 +42,11 @@ pub(crate) struct Machine {
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) enum Fault {
     None,
-    BridgeOff,
+    /// From this time on, in s.
+    BridgeOff(f64),
     Blocked,
-    /// Nm, as a square wave of 1.2 s that begins without load.
-    VaryingLoad(f64),
+    /// So many Nm from this time on.
+    Load(f64, f64),
     /// V in the direct axis, as a square wave of 0.6 s.
     LooseConnection(f64),
 }
@@ -154,7 +155,7 @@ impl Bench {
         let current = |value: i32| CurrentCommand::reference(CurrentReadings::fraction(value));
         let mut readings =
             CurrentReadings { direct: current(readings.direct), quadrature: current(readings.quadrature), ..*readings };
-        if self.fault == Fault::BridgeOff {
+        if matches!(self.fault, Fault::BridgeOff(from) if self.time() >= from) {
             readings = CurrentReadings::default();
         }
         let position = self.position();
@@ -216,6 +217,11 @@ impl Bench {
         self.cycles += 1;
     }
 
+    /// In s.
+    fn time(&self) -> f64 {
+        self.cycles as f64 / f64::from(self.machine.frequency.hertz())
+    }
+
     /// Up to one count of the converter.
     fn noise(&mut self) -> f64 {
         self.random = self.random.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
@@ -243,9 +249,8 @@ impl Bench {
         let (alpha, beta) = ((2.0 * a - b - c) / 3.0, (b - c) / 3_f64.sqrt());
         let (sine, cosine) = (self.angle * f64::from(machine.pole_pairs)).sin_cos();
         let mut direct = alpha * cosine + beta * sine;
-        let hertz = f64::from(machine.frequency.hertz());
         if let Fault::LooseConnection(volts) = self.fault
-            && (self.cycles as f64 / hertz / 0.3) as u64 % 2 == 1
+            && (self.time() / 0.3) as u64 % 2 == 1
         {
             direct -= volts;
         }
@@ -286,9 +291,8 @@ impl Bench {
         let difference = machine.direct_inductance - machine.quadrature_inductance;
         let mut torque =
             1.5 * f64::from(machine.pole_pairs) * (machine.flux + difference * self.direct) * self.quadrature;
-        if let Fault::VaryingLoad(load) = self.fault {
-            let is_on = (self.cycles as f64 / f64::from(machine.frequency.hertz()) / 0.6) as u64 % 2 == 1;
-            torque -= if is_on { load } else { 0.0 };
+        if let Fault::Load(load, from) = self.fault {
+            torque -= if self.time() >= from { load } else { 0.0 };
         }
         torque -= machine.viscous_friction * self.speed;
         if self.speed == 0.0 && torque.abs() <= machine.coulomb_friction {
