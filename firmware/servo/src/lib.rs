@@ -15,6 +15,7 @@
 //!
 //! * [`BrakeSequencer`]: the order of holding brake and torque.
 //! * [`LoadModel`], [`Temperature`], [`BusVoltage`], [`EncoderMonitor`]: supervision, each with warnings and errors of its own.
+//! * [`identification`]: resistance, inductances, flux and inertia of the motor, measured with its own currents.
 //! * [`TorqueLimitSettings`]: what the torque is limited to, and [`Limiting`]: what limits the drive at the moment.
 //! * [`FrictionSettings`] and [`CurrentFilter`]: what is added to the current command, and what is taken out of it.
 //! * [`current_gains`], [`velocity_gains`], [`position_gain`]: gains from the data of a motor, outside the loops.
@@ -52,6 +53,7 @@ mod filter;
 mod friction;
 mod gain;
 mod homing;
+pub mod identification;
 mod interpolation;
 mod limits;
 mod load_model;
