@@ -2,7 +2,10 @@
 
 use std::f64::consts::TAU;
 
-use servo::{Position, Velocity, VelocityEstimate, VelocityFilter, VelocityLoop, VelocityLoopSettings, velocity_gains};
+use servo::{
+    CurrentFraction, Limiting, Position, TorqueLimits, Velocity, VelocityEstimate, VelocityFilter, VelocityLoop,
+    VelocityLoopSettings, velocity_gains,
+};
 
 /// 0.001 kg m^2, 0.5 Nm/A, 20 A; velocity filter of 250 us, current loop of 1/(2 pi 882 Hz).
 const INERTIA: f64 = 0.001;
@@ -33,7 +36,7 @@ impl Axis {
         assert!(velocity_gains(10_000, 500_000, HIGHEST + 1, small_times).is_err());
         let gains = velocity_gains(10_000, 500_000, bandwidth, small_times).unwrap();
         Self {
-            settings: VelocityLoopSettings::new(gains.proportional, gains.integral_time, 20_000, 20_000).unwrap(),
+            settings: VelocityLoopSettings::new(gains.proportional, gains.integral_time, 0, 20_000).unwrap(),
             filter: VelocityFilter::from_microseconds(FILTER),
             velocity_loop: VelocityLoop::new(),
             estimate: VelocityEstimate::new(Position::ZERO),
@@ -49,7 +52,8 @@ impl Axis {
         let position = Position::from_bits((self.angle / TAU * 4_294_967_296.0) as i64);
         let measured = self.estimate.update(&self.filter, position);
         let command = Velocity::from_bits((command / TAU / 8_000.0 * 68_719_476_736.0) as i32);
-        let output = self.velocity_loop.tick(&self.settings, command, measured);
+        let limits = TorqueLimits::symmetrical(CurrentFraction::MAX, Limiting::AMPLIFIER_PEAK);
+        let output = self.velocity_loop.tick(&self.settings, &limits, command, measured, 0);
         assert!(!output.limited, "the test is of small signals");
         self.run();
         self.commanded = output.current.to_num::<f64>() * PEAK;

@@ -7,7 +7,8 @@ use servo::current::{
 };
 use servo::identification::{CurrentRequest, IdentificationInputs};
 use servo::{
-    CurrentFraction, Position, Rotation, Velocity, VelocityEstimate, VelocityFilter, VelocityLoop, VelocityLoopSettings,
+    CurrentFraction, Limiting, Position, Rotation, TorqueLimits, Velocity, VelocityEstimate, VelocityFilter,
+    VelocityLoop, VelocityLoopSettings,
 };
 
 /// A motor in SI units, with the drive that belongs to it.
@@ -100,7 +101,7 @@ impl Bench {
         let velocity_gain = machine.inertia * TAU * 12.0 / torque_constant;
         let peak = milli(machine.peak_current);
         let velocity_settings =
-            VelocityLoopSettings::new((velocity_gain * 1_000.0).ceil() as u32, 400, peak, peak / 2).unwrap();
+            VelocityLoopSettings::new((velocity_gain * 1_000.0).ceil() as u32, 400, 0, peak).unwrap();
         let bits = (machine.bus * 16_384.0) as i64;
         let bus = BusScale::new(bits as i32, ((1_i64 << 44) / bits) as i32, machine.frequency.reload());
         let command = CurrentCommand {
@@ -194,7 +195,13 @@ impl Bench {
     /// The velocity loop.
     pub(crate) fn end_tick_with_velocity(&mut self, velocity: Velocity) {
         let measured = self.estimate.velocity();
-        let output = self.velocity_loop.tick(&self.velocity_settings, velocity, measured);
+        let output = self.velocity_loop.tick(
+            &self.velocity_settings,
+            &TorqueLimits::symmetrical(CurrentFraction::from_num(0.5), Limiting::TORQUE_BIPOLAR),
+            velocity,
+            measured,
+            0,
+        );
         self.end_tick(&CurrentRequest {
             direct: CurrentFraction::ZERO,
             quadrature: output.current,
