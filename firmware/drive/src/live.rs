@@ -344,7 +344,7 @@ where
         if let Some(command) = Command::from_idn(idn) {
             self.motion.lock(|motion| motion.set_command(command, raw));
         } else if idn == COMMUTATION_ANGLE {
-            self.motion.lock(|motion| motion.set_commutation_angle(raw));
+            self.motion.lock(|motion| motion.set_commutation_angle(raw.cast_signed()));
         } else if idn == APPLICATION_WORD {
             self.motion.lock(|motion| motion.set_application_word((raw & 0xFFFF) as u16));
         }
@@ -414,11 +414,11 @@ where
         }
     }
 
-    fn refuses(&mut self, idn: Idn, value: u64, _parameters: &Parameters) -> Option<ServiceError> {
-        // An angle that is taken over under torque would throw the motor to it; and -1 is no angle.
+    fn refuses(&mut self, idn: Idn, _value: u64, _parameters: &Parameters) -> Option<ServiceError> {
+        // An angle that is taken over under torque would throw the motor to it.
         if idn == COMMUTATION_ANGLE {
-            let impossible = value >> 31 != 0 || self.motion.lock(|motion| motion.has_torque());
-            return impossible.then_some(ServiceError::ProtectedBySettings);
+            let torque = self.motion.lock(|motion| motion.has_torque());
+            return torque.then_some(ServiceError::ProtectedBySettings);
         }
         // The reference stands on these two until the command is cancelled.
         let belongs_to_homing = matches!(idn, HOMING_PARAMETER | REFERENCE_DISTANCE);

@@ -401,10 +401,15 @@ impl<B: Bus + Clone, H: Hardware> Motion<B, H> {
     }
 
     fn set_bridge(&mut self, on: bool) {
-        if on != self.bridge_on {
-            self.bridge_on = on;
-            self.hardware.set_bridge(on);
+        if on == self.bridge_on {
+            return;
         }
+        self.bridge_on = on;
+        if on {
+            // A break without torque, as when the gate drivers had no supply yet, was nobody's error; one with torque is kept in C1D.
+            self.hardware.reset_bridge();
+        }
+        self.hardware.set_bridge(on);
     }
 
     /// Steps the state machine and puts its state into axis, bridge and brake.

@@ -568,13 +568,13 @@ dictionary! {
     /// Flux linkage of the magnets with a phase, peak value: the torque constant over 1.5 times P-0-0110.
     P 114 "Flux linkage" ["mVs"] U32/3 written ALWAYS (0 to 2_499_999) = 133_333 => Parameter, stored, needed_for_cp4;
     /// Electrical angle at the encoder's index; -1: not known, the angle is then only that of the alignment.
-    P 115 "Commutation angle at the index" ["deg"] I32/2 written ALWAYS (-1 to 36_000) = -1 => Parameter, stored;
+    P 115 "Commutation angle at the index" ["deg"] I32/2 written ALWAYS (-1 to 35_999) = -1 => Parameter, stored;
     /// Largest current of the search for the commutation angle, in per cent of S-0-0110; ten times the friction.
     P 116 "Alignment current" ["%"] U16/1 written ALWAYS (1 to 1_000) = 500 => Parameter, stored, needed_for_cp4;
     /// 1: the encoder's index is connected, and lost or added increments are found by it.
     P 117 "Encoder index" [""] BITS/0 written IN_CP2_CP3 (0 to 1) = 1 => Parameter, stored, needed_for_cp4;
-    /// Electrical angle at this moment; -1: not known. Written without torque it is taken over: for an axis whose angle was kept elsewhere while its brake held it.
-    P 118 "Commutation angle" ["deg"] I32/2 written ALWAYS (-1 to 36_000) = -1 => Live, restricted;
+    /// Electrical angle at this moment; -1: not known. Written without torque it is taken over: for an axis whose angle was kept elsewhere while its brake held it; -1 lets the drive search again.
+    P 118 "Commutation angle" ["deg"] I32/2 written ALWAYS (-1 to 35_999) = -1 => Live, restricted;
     /// 0: the commutation angle is not known; 1: from the alignment or from P-0-0118; 2: checked by the index.
     P 119 "Commutation state" [""] U16/0 written NEVER () = 0 => Live;
     /// Bit 0: there is a holding brake; bit 1: it has a contact; bit 2: the axis stays where it is with its brake open and without torque, and may be aligned so.

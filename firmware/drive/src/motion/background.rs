@@ -139,7 +139,6 @@ impl<B: Bus + Clone, H: Hardware> Motion<B, H> {
         if reacting || !self.inputs.bridge_ready {
             return false;
         }
-        self.hardware.reset_bridge();
         self.class_1 = Class1::empty();
         self.manufacturer_1 = Manufacturer1::empty();
         self.fatal = false;
@@ -270,7 +269,11 @@ impl<B: Bus + Clone, H: Hardware> Motion<B, H> {
         match value {
             MotorValue::CommutationAngle => {
                 let angle = self.motor.commutation_angle(self.encoder.position());
-                angle.map_or(-1, |angle| (u64::from(angle).wrapping_mul(36_000) >> 32) as i32).cast_unsigned()
+                angle
+                    .map_or(-1, |angle| {
+                        (u64::from(angle).wrapping_mul(36_000).wrapping_add(1 << 31) >> 32) as i32 % 36_000
+                    })
+                    .cast_unsigned()
             }
             MotorValue::CommutationState => self.motor.commutation_state().into(),
             MotorValue::MotorLoad => watched.motor_load.into(),
@@ -286,10 +289,10 @@ impl<B: Bus + Clone, H: Hardware> Motion<B, H> {
         self.clock_monitor.histogram()
     }
 
-    /// P-0-0118 in 0.01 degree: the electrical angle of the place where the motor stands.
-    pub fn set_commutation_angle(&mut self, hundredths: u32) {
+    /// P-0-0118 in 0.01 degree: the electrical angle of the place where the motor stands; negative: it is searched for again. Divides.
+    pub fn set_commutation_angle(&mut self, hundredths: i32) {
         // At most 36 000.
-        let angle = ((u64::from(hundredths) << 32) / 36_000) as u32;
+        let angle = u64::try_from(hundredths).ok().map(|hundredths| ((hundredths << 32) / 36_000) as u32);
         self.motor.set_commutation_angle(self.encoder.position(), angle);
     }
 
