@@ -17,7 +17,7 @@ use crate::error_memory::{ErrorMemory, ErrorRecord};
 use crate::hardware::Hardware;
 use crate::identity::Identity;
 use crate::interrupts::Interrupts;
-use crate::live::{Checks, Context};
+use crate::live::{Checks, Context, Finding};
 use crate::motion::Motion;
 use crate::settings::MotionSettings;
 
@@ -175,6 +175,12 @@ impl<B: Bus + Clone> Communication<B> {
         if context.checks.waits_for_lock && !context.motion.lock(|motion| motion.waits_for_lock()) {
             let state = context.check_cp4(&self.parameters, false);
             self.server.command_progress(Idn::CP4_TRANSITION_CHECK, state);
+            self.service.set_command_change(self.server.command_change());
+        }
+        if let Some(state) = context.motion.lock(|motion| motion.take_homing_result()) {
+            let failure = context.motion.lock(|motion| motion.homing_error());
+            context.checks.finding = failure.map(Finding::Homing);
+            self.server.command_progress(Idn::standard(148), state);
             self.service.set_command_change(self.server.command_change());
         }
         while let Some(step) = self.service.pending() {

@@ -14,10 +14,13 @@ use servo::{Axis, CurrentFraction, Encoder, Limiting, LoopClock, Mode, Position,
 mod background;
 mod clock_monitor;
 mod cycle;
+mod travel;
 mod words;
 
 pub(crate) use background::MotorValue;
 use clock_monitor::ClockMonitor;
+pub(crate) use travel::{HOME_SWITCH, HOMING_ENABLE, HomingFailure, PROBE_1_ENABLE, PROBE_2_ENABLE};
+use travel::{HomingRun, ProbeRun};
 
 use crate::diagnosis::{Manufacturer1, Manufacturer2, Manufacturer3};
 use crate::feedback::FeedbackValues;
@@ -52,6 +55,8 @@ pub struct CommandValues {
     pub additive_torque: i16,
     /// S-0-0145.
     pub signal_control: u16,
+    /// S-0-0258.
+    pub target_position: i32,
 }
 
 impl CommandValues {
@@ -107,8 +112,14 @@ pub struct Motion<B, H> {
     class_3_change: bool,
     /// State and diagnostic words that the background has been told of.
     told: (DriveState, Class1, Class2),
-    /// P-0-0019.
-    application_word: u16,
+    /// P-0-0019 in the low half, the enable bits of S-0-0400 and S-0-0405 to S-0-0407 above.
+    controlled: u32,
+    homing_run: HomingRun,
+    probe_run: ProbeRun,
+    /// S-0-0258 and the place that it means.
+    target: Option<(i32, Position)>,
+    /// The movement of the drive itself has reached its target.
+    travelled: bool,
     /// S-0-0403 bit 0.
     referenced: bool,
     /// S-0-0148 holds the position until it is cancelled.
@@ -179,7 +190,11 @@ impl<B: Bus + Clone, H: Hardware> Motion<B, H> {
             class_2_change: false,
             class_3_change: false,
             told: (DriveState::Off, Class1::empty(), Class2::empty()),
-            application_word: 0,
+            controlled: 0,
+            homing_run: HomingRun::default(),
+            probe_run: ProbeRun::default(),
+            target: None,
+            travelled: true,
             referenced: false,
             homing: false,
             resuming: false,
@@ -256,7 +271,13 @@ impl<B: Bus + Clone, H: Hardware> Motion<B, H> {
         let index = self.hardware.index_latch().map(|latch| self.counted(latch));
         self.look_after_the_motor(index);
         self.update_state();
-        self.step_sequence(index.map(|count| self.encoder.position_of(count)));
+        let index = index.map(|count| self.encoder.position_of(count));
+        self.step_sequence(index);
+        let homed = self.home(index);
+        self.probe();
+        if self.is_positioning() {
+            self.position_to_target();
+        }
         let output = self.axis.tick(position, self.motor.torque_limits());
         if output.excessive_deviation {
             self.class_1 |= Class1::EXCESSIVE_DEVIATION;
@@ -266,9 +287,16 @@ impl<B: Bus + Clone, H: Hardware> Motion<B, H> {
         self.torque_command = output.current;
         self.velocity_command = output.velocity_command;
         self.limiting = output.limiting | self.motor.limiting();
+        self.travelled = output.travelled;
         self.values.take_output(&output, self.motor.torque_current());
         self.refresh_words(&output);
-        self.flywheel() | self.tell_lock() | self.tell_news()
+        let homed = if homed { Work::SERVICE_CHANNEL } else { Work::empty() };
+        self.flywheel() | self.tell_lock() | self.tell_news() | homed
+    }
+
+    /// The drive follows S-0-0258 by itself.
+    fn is_positioning(&self) -> bool {
+        self.axis.mode() == Mode::Travel && !self.homing
     }
 
     /// Keeps the phase that an edge of this interrupt line has to the loop tick; to be called before the interrupt is acknowledged.
@@ -424,15 +452,23 @@ impl<B: Bus + Clone, H: Hardware> Motion<B, H> {
             // Without an angle there is no torque that a loop could use.
             (DriveState::SwitchingOn, _) if !self.motor.commutates() => Mode::Off,
             (DriveState::SwitchingOff | DriveState::FaultReaction, _) => Mode::Stopping,
+            (DriveState::Following | DriveState::Halted, _) if self.is_travelling_home() => Mode::Travel,
             (DriveState::Halted | DriveState::SwitchingOn | DriveState::Engaging, _) => Mode::Halt,
+            (DriveState::Following, Some(OperationMode::PositioningWithLag | OperationMode::PositioningWithoutLag)) => {
+                Mode::Travel
+            }
             (DriveState::Following, Some(OperationMode::Torque)) => Mode::Torque,
             (DriveState::Following, Some(OperationMode::Velocity)) => Mode::Velocity,
             (DriveState::Following, _) => Mode::Position,
         };
-        let without_lag = self.mode == Some(OperationMode::PositionWithoutLag);
+        let without_lag =
+            matches!(self.mode, Some(OperationMode::PositionWithoutLag | OperationMode::PositioningWithoutLag));
         if without_lag != self.without_lag {
             self.without_lag = without_lag;
             self.apply_axis_settings();
+        }
+        if mode != Mode::Travel {
+            self.target = None;
         }
         self.axis.set_mode(mode);
         if state != before && !state.has_torque() {

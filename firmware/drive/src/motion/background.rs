@@ -66,6 +66,9 @@ impl<B: Bus + Clone, H: Hardware> Motion<B, H> {
         self.commands = CommandValues::default();
         self.uninitialised_mode = false;
         self.homing = false;
+        self.abandon_homing();
+        self.set_probing(None);
+        self.target = None;
         self.ticks_since_t3 = 0;
         self.cycles_since_command = 0;
         self.entered_cyclic = phase == Phase::Cp3;
@@ -211,9 +214,14 @@ impl<B: Bus + Clone, H: Hardware> Motion<B, H> {
         }
     }
 
+    /// One of the bits above P-0-0019, over the service channel.
+    pub(crate) fn set_enable(&mut self, bit: u32, set: bool) {
+        self.controlled = if set { self.controlled | bit } else { self.controlled & !bit };
+    }
+
     /// P-0-0019 over the service channel.
     pub fn set_application_word(&mut self, word: u16) {
-        self.application_word = word;
+        self.controlled = self.controlled & !0xFFFF | u32::from(word);
     }
 
     /// Whether torque is on.
@@ -228,11 +236,7 @@ impl<B: Bus + Clone, H: Hardware> Motion<B, H> {
 
     /// The place where the motor stands is the position `value`, in the weight of S-0-0052, from now on. Divides.
     pub fn set_reference(&mut self, value: i32) {
-        let before = self.encoder.position();
-        self.encoder.set_position(self.settings.position.to_position(value));
-        let difference = self.encoder.position() - before;
-        self.axis.shift(difference);
-        self.motor.shift(difference);
+        self.shift_zero(self.settings.position.to_position(value) - self.encoder.position());
         self.referenced = true;
     }
 
@@ -245,6 +249,7 @@ impl<B: Bus + Clone, H: Hardware> Motion<B, H> {
     pub fn hold_for_homing(&mut self, hold: bool) {
         self.resuming = self.homing && !hold && self.has_torque();
         self.homing = hold;
+        self.abandon_homing();
         self.update_state();
     }
 

@@ -12,7 +12,7 @@ const SECTION: Section = Section::CommandAndFeedback;
 const LATEST_CURRENT_US: u16 = 520;
 
 /// Smaller differences of the current are noise of the sensors, as a fraction of the peak current.
-const NOISE: f64 = 0.003;
+const NOISE: f64 = 0.004;
 
 /// 0.0001 degrees of an encoder increment (65 536 a revolution), and of a microsecond at 300 rpm.
 const INCREMENT: f64 = 54.9;
@@ -142,9 +142,7 @@ fn command_valid(slave: &mut Slave, t1: u16, t2: u16, t3: u16) -> Outcome {
         }
         // 0.1 % of 25 A on an amplifier of 60 A.
         let expected = f64::from(percent) / 1_000.0 * 25.0 / 60.0;
-        ensure((seen - expected).abs() < NOISE / 2.0, || {
-            format!("current {seen:.4} of the peak, expected {expected:.4}")
-        })?;
+        ensure((seen - expected).abs() < NOISE, || format!("current {seen:.4} of the peak, expected {expected:.4}"))?;
         slave.run_to_mdt();
         slave.cycles(5);
     }
