@@ -112,6 +112,9 @@ pub(crate) fn start(timer: pac::TIM1, frequency: PwmFrequency, rcc: &mut Rcc) ->
         w.oc1m().pwm_mode1().oc1pe().enabled();
         w.oc2m().pwm_mode1().oc2pe().enabled()
     });
+    // Before the preload is switched on, so that it is in force: at 0 OC4REF would be high at once, and start the converters.
+    let reload = frequency.nominal_reload();
+    timer.ccr4().write(|w| w.ccr().set(trigger(reload)));
     // Mode 2: OC4REF rises while counting up, before the peak. Mode 1 would rise behind it.
     timer.ccmr2_output().write(|w| {
         w.oc3m().pwm_mode1().oc3pe().enabled();
@@ -123,9 +126,7 @@ pub(crate) fn start(timer: pac::TIM1, frequency: PwmFrequency, rcc: &mut Rcc) ->
         w.cc3e().set_bit().cc3ne().set_bit()
     });
     timer.cr2().write(|w| w.mms().compare_oc4());
-    let reload = frequency.nominal_reload();
     timer.arr().write(|w| w.arr().set(reload));
-    timer.ccr4().write(|w| w.ccr().set(trigger(reload)));
     let no_voltage = reload >> 1;
     for compare in [timer.ccr1(), timer.ccr2(), timer.ccr3()] {
         compare.write(|w| w.ccr().set(no_voltage));

@@ -52,15 +52,6 @@ pub trait Environment {
     /// Position of the encoder, in increments (four per line), wrapping.
     fn encoder_count(&mut self, now: Nanoseconds) -> u32;
 
-    /// The analogue current command: 12-bit code of the converter, 800H = zero.
-    fn set_current(&mut self, now: Nanoseconds, code: u16);
-
-    /// The amplifier enable line.
-    fn set_amplifier(&mut self, now: Nanoseconds, on: bool);
-
-    /// Status of the amplifier: main power present, fault.
-    fn amplifier_inputs(&self) -> (bool, bool);
-
     /// Setting of the two hexadecimal address switches: high digit in bits 7..4.
     fn address_switches(&self) -> u8;
 

@@ -40,14 +40,6 @@ impl Environment for World {
         self.encoder
     }
 
-    fn set_current(&mut self, _: Nanoseconds, _: u16) {}
-
-    fn set_amplifier(&mut self, _: Nanoseconds, _: bool) {}
-
-    fn amplifier_inputs(&self) -> (bool, bool) {
-        (false, false)
-    }
-
     fn address_switches(&self) -> u8 {
         0
     }
@@ -187,13 +179,15 @@ pub(crate) fn set_up_power_stage() -> Vec<(u32, u32)> {
     let alternate = |function: u32| move |pin: u32| (pin, ALTERNATE, 0, function);
     let analogue = |pin: u32| (pin, ANALOGUE, 0, 0);
     let input = |pin: u32| (pin, 0, 2, 0);
-    let of_a: Vec<_> = [0, 1, 2, 3, 8, 9, 10].into_iter().map(alternate(1)).collect();
-    let mut of_b: Vec<_> = [12, 13, 14, 15].into_iter().map(alternate(1)).collect();
+    let driver = |pin: u32| (pin, ALTERNATE, 2, 1);
+    let mut of_a: Vec<_> = (0..=3).map(alternate(1)).collect();
+    of_a.extend((8..=10).map(driver));
+    let mut of_b: Vec<_> = [12, 13, 14, 15].into_iter().map(driver).collect();
     of_b.extend([0, 4, 5, 6, 7, 8].into_iter().map(alternate(2)));
     let mut of_c: Vec<_> = (0..=4).map(analogue).collect();
     of_c.extend((6..=8).map(alternate(3)));
     of_c.extend((9..=13).map(input));
-    of_c.push((15, OUTPUT, 0, 0));
+    of_c.push((5, OUTPUT, 0, 0));
     let of_e: Vec<_> = [5, 6].into_iter().map(alternate(3)).collect();
     let ports = [(0, of_a), (1, of_b), (2, of_c), (4, of_e), (5, vec![analogue(6)])];
     let mut writes: Vec<_> = ports.iter().flat_map(|(number, pins)| port(*number, pins)).collect();
@@ -398,8 +392,8 @@ fn a_peripheral_without_its_clock_is_refused() {
 #[test]
 fn the_brake_coil_is_told() {
     let (mut board, start) = Board::with_power_stage();
-    board.write(0x4002_0818, 1 << 15);
-    board.write(0x4002_0818, 1 << 31);
+    board.write(0x4002_0818, 1 << 5);
+    board.write(0x4002_0818, 1 << 21);
     assert_eq!(board.world.brake, [(start, true), (start, false)]);
 }
 
