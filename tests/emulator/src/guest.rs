@@ -328,7 +328,11 @@ impl Guest {
             self.happened(Trigger::Interrupt(vector), time);
             self.prefetch.pass(Place::Interrupt(vector));
         }
-        self.wake = self.peripherals.next_event().map_or(horizon, |event| event.min(horizon));
+        // A processor that waits for an interrupt sees nothing of what happens before; one that is at work must not run past an event
+        // that changes what it may read.
+        let waits = self.question.kind == message::TIMER && self.question.idle && edges == 0;
+        let event = if waits { self.peripherals.next_interrupt() } else { self.peripherals.next_event() };
+        self.wake = event.map_or(horizon, |event| event.min(horizon));
         let chain = self
             .prefetch
             .chain(resume::PREFETCH_CAPACITY, |address| self.peripherals.peek(environment, address, time, self.wake));

@@ -113,6 +113,13 @@ impl Peripherals {
         events.into_iter().flatten().min()
     }
 
+    /// The next instant at which a peripheral may interrupt by itself: until then, a processor that waits for an interrupt need not be asked.
+    pub(crate) fn next_interrupt(&self) -> Option<Nanoseconds> {
+        let events =
+            [self.tim5.next_event(), self.counters.next_event(), self.stage.next_interrupt(), self.watchdog.expires()];
+        events.into_iter().flatten().min()
+    }
+
     /// Does what is due until `now`.
     pub(crate) fn advance<E: Environment + ?Sized>(
         &mut self,
@@ -164,6 +171,9 @@ impl Peripherals {
             (wiring::STO_2, inputs.sto_2),
             (wiring::HOME_SWITCH, inputs.home_switch),
             (wiring::BRAKE_FEEDBACK, inputs.brake_feedback),
+            (wiring::PROBE_1, inputs.probe_1),
+            (wiring::PROBE_2, inputs.probe_2),
+            (wiring::BREAK, environment.break_input()),
         ] {
             self.drive(pin, level);
         }
@@ -199,14 +209,16 @@ impl Peripherals {
         until: Nanoseconds,
     ) -> Option<u32> {
         const INPUT_DATA: u32 = 0x10;
-        const COUNT: u32 = TIM2 + 0x24;
+        const COUNT: u32 = 0x24;
         let access = Access { now, address, width: 4, pc: 0 };
-        if address == COUNT || matches!(address & !0x3FF, TIM1 | ADC) {
+        let (page, offset) = (address & !0x3FF, address & 0x3FF);
+        if matches!(page, TIM1 | ADC) || ENCODER_COUNTERS.contains(&page) {
             self.check_clock(access).ok()?;
-            return match address & !0x3FF {
-                TIM1 => self.stage.peek_timer(address & 0x3FF, now, until),
-                ADC => self.stage.peek_converters(address & 0x3FF, until),
-                _ => self.counters.peek_position(&self.ports, environment, now, until),
+            return match page {
+                TIM1 => self.stage.peek_timer(offset, now, until),
+                ADC => self.stage.peek_converters(offset, until),
+                TIM2 if offset == COUNT => self.counters.peek_position(&self.ports, environment, now, until),
+                _ => self.counters.peek_captured(counter_of(page), offset),
             };
         }
         if (GPIO..GPIO_END).contains(&address) && address & 0x3FF == INPUT_DATA {

@@ -106,6 +106,11 @@ impl Timer {
         matches!(self.slave & 7, 1..=3)
     }
 
+    /// SR; reading it has no effect.
+    pub(crate) fn status(&self) -> u32 {
+        self.status
+    }
+
     /// Is the interrupt line high?
     pub(crate) fn line(&self) -> bool {
         self.status & self.interrupts & 0x5F != 0
