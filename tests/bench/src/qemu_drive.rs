@@ -147,6 +147,11 @@ impl Environment for QemuEnvironment {
         self.motor_side.borrow_mut().machine().encoder_count(now.0)
     }
 
+    /// What is written meanwhile does not move the shaft by an increment within microseconds.
+    fn encoder_foretold(&self, at: Nanoseconds) -> Option<u32> {
+        Some(self.motor_side.borrow_mut().machine().clone().encoder_count(at.0))
+    }
+
     fn index_count(&mut self, now: Nanoseconds) -> IndexEdge {
         let state = &mut *self.motor_side.borrow_mut();
         let number = state.machine().index_pulses(now.0);

@@ -95,6 +95,12 @@ pub trait Environment {
         IndexEdge::default()
     }
 
+    /// What [`Environment::encoder_count`] will answer at an instant ahead, at most a few microseconds, without moving the world there; `None`
+    /// when that is not known.
+    fn encoder_foretold(&self, _at: Nanoseconds) -> Option<u32> {
+        None
+    }
+
     /// Until when [`Environment::encoder_count`] certainly answers the same as at `now`; `now` itself when that is not known. Lets an answer
     /// carry the position at standstill.
     fn encoder_steady_until(&self, now: Nanoseconds) -> Nanoseconds {

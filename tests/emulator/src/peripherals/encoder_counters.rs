@@ -168,6 +168,22 @@ impl EncoderCounters {
         (offset == STATUS && timer.counts_encoder()).then(|| timer.status())
     }
 
+    /// The count of a timer at an instant before its next event.
+    pub(crate) fn foretell_count<E: Environment + ?Sized>(
+        &self,
+        number: usize,
+        ports: &[Port],
+        environment: &mut E,
+        at: Nanoseconds,
+    ) -> Option<u32> {
+        let timer = &self.timers[number];
+        if !timer.counts_encoder() {
+            return Some(timer.count(at, 0));
+        }
+        let encoder = if is_connected(number, ports) { environment.encoder_foretold(at)? } else { 0 };
+        Some(timer.count(at, encoder))
+    }
+
     fn capture(&mut self, input: Input, rises: bool, ports: &[Port], encoder: u32, now: Nanoseconds) {
         let (number, (port, pin), function, channel) = input;
         if ports[port].mode(pin) == PinMode::Alternate(function) {

@@ -234,6 +234,26 @@ impl Peripherals {
         environment.external_peek(offset).map(u32::from)
     }
 
+    /// What a read of a running counter will answer at an instant before the next event.
+    pub(crate) fn foretell<E: Environment + ?Sized>(
+        &self,
+        environment: &mut E,
+        address: u32,
+        at: Nanoseconds,
+    ) -> Option<u32> {
+        const COUNT: u32 = 0x24;
+        let page = address & !0x3FF;
+        self.check_clock(Access { now: at, address, width: 4, pc: 0 }).ok()?;
+        match page {
+            _ if address != page + COUNT => None,
+            TIM1 => self.stage.foretell_count(at),
+            page if ENCODER_COUNTERS.contains(&page) => {
+                self.counters.foretell_count(counter_of(page), &self.ports, environment, at)
+            }
+            _ => None,
+        }
+    }
+
     pub(crate) fn read<E: Environment + ?Sized>(
         &mut self,
         environment: &mut E,

@@ -3,7 +3,7 @@
 use ring::Nanoseconds;
 
 use super::adc::Converters;
-use super::advanced_timer::registers::{BDTR, CR1};
+use super::advanced_timer::registers::{BDTR, CNT, CR1};
 use super::advanced_timer::{AdvancedTimer, Bridge, TimerEvent};
 use super::clocks::ClockTree;
 use super::gpio::{PinMode, Port};
@@ -106,6 +106,12 @@ impl PowerStage {
     pub(crate) fn peek_timer(&self, offset: u32, now: Nanoseconds, until: Nanoseconds) -> Option<u32> {
         let sure = offset == BDTR || offset == CR1 && self.timer.next_turn().is_none_or(|turn| turn >= until);
         self.timer.read(offset, now).filter(|_| sure)
+    }
+
+    /// The count at an instant of the half that runs.
+    pub(crate) fn foretell_count(&self, at: Nanoseconds) -> Option<u32> {
+        let in_half = self.timer.next_turn().is_some_and(|turn| at < turn);
+        self.timer.read(CNT, at).filter(|_| in_half)
     }
 
     /// Status or data of a converter, if nothing can change them until then.
