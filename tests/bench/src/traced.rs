@@ -8,6 +8,7 @@ use ring::service_client::Request;
 use ring::wire::BitRate;
 use ring::{Nanoseconds, Ring, RingConfiguration};
 
+use crate::axis::parameters_of;
 use crate::executor::{Elves, SharedMeasurements};
 use crate::processor::{Processor, ProcessorError};
 use crate::qemu_drive::QemuDrive;
@@ -147,18 +148,10 @@ fn world(elves: &Elves, arguments: Vec<std::ffi::OsString>) -> Result<World<Scri
 
 fn script(bit_rate: BitRate) -> MasterScript {
     let axis = ReferenceAxis::press();
-    let gains = &axis.gains;
     let telegram = Telegram::application(&[Idn(51), Idn(40), Idn::FOLLOWING_DISTANCE], &[Idn::POSITION_COMMAND]);
     let drive = DriveScript::new(ADDRESS, telegram)
         .with(Idn::OPERATION_MODE, Value::Word(11))
-        .with(Idn(100), Value::Word(gains.velocity_gain * 100))
-        .with(Idn(101), Value::Word(gains.integral_time))
-        .with(Idn(104), Value::Word(gains.position_gain))
-        .with(Idn(109), Value::Long(axis.peak_current))
-        .with(Idn(110), Value::Long(axis.peak_current))
-        .with(Idn(111), Value::Long(axis.standstill_current))
-        .with(Idn(116), Value::Long(axis.motor.increments_per_revolution / 4))
-        .with(Idn(138), Value::Long(gains.acceleration_limit));
+        .with_all(parameters_of(&axis));
     let motion = Motion::new(u64::from(u32::MAX), |point| {
         // The shaft starts gently, over the first 200 cycles.
         let cycles = i32::try_from(point.cycle).unwrap_or(i32::MAX);
