@@ -71,6 +71,18 @@ impl Bench {
         self.drive.motor_side.borrow().bridge_is_on()
     }
 
+    /// The drive says that it is in operation: bits 15 and 14 of its status word.
+    pub(crate) fn is_in_operation(&self) -> bool {
+        self.world
+            .ring()
+            .master()
+            .report()
+            .samples
+            .last()
+            .and_then(|sample| sample.status)
+            .is_some_and(|status| status & 0xC000 == 0xC000)
+    }
+
     /// So many telegrams of this kind are lost, from the next cycle but one on.
     pub(crate) fn lose(&mut self, kind: TelegramKind, cycles: u64) {
         let from = self.world.ring().cycle().unwrap() + 2;

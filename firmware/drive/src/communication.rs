@@ -12,7 +12,7 @@ use sercos::transition::OPERATION_MODES;
 use sercos::{Idn, Phase, PhaseMachine};
 
 use crate::access::Access;
-use crate::diagnosis::{Diagnosis, diagnose, drive_errors, of_phase_error};
+use crate::diagnosis::{Diagnosis, Manufacturer1, diagnose, drive_errors, of_phase_error};
 use crate::error_memory::{ErrorMemory, ErrorRecord};
 use crate::hardware::Hardware;
 use crate::identity::Identity;
@@ -65,7 +65,7 @@ pub struct Communication<B> {
     access: Access,
     errors: ErrorMemory,
     /// The bits of C1D that the error memory has already.
-    remembered: Class1,
+    remembered: (Class1, Manufacturer1),
 }
 
 impl<B: Bus + Clone> Communication<B> {
@@ -81,7 +81,7 @@ impl<B: Bus + Clone> Communication<B> {
             checks: Checks::default(),
             access: Access::default(),
             errors: ErrorMemory::new(),
-            remembered: Class1::empty(),
+            remembered: (Class1::empty(), Manufacturer1::empty()),
         }
     }
 
@@ -236,10 +236,13 @@ impl<B: Bus + Clone> Communication<B> {
         let snapshot = motion.lock(|motion| motion.snapshot());
         let number = diagnose(&snapshot, self.phases.current(), interface).number;
         motion.lock(|motion| motion.set_diagnostics(interface.raw_value(), number));
-        for &Diagnosis { number, .. } in drive_errors(snapshot.class_1.difference(self.remembered)) {
+        for &Diagnosis { number, .. } in drive_errors(
+            snapshot.class_1.difference(self.remembered.0),
+            snapshot.manufacturer_1.difference(self.remembered.1),
+        ) {
             self.errors.add(ErrorRecord { number, seconds: seconds(snapshot.operating_time) });
         }
-        self.remembered = snapshot.class_1;
+        self.remembered = (snapshot.class_1, snapshot.manufacturer_1);
     }
 }
 

@@ -77,6 +77,8 @@ bitflags! {
         const ALIGNMENT_DIRECTION = 1 << 10;
         /// The search for the commutation angle failed otherwise.
         const ALIGNMENT = 1 << 11;
+        /// All errors of the search for the commutation angle.
+        const ALIGNMENTS = 7 << 9;
     }
 }
 
@@ -147,6 +149,10 @@ diagnoses! {
     HOMING = 0xA016 "Homing command active", "Referenzfahrt aktiv",
         "S-0-0148 has set the reference; the drive holds its position until the command is cancelled.",
         "Align S-0-0047 with S-0-0051, then cancel S-0-0148.";
+    SWITCHING_ON = 0xA017 "Switching on", "Einschalten",
+        "The torque is being proven, the commutation angle searched or the brake opened; commands are not followed yet.", "";
+    ENGAGING = 0xA018 "Closing the brake", "Bremse schliesst",
+        "The axis stands; the brake closes, then the torque goes.", "";
     TELEGRAM_LOST = 0xE001 "Telegram lost", "Telegramm verloren",
         "An MST or an MDT was lost within the last second; two in a row would have been an error. S-0-0028 and S-0-0029 count them.",
         "Check fibres and plugs for attenuation, and the supply of the stations before this one.";
@@ -156,10 +162,20 @@ diagnoses! {
     AMPLIFIER_NOT_READY = 0xE003 "Amplifier reports a fault", "Leistungsteil meldet Fehler",
         "The amplifier reports a fault while torque is off.",
         "Read the amplifier's own display and clear its fault before switching on.";
+    NOT_CALIBRATED = 0xE004 "Current sensors without zero", "Stromsensoren ohne Nullpunkt",
+        "The current sensors show more than 5 % of their range without current.",
+        "Check the supply and the wires of the current sensors.";
     NO_POWER_AT_SWITCH_ON = 0xE009 "Switched on without main power", "Freigabe ohne Leistung",
         "Bits 15 and 14 of the control word are set, but the DC link is not charged.",
         "Switch the main power on, then give bit 15 a new edge.";
-    VELOCITY_DEVIATION = 0xE00B "Excessive velocity deviation", "Drehzahlabweichung zu gross",
+    OVERLOAD_WARNING = 0xE010 "Overload, current reduced", "Ueberlast, Strom begrenzt",
+        "The thermal model of motor or amplifier has passed 90 % (P-0-0132, P-0-0133); the current is folded back.",
+        "Reduce load or cycle; check friction, brake and S-0-0111, S-0-0112, P-0-0130, P-0-0131.";
+    HEAT_SINK_WARNING = 0xE011 "Amplifier hot", "Leistungsteil heiss",
+        "The heat sink has passed S-0-0200.", "Check cooling and ambient temperature; reduce the load.";
+    WINDING_WARNING = 0xE012 "Motor hot", "Motor heiss",
+        "The motor has passed S-0-0201.", "Check the motor's cooling; reduce the load.";
+    VELOCITY_DEVIATION = 0xE013 "Excessive velocity deviation", "Drehzahlabweichung zu gross",
         "The velocity differs from its command by more than S-0-0377.",
         "Check load, torque limit S-0-0092 and the gains S-0-0100 and S-0-0101.";
     LIGHT_LOSS = 0xF001 "No light: MST and MDT missing", "Kein Licht: MST und MDT fehlen",
@@ -185,6 +201,25 @@ diagnoses! {
     UNINITIALISED_MODE = 0xF009 "Operation mode not initialised", "Betriebsart nicht initialisiert",
         "Control word bits 11, 9, 8 ask for a mode that S-0-0032 to S-0-0035 and S-0-0284 to S-0-0287 do not set; S-0-0023 names it.",
         "Set the mode in CP2 or CP3, or correct the control word.";
+    OVERLOAD = 0xF100 "Overload", "Ueberlast",
+        "The thermal model of motor or amplifier has passed S-0-0114.",
+        "Let it cool down; reduce load or cycle; check S-0-0111, S-0-0112, P-0-0130, P-0-0131.";
+    HEAT_SINK_TEMPERATURE = 0xF101 "Amplifier too hot", "Leistungsteil zu heiss",
+        "The heat sink has reached S-0-0203.", "Check cooling and ambient temperature, let it cool by 5 K, then S-0-0099.";
+    WINDING_TEMPERATURE = 0xF102 "Motor too hot", "Motor zu heiss",
+        "The motor has reached S-0-0204.", "Check the motor's cooling and load, let it cool by 5 K, then S-0-0099.";
+    ENCODER = 0xF105 "Encoder error", "Geberfehler",
+        "The encoder's signal is lost, jumped, or its index does not fit the count.",
+        "Check the encoder's cable, shield and supply, and S-0-0116; a wrong index also P-0-0117.";
+    COMMUTATION = 0xF106 "Commutation angle not found", "Kommutierungswinkel nicht gefunden",
+        "The search for the commutation angle failed, does not fit the index, or the brake forbids it.",
+        "Read S-0-0129; check motor phases, P-0-0110, P-0-0115 and P-0-0116; for an axis with brake P-0-0120 and P-0-0118.";
+    OVERCURRENT = 0xF107 "Overcurrent", "Ueberstrom",
+        "A phase current passed P-0-0106, or 125 % of S-0-0110.",
+        "Check motor cable and winding for a short circuit, then the gains S-0-0106, S-0-0107 and the motor data P-0-0111 to 0114.";
+    OVERVOLTAGE = 0xF108 "Overvoltage", "Ueberspannung",
+        "The bus voltage passed P-0-0105: the braking motor gave back more than the brake chopper takes.",
+        "Check the brake chopper and its resistor, mains voltage, and brake more gently (S-0-0138).";
     MAIN_POWER_LOST = 0xF109 "Main power lost", "Leistung ausgefallen",
         "The main power went away while torque was on.",
         "Check mains, contactor and the wire of the main-power input; then S-0-0099.";
@@ -194,19 +229,79 @@ diagnoses! {
     COMMUNICATION = 0xF10C "Communication error", "Kommunikationsfehler",
         "The ring failed in CP3 or CP4, or the master broke the order of phases; S-0-0014 says which.",
         "Run up again from CP0, then S-0-0099.";
+    POSITION_LIMIT = 0xF10D "Position limit passed", "Positionsgrenze ueberschritten",
+        "The position, or its command, is beyond S-0-0049 or S-0-0050.",
+        "Move back within the limits: clear bit 4 of S-0-0055 in CP3, or correct the limits.";
     AMPLIFIER_FAULT = 0xF10F "Amplifier fault", "Fehler im Leistungsteil",
-        "The amplifier reported a fault and switched itself off while torque was on.",
-        "Read the amplifier's own display; clear its fault, then S-0-0099.";
+        "The gate drivers reported a fault, and the break input switched the bridge off while torque was on.",
+        "Check motor cable and bridge for a short circuit, and the supply of the gate drivers; then S-0-0099.";
+    CURRENT_SENSOR = 0xF110 "Phase currents do not add up", "Summe der Strangstroeme falsch",
+        "The three phase currents differ from zero together by more than a tenth of their range: a sensor or an earth fault.",
+        "Check the motor cable for an earth fault, then the current sensors.";
+    DEADLINE = 0xF111 "Current loop too late", "Stromregler zu spaet",
+        "The current loop missed two periods in a row; P-0-0153 counts them.",
+        "Report it with the firmware's version: this must not happen.";
+    BRAKE = 0xF112 "Holding brake", "Haltebremse",
+        "The torque could not be proven, or the brake does not open, close or hold.",
+        "Check the brake, its supply and contact, S-0-0206, S-0-0207 and P-0-0120 to P-0-0123.";
+    SAFE_TORQUE_OFF = 0xF113 "Safe torque off", "Sicher abgeschaltetes Moment",
+        "Safe torque off took the torque away while the axis was in operation.",
+        "Close the safety circuit, then S-0-0099; stop the axis first next time.";
+    SAFE_TORQUE_CHANNELS = 0xF114 "Safe torque off: channels differ", "STO-Kanaele verschieden",
+        "The two channels of safe torque off have contradicted each other for more than 100 ms.",
+        "Check wiring and relays of both channels. Have the safety circuit looked at before going on.";
+    OVERSPEED = 0xF115 "Overspeed", "Ueberdrehzahl",
+        "The motor turned faster than 125 % of S-0-0113.",
+        "Check the gains, the torque command in mode 1, and what drives the axis from outside.";
+    SYNCHRONISATION = 0xF116 "Loops lost the ring's rhythm", "Synchronisation verloren",
+        "The loops lost their phase to the MST while the axis was in operation; P-0-0151 and P-0-0152 show how far.",
+        "Check the master's cycle and its jitter against S-0-0002.";
+    TEMPERATURE_SENSOR = 0xF117 "Temperature sensor", "Temperatursensor",
+        "The sensor of motor or heat sink is broken or short-circuited.", "Check its wires.";
+    ALIGNMENT_NO_MOVEMENT = 0xF118 "Alignment: motor does not move", "Kommutierung: Motor steht",
+        "The motor does not move under the alignment current P-0-0116.",
+        "Check that axis and brake are free and the motor is connected; raise P-0-0116.";
+    ALIGNMENT_DIRECTION = 0xF119 "Alignment: encoder counts backwards", "Kommutierung: Geber zaehlt falsch",
+        "Encoder and motor phases turn against each other.",
+        "Swap two motor phases, or turn bit 3 of S-0-0277.";
+    ALIGNMENT = 0xF11A "Alignment failed", "Kommutierung fehlgeschlagen",
+        "The commutation angle did not settle, a motor phase is missing, or the axis was moved from outside.",
+        "Check the three motor phases; let the axis rest during the first switching-on; change P-0-0116.";
 }
 
 const PHASES: [&Diagnosis; 4] = [&PHASE_0, &PHASE_1, &PHASE_2, &PHASE_3];
 
 /// The errors of the drive, the gravest first.
-const ERRORS: [(Class1, &Diagnosis); 4] = [
-    (Class1::MANUFACTURER, &AMPLIFIER_FAULT),
+const ERRORS: [(Class1, &Diagnosis); 12] = [
+    (Class1::OVERCURRENT, &OVERCURRENT),
+    (Class1::OVERVOLTAGE, &OVERVOLTAGE),
+    (Class1::FEEDBACK, &ENCODER),
+    (Class1::COMMUTATION, &COMMUTATION),
     (Class1::UNDERVOLTAGE, &MAIN_POWER_LOST),
+    (Class1::OVERLOAD, &OVERLOAD),
+    (Class1::AMPLIFIER_TEMPERATURE, &HEAT_SINK_TEMPERATURE),
+    (Class1::MOTOR_TEMPERATURE, &WINDING_TEMPERATURE),
+    (Class1::POSITION_LIMIT, &POSITION_LIMIT),
     (Class1::EXCESSIVE_DEVIATION, &EXCESSIVE_DEVIATION),
     (Class1::COMMUNICATION, &COMMUNICATION),
+    // Only where no bit of S-0-0129 says more.
+    (Class1::MANUFACTURER, &AMPLIFIER_FAULT),
+];
+
+/// The errors of S-0-0129, the gravest first. They stand before those of C1D: they say more.
+const OWN_ERRORS: [(Manufacturer1, &Diagnosis); 12] = [
+    (Manufacturer1::AMPLIFIER_FAULT, &AMPLIFIER_FAULT),
+    (Manufacturer1::CURRENT_SENSOR, &CURRENT_SENSOR),
+    (Manufacturer1::DEADLINE, &DEADLINE),
+    (Manufacturer1::SAFE_TORQUE_CHANNELS, &SAFE_TORQUE_CHANNELS),
+    (Manufacturer1::SAFE_TORQUE_OFF, &SAFE_TORQUE_OFF),
+    (Manufacturer1::BRAKE, &BRAKE),
+    (Manufacturer1::OVERSPEED, &OVERSPEED),
+    (Manufacturer1::SYNCHRONISATION, &SYNCHRONISATION),
+    (Manufacturer1::ALIGNMENT_NO_MOVEMENT, &ALIGNMENT_NO_MOVEMENT),
+    (Manufacturer1::ALIGNMENT_DIRECTION, &ALIGNMENT_DIRECTION),
+    (Manufacturer1::ALIGNMENT, &ALIGNMENT),
+    (Manufacturer1::TEMPERATURE_SENSOR, &TEMPERATURE_SENSOR),
 ];
 
 /// The diagnosis to show: an error before a warning before a state, the cause of a communication error before the fact.
@@ -214,7 +309,8 @@ const ERRORS: [(Class1, &Diagnosis); 4] = [
 pub fn diagnose(snapshot: &Snapshot, phase: Phase, interface: InterfaceStatus) -> &'static Diagnosis {
     let only_communication = snapshot.class_1 == Class1::COMMUNICATION || snapshot.class_1.is_empty();
     let of_communication = if only_communication { communication_error(interface) } else { None };
-    let of_drive = ERRORS.iter().find(|(bit, _)| snapshot.class_1.contains(*bit)).map(|(_, diagnosis)| *diagnosis);
+    let of_drive = drive_errors(snapshot.class_1, snapshot.manufacturer_1).next();
+    let of_drive = of_drive.or_else(|| snapshot.class_1.contains(Class1::COMMUNICATION).then_some(&COMMUNICATION));
     of_communication.or(of_drive).or_else(|| warning(snapshot)).unwrap_or_else(|| state(snapshot, phase))
 }
 
@@ -233,10 +329,15 @@ pub const fn of_phase_error(error: PhaseError) -> &'static Diagnosis {
     }
 }
 
-/// The diagnoses of the drive's own errors among some bits of C1D; the phase machine tells those of communication.
-pub(crate) fn drive_errors(class_1: Class1) -> impl Iterator<Item = &'static Diagnosis> {
-    let own = class_1.difference(Class1::COMMUNICATION);
-    ERRORS.into_iter().filter(move |(bit, _)| own.contains(*bit)).map(|(_, diagnosis)| diagnosis)
+/// The diagnoses of the drive's own errors among some bits of C1D and of S-0-0129; the phase machine tells those of communication.
+pub(crate) fn drive_errors(class_1: Class1, own: Manufacturer1) -> impl Iterator<Item = &'static Diagnosis> {
+    // A search that failed sets both: its own bit says why.
+    let explained = if own.intersects(Manufacturer1::ALIGNMENTS) { Class1::COMMUTATION } else { Class1::empty() };
+    let explained = if own.is_empty() { explained } else { explained | Class1::MANUFACTURER };
+    let class_1 = class_1.difference(Class1::COMMUNICATION | explained);
+    let special = OWN_ERRORS.into_iter().filter(move |(bit, _)| own.contains(*bit)).map(|(_, diagnosis)| diagnosis);
+    let general = ERRORS.into_iter().filter(move |(bit, _)| class_1.contains(*bit)).map(|(_, diagnosis)| diagnosis);
+    special.chain(general)
 }
 
 fn communication_error(interface: InterfaceStatus) -> Option<&'static Diagnosis> {
@@ -255,8 +356,12 @@ fn communication_error(interface: InterfaceStatus) -> Option<&'static Diagnosis>
 
 fn warning(snapshot: &Snapshot) -> Option<&'static Diagnosis> {
     let own = snapshot.manufacturer_2;
-    let warnings: [(bool, &'static Diagnosis); 5] = [
+    let warnings: [(bool, &'static Diagnosis); 9] = [
         (own.contains(Manufacturer2::AMPLIFIER_NOT_READY), &AMPLIFIER_NOT_READY),
+        (own.contains(Manufacturer2::NOT_CALIBRATED), &NOT_CALIBRATED),
+        (snapshot.class_2.contains(Class2::OVERLOAD), &OVERLOAD_WARNING),
+        (snapshot.class_2.contains(Class2::AMPLIFIER_TEMPERATURE), &HEAT_SINK_WARNING),
+        (snapshot.class_2.contains(Class2::MOTOR_TEMPERATURE), &WINDING_WARNING),
         (snapshot.class_2.contains(Class2::UNDERVOLTAGE), &NO_POWER_AT_SWITCH_ON),
         (snapshot.class_2.contains(Class2::VELOCITY_DEVIATION), &VELOCITY_DEVIATION),
         (own.contains(Manufacturer2::TELEGRAM_LOST), &TELEGRAM_LOST),
@@ -271,6 +376,8 @@ fn state(snapshot: &Snapshot, phase: Phase) -> &'static Diagnosis {
         DriveState::Halted if snapshot.homing => &HOMING,
         DriveState::Halted => &HALTED,
         DriveState::SwitchingOff => &SWITCHING_OFF,
+        DriveState::SwitchingOn => &SWITCHING_ON,
+        DriveState::Engaging => &ENGAGING,
         _ => match PHASES.get(usize::from(phase.number())) {
             Some(diagnosis) => diagnosis,
             None if snapshot.manufacturer_3.contains(Manufacturer3::PARKED) => &PARKED,
@@ -300,7 +407,8 @@ mod tests {
 
     #[test]
     fn every_error_that_can_be_shown_is_in_the_table() {
-        let shown = ERRORS.iter().map(|(_, diagnosis)| *diagnosis);
+        let own = OWN_ERRORS.iter().map(|(_, diagnosis)| *diagnosis);
+        let shown = ERRORS.iter().map(|(_, diagnosis)| *diagnosis).chain(own);
         let of_phases = [
             PhaseError::MstFailure,
             PhaseError::MdtFailure,

@@ -18,7 +18,7 @@ use crate::diagnosis::{Diagnosis, diagnose};
 use crate::error_memory::ErrorMemory;
 use crate::hardware::Hardware;
 use crate::identity::Identity;
-use crate::motion::Motion;
+use crate::motion::{Motion, MotorValue};
 use crate::record::{Command, Feedback, Records};
 use crate::settings::{MotionSettings, OperationMode};
 
@@ -41,6 +41,8 @@ const ERROR_TIMES: Idn = Idn::product(4);
 const OPERATING_TIME: Idn = Idn::product(6);
 const RESET_CAUSE: Idn = Idn::product(9);
 const APPLICATION_WORD: Idn = Idn::product(19);
+const COMMUTATION_ANGLE: Idn = Idn::product(118);
+const PHASE_ERROR_HISTOGRAM: Idn = Idn::product(152);
 
 /// What the transition checks have found and prepared.
 #[derive(Debug, Default)]
@@ -242,6 +244,9 @@ where
             CHECKSUM => return parameters.checksum().into(),
             _ => {}
         }
+        if let Some(value) = MotorValue::from_idn(idn) {
+            return self.motion.lock(|motion| motion.motor_value(value)).into();
+        }
         if let Some(source) = Source::from_idn(idn) {
             return self.motion.lock(|motion| {
                 let value = motion.source_value(source);
@@ -324,8 +329,13 @@ where
     }
 
     fn read_longs(&mut self, idn: Idn, list: &mut Vec<u32, LIVE_LONG_ENTRIES>) {
-        if idn == ERROR_TIMES {
-            fill(list, self.errors.newest_first().map(|error| error.seconds));
+        match idn {
+            ERROR_TIMES => fill(list, self.errors.newest_first().map(|error| error.seconds)),
+            PHASE_ERROR_HISTOGRAM => {
+                let histogram = self.motion.lock(|motion| motion.phase_error_histogram());
+                fill(list, histogram.into_iter());
+            }
+            _ => {}
         }
     }
 
@@ -333,6 +343,8 @@ where
         let raw = (value & 0xFFFF_FFFF) as u32;
         if let Some(command) = Command::from_idn(idn) {
             self.motion.lock(|motion| motion.set_command(command, raw));
+        } else if idn == COMMUTATION_ANGLE {
+            self.motion.lock(|motion| motion.set_commutation_angle(raw));
         } else if idn == APPLICATION_WORD {
             self.motion.lock(|motion| motion.set_application_word((raw & 0xFFFF) as u16));
         }
@@ -402,7 +414,12 @@ where
         }
     }
 
-    fn refuses(&mut self, idn: Idn, _value: u64, _parameters: &Parameters) -> Option<ServiceError> {
+    fn refuses(&mut self, idn: Idn, value: u64, _parameters: &Parameters) -> Option<ServiceError> {
+        // An angle that is taken over under torque would throw the motor to it; and -1 is no angle.
+        if idn == COMMUTATION_ANGLE {
+            let impossible = value >> 31 != 0 || self.motion.lock(|motion| motion.has_torque());
+            return impossible.then_some(ServiceError::ProtectedBySettings);
+        }
         // The reference stands on these two until the command is cancelled.
         let belongs_to_homing = matches!(idn, HOMING_PARAMETER | REFERENCE_DISTANCE);
         let refused = belongs_to_homing && self.motion.lock(|motion| motion.is_homing());

@@ -12,8 +12,12 @@ use sercos::supervision::Supervision;
 use servo::{Axis, CurrentFraction, Encoder, Limiting, LoopClock, Mode, Position, Velocity};
 
 mod background;
+mod clock_monitor;
 mod cycle;
 mod words;
+
+pub(crate) use background::MotorValue;
+use clock_monitor::ClockMonitor;
 
 use crate::diagnosis::{Manufacturer1, Manufacturer2, Manufacturer3};
 use crate::feedback::FeedbackValues;
@@ -68,6 +72,7 @@ pub struct Motion<B, H> {
     axis: Axis,
     encoder: Encoder,
     clock: LoopClock,
+    clock_monitor: ClockMonitor,
     records: Records,
     machine: StateMachine,
     motor: Motor,
@@ -144,6 +149,7 @@ impl<B: Bus + Clone, H: Hardware> Motion<B, H> {
             axis: Axis::new(settings.with_lag, encoder.position()),
             encoder,
             clock: LoopClock::new(settings.clock),
+            clock_monitor: ClockMonitor::default(),
             settings,
             records: Records::default(),
             machine: StateMachine::default(),
@@ -209,6 +215,7 @@ impl<B: Bus + Clone, H: Hardware> Motion<B, H> {
             }
             Phase::Cp3 | Phase::Cp4 => {
                 self.clock.on_t3(self.edge_phase);
+                self.clock_monitor.take(self.clock.phase_error(), self.clock.is_locked());
                 self.ticks_since_t3 = 0;
                 self.take_cycle()
             }

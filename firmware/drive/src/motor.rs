@@ -7,7 +7,7 @@
 mod sequence;
 mod supervision;
 
-use servo::current::{BusScale, CurrentCommand, Trip};
+use servo::current::{BusScale, CurrentCommand, CurrentReadings, FieldWeakening, Trip};
 use servo::{
     Alignment, BrakeOutput, BrakeSequencer, BusVoltage, CommutationAngle, CurrentFraction, EncoderMonitor,
     IndexCorrection, Limiting, LoadModel, Position, Rotation, Temperature, TorqueLimits, Velocity, VoltageOutput,
@@ -30,8 +30,8 @@ pub(crate) struct Measured {
     pub(crate) torque_current: CurrentFraction,
     /// Flux-producing current.
     pub(crate) field_current: CurrentFraction,
-    /// Voltages of the d and q axis, volt 2^-14.
-    pub(crate) voltages: [i32; 2],
+    /// Voltages of the d and q axis.
+    pub(crate) readings: CurrentReadings,
     /// The zero of the current sensors is known.
     pub(crate) calibrated: bool,
     /// Why the current loop has switched the bridge off.
@@ -61,6 +61,10 @@ pub(crate) struct Motor {
     brake_output: BrakeOutput,
     /// Currents and angle that the alignment asks for.
     aligning: Option<(u32, CurrentFraction, CurrentFraction)>,
+    weakening: FieldWeakening,
+    /// Flux-producing current that weakens the field.
+    weakened: CurrentFraction,
+    bus_scale: BusScale,
     limits: TorqueLimits,
     limiting: Limiting,
     watched: Watched,
@@ -100,6 +104,9 @@ impl Motor {
             brake,
             brake_output,
             aligning: None,
+            weakening: FieldWeakening::new(),
+            weakened: CurrentFraction::ZERO,
+            bus_scale: BusScale::default(),
             limits: TorqueLimits::symmetrical(CurrentFraction::ZERO, Limiting::AMPLIFIER_PEAK),
             limiting: Limiting::empty(),
             watched: Watched::default(),
@@ -137,7 +144,12 @@ impl Motor {
             count: get(&report.count),
             torque_current: half(currents),
             field_current: half(currents >> 16),
-            voltages: [get(&report.direct_voltage).cast_signed(), get(&report.quadrature_voltage).cast_signed()],
+            readings: CurrentReadings {
+                direct: 0,
+                quadrature: 0,
+                direct_voltage: get(&report.direct_voltage).cast_signed(),
+                quadrature_voltage: get(&report.quadrature_voltage).cast_signed(),
+            },
             calibrated: get(&report.calibrated) != 0,
             trip: Trip::from_code(get(&report.trip)),
             late: get(&report.late),
@@ -204,7 +216,8 @@ impl Motor {
                 // A scale of at most 1, 2^15.
                 let scale = i32::from(self.brake_output.torque_scale.to_bits());
                 let scaled = (i32::from(current.to_bits()).wrapping_mul(scale) >> 15) as i16;
-                (commutation.at(position), self.brake_output.test_current, CurrentFraction::from_bits(scaled))
+                let direct = self.brake_output.test_current.saturating_add(self.weakened);
+                (commutation.at(position), direct, CurrentFraction::from_bits(scaled))
             }
             (None, None) => (0, CurrentFraction::ZERO, CurrentFraction::ZERO),
         };
@@ -223,26 +236,10 @@ impl Motor {
                 ahead: Rotation::by((speed / CYCLES_AHEAD).cast_unsigned()),
                 direct_voltage,
                 quadrature_voltage,
-                bus: self.bus_scale(),
+                bus: self.bus_scale,
             },
         };
         self.link.command.send(order.to_words());
-    }
-
-    #[inline]
-    fn bus_scale(&self) -> BusScale {
-        // From 2^-16 V to 2^-14 V.
-        BusScale::new(self.bus.voltage.to_bits() >> 2, self.bus.reciprocal.of_fine_volts(), FREQUENCY.reload())
-    }
-
-    /// Voltage that the bridge makes at the moment, as parts of the longest one, and whether there is none left.
-    #[inline]
-    fn voltage_is_exhausted(&self) -> bool {
-        let [direct, quadrature] = self.measured.voltages.map(|voltage| i64::from(voltage >> 4));
-        let longest = i64::from(self.bus_scale().longest() >> 4);
-        let squared = direct.wrapping_mul(direct).wrapping_add(quadrature.wrapping_mul(quadrature));
-        // 97 % of the longest vector.
-        squared.wrapping_mul(17) > longest.wrapping_mul(longest).wrapping_mul(16)
     }
 
     /// The torque-producing current that flows, for S-0-0084.

@@ -74,6 +74,14 @@ pub enum Feedback {
     FollowingDistance,
     /// S-0-0347, 4 bytes.
     VelocityError,
+    /// S-0-0380.
+    BusVoltage,
+    /// S-0-0383.
+    MotorTemperature,
+    /// S-0-0384.
+    AmplifierTemperature,
+    /// P-0-0160.
+    Limits,
     /// S-0-0390.
     DiagnosticNumber,
     /// A word of single bits: S-0-0011 to S-0-0014, S-0-0129, S-0-0181, S-0-0182, S-0-0403, P-0-0019.
@@ -88,7 +96,7 @@ impl Feedback {
             return Some(Self::Bits(source.word()));
         }
         if idn.is_product() {
-            return None;
+            return (idn.number() == 160).then_some(Self::Limits);
         }
         Some(match idn.0 {
             40 => Self::Velocity,
@@ -98,6 +106,9 @@ impl Feedback {
             144 => Self::SignalStatus,
             189 => Self::FollowingDistance,
             347 => Self::VelocityError,
+            380 => Self::BusVoltage,
+            383 => Self::MotorTemperature,
+            384 => Self::AmplifierTemperature,
             390 => Self::DiagnosticNumber,
             _ => return None,
         })

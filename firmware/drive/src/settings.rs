@@ -4,8 +4,9 @@ use sercos::Idn;
 use sercos::parameters::Parameters;
 use sercos::transition::OPERATION_MODES;
 use servo::{
-    Acceleration, AxisParameters, AxisSettings, EncoderSettings, Gain, Interpolation, Jerk, LoopClockSettings, Modulo,
-    Position, PositionScale, SettingsError, Velocity, VelocityLimits, VelocityScale,
+    Acceleration, AxisParameters, AxisSettings, CurrentFilterSettings, EncoderSettings, FilterSection,
+    FrictionParameters, FrictionSettings, Gain, Interpolation, Jerk, LoopClockSettings, Modulo, Position,
+    PositionScale, SettingsError, Velocity, VelocityLimits, VelocityScale,
 };
 
 pub(crate) mod motor;
@@ -198,8 +199,9 @@ impl MotionSettings {
             velocity_gain: parameters.get(Idn::standard(100)),
             integral_time: parameters.get_word(Idn::standard(101)),
             velocity_filter: parameters.get_word(Idn::standard(392)),
-            // S-0-0348 has 0.1 mA s²/rad.
             acceleration_gain: 0,
+            friction: friction(parameters, peak_current)?,
+            filter: filter(parameters)?,
             peak_current,
             velocity_limits,
             deceleration: acceleration(138),
@@ -229,6 +231,7 @@ impl MotionSettings {
             with_lag: AxisSettings::new(&axis).map_err(invalid(100))?,
             without_lag: AxisSettings::new(&AxisParameters {
                 feed_forward,
+                // One increment is 0.1 mA s²/rad.
                 acceleration_gain: u32::from(parameters.get_word(Idn::standard(348))).saturating_mul(100),
                 ..axis
             })
@@ -263,6 +266,9 @@ impl MotionSettings {
         })
     }
 }
+
+/// Velocity commands within which the friction compensation grows in proportion: 1 rpm.
+const FRICTION_BAND: u32 = 10_000;
 
 /// Bit 3 of S-0-0277.
 const REVERSED: u16 = 1 << 3;
@@ -343,6 +349,33 @@ fn velocity_scale(parameters: &Parameters) -> Result<VelocityScale, InvalidSetti
         .ok_or(unsupported(46))?;
     let denominator = power(exponent.min(0).saturating_neg()).ok_or(unsupported(46))?;
     VelocityScale::new(numerator, denominator).map_err(invalid(45))
+}
+
+/// S-0-0155 and P-0-0142.
+fn friction(parameters: &Parameters, peak_current: u32) -> Result<FrictionSettings, InvalidSetting> {
+    let stall = u64::from(parameters.get(Idn::standard(111)));
+    let coulomb = stall.saturating_mul(parameters.get_word(Idn::standard(155)).into()) / 1_000;
+    FrictionSettings::new(&FrictionParameters {
+        coulomb: u32::try_from(coulomb).unwrap_or(u32::MAX),
+        viscous: parameters.get_word(Idn::product(142)).into(),
+        band: FRICTION_BAND,
+        peak_current,
+    })
+    .map_err(invalid(155))
+}
+
+/// P-0-0170 to P-0-0177: kind, frequency, damping or width, and depth of each section.
+fn filter(parameters: &Parameters) -> Result<CurrentFilterSettings, InvalidSetting> {
+    let section = |first: u16| {
+        let word = |offset: u16| parameters.get_word(Idn::product(first.saturating_add(offset)));
+        match word(0) {
+            1 => FilterSection::LowPass { frequency: word(1), damping: word(2) },
+            2 => FilterSection::Notch { frequency: word(1), width: word(2), depth: word(3) },
+            _ => FilterSection::Off,
+        }
+    };
+    let settings = CurrentFilterSettings::new([section(170), section(174)]);
+    settings.map_err(|reason| InvalidSetting { idn: Idn::product(170), reason: Some(reason) })
 }
 
 /// S-0-0049 and S-0-0050 as (highest, lowest), if bit 4 of S-0-0055 switches them on.

@@ -2,7 +2,7 @@
 
 use sercos::diagnostic::{Class1, Class2, Class3};
 
-use crate::diagnosis::{Manufacturer2, Manufacturer3};
+use crate::diagnosis::{Manufacturer1, Manufacturer2, Manufacturer3};
 use crate::feedback::FeedbackValues;
 use crate::motion::CommandValues;
 use crate::state::{Conditions, DriveState};
@@ -20,6 +20,8 @@ pub struct Snapshot {
     pub class_2: Class2,
     /// S-0-0013.
     pub class_3: Class3,
+    /// S-0-0129.
+    pub manufacturer_1: Manufacturer1,
     /// S-0-0181.
     pub manufacturer_2: Manufacturer2,
     /// S-0-0182.

@@ -369,6 +369,8 @@ dictionary! {
     S 147 "Homing parameter" [""] BITS/0 written ALWAYS () = 0x0060 => Parameter, stored, restricted;
     /// Gives the reference point the position S-0-0052, in the way of S-0-0147, and sets S-0-0403 bit 0.
     S 148 "Drive controlled homing procedure command" [""] COMMAND/0 written IN_CP4 () = 0 => Command;
+    /// Coulomb friction that the velocity loop is helped with, in per cent of S-0-0111.
+    S 155 "Friction compensation" ["%"] U16/1 written ALWAYS (0 to 1_000) = 0 => Parameter, stored;
     /// Velocity difference below which C3D bit 0 (n_feedback = n_command) is set.
     S 157 "Velocity window" ["rpm"] I32/4 written ALWAYS (1 to 2_147_483_647) = 100_000 => Parameter, stored;
     /// Following distance above which the drive shuts down with C1D bit 11; 0: not monitored.
@@ -553,8 +555,8 @@ dictionary! {
     P 105 "Overvoltage threshold" ["V"] U16/0 written ALWAYS (1 to 4_000) = 440 => Parameter, stored, needed_for_cp4;
     /// Phase current at which the current loop switches the bridge off (C1D bit 7); 0: 125 % of S-0-0110.
     P 106 "Trip level of the phase currents" ["A"] U32/3 written IN_CP2_CP3 (0 to 4_000_000) = 0 => Parameter, stored, needed_for_cp4;
-    /// Largest current that weakens the field above the speed that the bus voltage reaches, in per cent of S-0-0110; 0: none.
-    P 107 "Field weakening current" ["%"] U16/1 written ALWAYS (0 to 900) = 0 => Parameter, stored;
+    /// Largest current that weakens the field above the speed that the bus voltage reaches, in per cent of S-0-0110; 0: none, and a speed above it ends in an overcurrent.
+    P 107 "Field weakening current" ["%"] U16/1 written ALWAYS (0 to 900) = 500 => Parameter, stored;
     /// Pole pairs of the motor; another number makes the commutation angle unknown.
     P 110 "Pole pairs" [""] U16/0 written IN_CP2_CP3 (1 to 64) = 4 => Parameter, stored, needed_for_cp4;
     /// Resistance of a phase.
@@ -595,6 +597,8 @@ dictionary! {
     P 140 "Reaction to errors" [""] U16/0 written ALWAYS (0 to 2) = 2 => Parameter, stored;
     /// Path between position commands: 0 straight lines, 1 cubic.
     P 141 "Interpolation" [""] U16/0 written ALWAYS (0 to 1) = 0 => Parameter, stored;
+    /// Friction that grows with the velocity.
+    P 142 "Viscous friction compensation" ["mA/rpm"] U16/3 written ALWAYS (0 to 65_535) = 0 => Parameter, stored;
     /// Phase error of the loop tick to the ring at the last t3; positive: the tick comes early.
     P 150 "Phase error of the loops" ["ns"] I32/0 written NEVER () = 0 => Live;
     /// Largest magnitude of the phase error since the loops locked; 0 again in CP2.
@@ -605,6 +609,22 @@ dictionary! {
     P 153 "Late current loops" [""] U32/0 written NEVER () = 0 => Live;
     /// What limits the drive right now: bits 0 to 2 torque S-0-0082, 0083, 0092; 3 S-0-0109; 4 S-0-0110; 5, 6 load of motor and amplifier; 7 bus voltage; 8 field weakening; 9 to 11 velocity S-0-0038, 0039, 0091; 12 acceleration; 13 jerk; 14, 15 position S-0-0049, 0050.
     P 160 "Limits in force" [""] BITS/0 written NEVER () = 0 => Live, in_at;
+    /// Filter 1 of the current command: 0 off, 1 low-pass, 2 notch.
+    P 170 "Current filter 1" [""] U16/0 written ALWAYS (0 to 2) = 0 => Parameter, stored;
+    /// Of filter 1.
+    P 171 "Frequency of current filter 1" ["Hz"] U16/1 written ALWAYS (100 to 35_000) = 8_000 => Parameter, stored;
+    /// Damping of the low-pass in 0.001 (200 to 2000), or width of the notch in 0.1 Hz (100 to 20 000).
+    P 172 "Width of current filter 1" [""] U16/0 written ALWAYS (100 to 20_000) = 707 => Parameter, stored;
+    /// What the notch leaves of its centre frequency.
+    P 173 "Depth of current filter 1" ["%"] U16/2 written ALWAYS (0 to 10_000) = 0 => Parameter, stored;
+    /// Filter 2 of the current command: 0 off, 1 low-pass, 2 notch.
+    P 174 "Current filter 2" [""] U16/0 written ALWAYS (0 to 2) = 0 => Parameter, stored;
+    /// Of filter 2.
+    P 175 "Frequency of current filter 2" ["Hz"] U16/1 written ALWAYS (100 to 35_000) = 8_000 => Parameter, stored;
+    /// As P-0-0172.
+    P 176 "Width of current filter 2" [""] U16/0 written ALWAYS (100 to 20_000) = 707 => Parameter, stored;
+    /// What the notch leaves of its centre frequency.
+    P 177 "Depth of current filter 2" ["%"] U16/2 written ALWAYS (0 to 10_000) = 0 => Parameter, stored;
 }
 
 const fn is_ascending(rows: &[DataBlock]) -> bool {

@@ -1,8 +1,8 @@
 //! One axis: modes, loops and their bumpless hand-over.
 
 use crate::{
-    AxisSettings, CommandSource, CurrentFraction, Interpolator, Limiting, ModuloCounter, MotionLimits, Position,
-    PositionLoop, Ramp, Setpoint, SignedAcceleration, TorqueLimits, Trajectory, Velocity, VelocityEstimate,
+    AxisSettings, CommandSource, CurrentFilter, CurrentFraction, Interpolator, Limiting, ModuloCounter, MotionLimits,
+    Position, PositionLoop, Ramp, Setpoint, SignedAcceleration, TorqueLimits, Trajectory, Velocity, VelocityEstimate,
     VelocityFilter, VelocityInterpolator, VelocityLoop,
 };
 
@@ -89,6 +89,7 @@ pub struct Axis {
     trajectory: Trajectory,
     travel: Travel,
     travel_limits: MotionLimits,
+    filter: CurrentFilter,
 }
 
 /// Time constant of the reported velocity in microseconds: slow enough for the standstill window of a coarse encoder,
@@ -119,6 +120,7 @@ impl Axis {
             trajectory: Trajectory::start(here),
             travel: Travel::Hold,
             travel_limits: settings.halt,
+            filter: CurrentFilter::new(),
         }
     }
 
@@ -159,7 +161,10 @@ impl Axis {
             ),
         };
         match mode {
-            Mode::Off => self.velocity_loop.reset(),
+            Mode::Off => {
+                self.velocity_loop.reset();
+                self.filter.reset(0);
+            }
             Mode::Torque => self.torque_command = CurrentFraction::ZERO,
             Mode::Velocity => {
                 self.velocity_interpolator = VelocityInterpolator::new(self.velocity_command);
@@ -221,6 +226,7 @@ impl Axis {
     /// Starts the velocity loop with this current: what held the load when the axis was last switched off.
     pub fn preload(&mut self, current: CurrentFraction) {
         self.velocity_loop.preset(current);
+        self.filter.reset(i32::from(current.to_bits()) << 16);
     }
 
     /// One loop period: the measured position goes in, the current command comes out, within these limits of the torque.
@@ -312,10 +318,13 @@ impl Axis {
         }
         self.velocity_command = output.velocity_command;
         output.limiting |= settings.velocity_limits.met_by(output.velocity_command);
-        let feed_forward = settings.velocity_loop.feed_forward(acceleration);
+        let friction = i64::from(settings.friction.current(output.velocity_command).to_bits()) << 16;
+        let feed_forward = settings.velocity_loop.feed_forward(acceleration).saturating_add(friction);
         let result =
             self.velocity_loop.tick(&settings.velocity_loop, limits, output.velocity_command, velocity, feed_forward);
-        output.current = result.current;
+        let filtered = self.filter.tick(&settings.filter, i32::from(result.current.to_bits()) << 16);
+        // A filter may swing beyond the limit that its input keeps.
+        output.current = limits.apply(CurrentFraction::from_bits((filtered >> 16) as i16)).0;
         if result.limited {
             output.limiting |= limits.met_by(result.current);
         }

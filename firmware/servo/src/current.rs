@@ -21,9 +21,11 @@ mod control;
 mod modulator;
 mod protection;
 mod settings;
+mod weakening;
 
 pub use command::{BusScale, CurrentCommand, MotorModel};
 pub use control::{CurrentLoop, CurrentReadings};
 pub use modulator::DeadTimeCompensation;
 pub use protection::{Offsets, Protection, Trip};
 pub use settings::{CurrentLoopParameters, CurrentLoopSettings, PwmFrequency};
+pub use weakening::{FieldWeakening, FieldWeakeningParameters, FieldWeakeningSettings, WeakeningOutput};

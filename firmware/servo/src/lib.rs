@@ -15,7 +15,10 @@
 //!
 //! * [`BrakeSequencer`]: the order of holding brake and torque.
 //! * [`LoadModel`], [`Temperature`], [`BusVoltage`], [`EncoderMonitor`]: supervision, each with warnings and errors of its own.
+//! * [`identification`]: resistance, inductances, flux and inertia of the motor, measured with its own currents.
 //! * [`TorqueLimitSettings`]: what the torque is limited to, and [`Limiting`]: what limits the drive at the moment.
+//! * [`FrictionSettings`] and [`CurrentFilter`]: what is added to the current command, and what is taken out of it.
+//! * [`current_gains`], [`velocity_gains`], [`position_gain`]: gains from the data of a motor, outside the loops.
 //!
 //! * All arithmetic is integer: the same input gives the same output, bit for bit, on the host and on the target.
 //! * What a tick calls contains no division, no float, no panic and no loop whose length depends on data.
@@ -46,8 +49,11 @@ mod debounce;
 mod derivatives;
 mod encoder;
 mod encoder_monitor;
+mod filter;
+mod friction;
 mod gain;
 mod homing;
+pub mod identification;
 mod interpolation;
 mod limits;
 mod load_model;
@@ -63,6 +69,7 @@ mod stopping;
 mod temperature;
 mod trajectory;
 mod trigonometry;
+mod tuning;
 mod units;
 mod velocity_estimate;
 mod velocity_loop;
@@ -82,6 +89,8 @@ pub use encoder::{Encoder, EncoderSettings};
 pub use encoder_monitor::{
     EncoderError, EncoderMonitor, EncoderMonitorInputs, EncoderMonitorParameters, EncoderMonitorSettings,
 };
+pub use filter::{CurrentFilter, CurrentFilterSettings, FilterSection};
+pub use friction::{FrictionParameters, FrictionSettings};
 pub use gain::Gain;
 pub use homing::{
     Homing, HomingError, HomingInputs, HomingMotion, HomingOutput, HomingParameters, HomingSettings,
@@ -105,6 +114,7 @@ pub use settings::{AxisParameters, AxisSettings, SettingsError};
 pub use temperature::{Temperature, TemperatureError, TemperatureOutput, TemperatureParameters, TemperatureSettings};
 pub use trajectory::Trajectory;
 pub use trigonometry::Rotation;
+pub use tuning::{CurrentGains, VelocityGains, current_gains, position_gain, velocity_gains};
 pub use units::{Acceleration, CurrentFraction, LOOP_PERIOD_MICROSECONDS, LOOP_TICKS_PER_SECOND, Position, Velocity};
 pub use velocity_estimate::{VelocityEstimate, VelocityFilter};
 pub use velocity_loop::{VelocityLoop, VelocityLoopOutput, VelocityLoopSettings};

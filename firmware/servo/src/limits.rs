@@ -165,6 +165,22 @@ impl TorqueLimits {
         Self { positive, negative, positive_cause: cause, negative_cause: cause }
     }
 
+    /// These limits, where `magnitude` is not narrower for `cause`.
+    #[inline]
+    #[must_use]
+    pub fn narrowed(mut self, magnitude: CurrentFraction, cause: Limiting) -> Self {
+        if magnitude < self.positive {
+            self.positive = magnitude;
+            self.positive_cause = cause;
+        }
+        let lowest = CurrentFraction::from_bits(magnitude.to_bits().wrapping_neg());
+        if lowest > self.negative {
+            self.negative = lowest;
+            self.negative_cause = cause;
+        }
+        self
+    }
+
     /// Which limit this current meets; none when it is within.
     #[inline]
     #[must_use]

@@ -3,8 +3,8 @@
 use core::fmt;
 
 use crate::{
-    Acceleration, Interpolation, InterpolatorSettings, Jerk, Modulo, MotionLimits, Position, PositionLoopSettings,
-    Velocity, VelocityFilter, VelocityLimits, VelocityLoopSettings,
+    Acceleration, CurrentFilterSettings, FrictionSettings, Interpolation, InterpolatorSettings, Jerk, Modulo,
+    MotionLimits, Position, PositionLoopSettings, Velocity, VelocityFilter, VelocityLimits, VelocityLoopSettings,
 };
 
 /// A parameter that the loops cannot work with.
@@ -170,6 +170,10 @@ pub struct AxisParameters {
     pub velocity_filter: u16,
     /// Acceleration feed-forward S-0-0348 in uA s²/rad, 0: none.
     pub acceleration_gain: u32,
+    /// Friction compensation of commanded velocities.
+    pub friction: FrictionSettings,
+    /// Filters of the current command.
+    pub filter: CurrentFilterSettings,
     /// Amplifier peak current S-0-0110 in mA: the unit of the current command.
     pub peak_current: u32,
     /// Velocity limits S-0-0038, S-0-0039, S-0-0091.
@@ -200,6 +204,8 @@ pub struct AxisSettings {
     pub(crate) velocity_filter: VelocityFilter,
     pub(crate) velocity_limits: VelocityLimits,
     pub(crate) deceleration: Acceleration,
+    pub(crate) friction: FrictionSettings,
+    pub(crate) filter: CurrentFilterSettings,
     pub(crate) halt: MotionLimits,
     pub(crate) velocity_ramp: Option<MotionLimits>,
     pub(crate) standstill_window: Velocity,
@@ -228,6 +234,8 @@ impl AxisSettings {
             _ => parameters.halt_deceleration,
         };
         Ok(Self {
+            friction: parameters.friction,
+            filter: parameters.filter,
             halt: MotionLimits::new(Velocity::MAX, halt, halt, parameters.jerk)?,
             velocity_ramp: match parameters.velocity_ramp {
                 Some((up, down)) => {

@@ -1,18 +1,59 @@
 //! What the tasks of low priority ask of the motor side, each under one short lock.
 
 use sercon816::Bus;
-use sercos::Phase;
 use sercos::diagnostic::{Class1, Class3};
 use sercos::phase::PhaseError;
+use sercos::{Idn, Phase};
 use servo::{Axis, Encoder, LOOP_PERIOD_MICROSECONDS, LoopClock};
 
 use super::{CommandValues, Motion};
 use crate::diagnosis::{Manufacturer1, Manufacturer3};
 use crate::hardware::{Hardware, ResetCause};
+use crate::motion::clock_monitor::{ClockMonitor, PHASE_ERROR_CLASSES};
 use crate::record::{Command, Feedback, Records};
 use crate::settings::MotionSettings;
 use crate::snapshot::Snapshot;
 use crate::state::Switches;
+
+/// A value of [`Motion::motor_value`].
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
+pub enum MotorValue {
+    /// P-0-0118 in 0.01 degree; -1: not known.
+    CommutationAngle,
+    /// P-0-0119.
+    CommutationState,
+    /// P-0-0132.
+    MotorLoad,
+    /// P-0-0133.
+    AmplifierLoad,
+    /// P-0-0150 in ns.
+    PhaseError,
+    /// P-0-0151 in ns.
+    LargestPhaseError,
+    /// P-0-0153.
+    LateCycles,
+}
+
+impl MotorValue {
+    /// The value of an IDN.
+    #[must_use]
+    pub fn from_idn(idn: Idn) -> Option<Self> {
+        if !idn.is_product() {
+            return None;
+        }
+        Some(match idn.number() {
+            118 => Self::CommutationAngle,
+            119 => Self::CommutationState,
+            132 => Self::MotorLoad,
+            133 => Self::AmplifierLoad,
+            150 => Self::PhaseError,
+            151 => Self::LargestPhaseError,
+            153 => Self::LateCycles,
+            _ => return None,
+        })
+    }
+}
 
 impl<B: Bus + Clone, H: Hardware> Motion<B, H> {
     /// Enters a communication phase that the slave has accepted.
@@ -39,6 +80,7 @@ impl<B: Bus + Clone, H: Hardware> Motion<B, H> {
             }
             Phase::Cp4 => self.mode = self.settings.modes.first().copied().flatten(),
             Phase::Cp2 => {
+                self.clock_monitor = ClockMonitor::default();
                 self.loss_shown = 0;
                 self.park(false);
                 self.supervision.end_bursts();
@@ -131,6 +173,7 @@ impl<B: Bus + Clone, H: Hardware> Motion<B, H> {
             class_1: self.class_1,
             class_2: self.class_2,
             class_3: self.class_3,
+            manufacturer_1: self.manufacturer_1,
             manufacturer_2: self.manufacturer_2,
             manufacturer_3: self.manufacturer_3,
             homing: self.homing,
@@ -219,6 +262,35 @@ impl<B: Bus + Clone, H: Hardware> Motion<B, H> {
     /// Shows in S-0-0182 whether the password locks the parameters.
     pub fn show_lock(&mut self, locked: bool) {
         self.manufacturer_3.set(Manufacturer3::PASSWORD, locked);
+    }
+
+    /// Values of the motor side that only the service channel shows.
+    pub fn motor_value(&self, value: MotorValue) -> u32 {
+        let watched = self.motor.watched();
+        match value {
+            MotorValue::CommutationAngle => {
+                let angle = self.motor.commutation_angle(self.encoder.position());
+                angle.map_or(-1, |angle| (u64::from(angle).wrapping_mul(36_000) >> 32) as i32).cast_unsigned()
+            }
+            MotorValue::CommutationState => self.motor.commutation_state().into(),
+            MotorValue::MotorLoad => watched.motor_load.into(),
+            MotorValue::AmplifierLoad => watched.amplifier_load.into(),
+            MotorValue::PhaseError => self.clock_monitor.last().cast_unsigned(),
+            MotorValue::LargestPhaseError => self.clock_monitor.largest(),
+            MotorValue::LateCycles => self.motor.measured().late,
+        }
+    }
+
+    /// P-0-0152.
+    pub fn phase_error_histogram(&self) -> [u32; PHASE_ERROR_CLASSES] {
+        self.clock_monitor.histogram()
+    }
+
+    /// P-0-0118 in 0.01 degree: the electrical angle of the place where the motor stands.
+    pub fn set_commutation_angle(&mut self, hundredths: u32) {
+        // At most 36 000.
+        let angle = ((u64::from(hundredths) << 32) / 36_000) as u32;
+        self.motor.set_commutation_angle(self.encoder.position(), angle);
     }
 
     /// P-0-0009.

@@ -101,6 +101,10 @@ impl<B: Bus + Clone, H: Hardware> Motion<B, H> {
             Feedback::SignalStatus => u32::from(self.signal_status()),
             Feedback::FollowingDistance => self.values.following_distance.cast_unsigned(),
             Feedback::VelocityError => self.values.velocity_error.cast_unsigned(),
+            Feedback::BusVoltage => self.motor.watched().bus.into(),
+            Feedback::MotorTemperature => u32::from(self.motor.watched().winding.cast_unsigned()),
+            Feedback::AmplifierTemperature => u32::from(self.motor.watched().heat_sink.cast_unsigned()),
+            Feedback::Limits => self.limiting.bits().into(),
             Feedback::DiagnosticNumber => u32::from(self.diagnostic_number),
         }
     }

@@ -1,13 +1,17 @@
 //! What is watched in every tick: bus, temperatures, loads, encoder, the current loop itself.
 
 use sercos::diagnostic::Class1;
-use servo::{EncoderMonitorInputs, Limiting, LoadOutput, TemperatureOutput, Velocity, VoltageError, VoltageOutput};
+use servo::current::{BusScale, Trip};
+use servo::{
+    CurrentFraction, EncoderMonitorInputs, Limiting, LoadOutput, TemperatureOutput, Velocity, VoltageError,
+    VoltageOutput,
+};
 
 use super::Motor;
 use crate::diagnosis::Manufacturer1;
 use crate::hardware::Inputs;
 use crate::link::get;
-use servo::current::Trip;
+use crate::settings::motor::FREQUENCY;
 
 /// What supervision has found in a tick.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -58,7 +62,7 @@ pub(crate) struct Watched {
     /// Bus voltage in V.
     pub(crate) bus: u16,
     /// Current that the thermal models allow.
-    pub(crate) allowed: [servo::CurrentFraction; 2],
+    pub(crate) allowed: [CurrentFraction; 2],
     /// C2D bits 0, 1, 2: overload, amplifier temperature, motor temperature.
     pub(crate) overload: bool,
     pub(crate) heat_sink_warning: bool,
@@ -115,10 +119,31 @@ impl Motor {
         let [motor, amplifier] = self.watched.allowed;
         self.limits = self.settings.torque_limits.combine(motor, amplifier);
         self.limiting = Limiting::empty();
-        if self.bridge_on && self.voltage_is_exhausted() {
-            self.limiting |= Limiting::VOLTAGE;
+        if self.bridge_on {
+            self.weaken();
+        } else {
+            self.weakening.reset();
+            self.weakened = CurrentFraction::ZERO;
         }
         findings
+    }
+
+    /// Field weakening, and what it leaves for the torque.
+    fn weaken(&mut self) {
+        let readings = &self.measured.readings;
+        let output = self.weakening.tick(&self.settings.weakening, readings, &self.bus_scale);
+        self.weakened = output.direct;
+        if output.active {
+            self.limiting |= Limiting::FIELD_WEAKENING;
+            self.limits = self.limits.narrowed(output.quadrature_limit, Limiting::FIELD_WEAKENING);
+        }
+        // 97 % of the longest vector, squared.
+        let [direct, quadrature, longest] =
+            [readings.direct_voltage, readings.quadrature_voltage, self.bus_scale.longest()].map(|v| i64::from(v >> 4));
+        let squared = direct.wrapping_mul(direct).wrapping_add(quadrature.wrapping_mul(quadrature));
+        if squared.wrapping_mul(17) > longest.wrapping_mul(longest).wrapping_mul(16) {
+            self.limiting |= Limiting::VOLTAGE;
+        }
     }
 
     /// Main power is present: the line says so, and the bus is charged.
@@ -126,17 +151,20 @@ impl Motor {
         inputs.main_power && self.bus.main_power
     }
 
-    fn currents(&self) -> (servo::CurrentFraction, servo::CurrentFraction) {
+    fn currents(&self) -> (CurrentFraction, CurrentFraction) {
         (self.measured.torque_current, self.measured.field_current)
     }
 
     fn watch_bus(&mut self, torque: bool, findings: &mut Findings) {
         let sample = (get(&self.link.report.bus) & 0xFFFF) as u16;
         self.bus = self.voltage.tick(&self.settings.voltage, sample);
-        let VoltageOutput { voltage, error, .. } = self.bus;
+        let VoltageOutput { voltage, reciprocal, error, .. } = self.bus;
+        // From 2^-16 V to 2^-14 V.
+        self.bus_scale = BusScale::new(voltage.to_bits() >> 2, reciprocal.of_fine_volts(), FREQUENCY.reload());
         self.watched.bus = voltage.to_num();
         match error {
-            Some(VoltageError::Overvoltage { .. }) => findings.add_fatal(Class1::OVERVOLTAGE),
+            // Without torque neither is the drive's doing, and a bus whose thresholds are just being written has not failed.
+            Some(VoltageError::Overvoltage { .. }) if torque => findings.add_fatal(Class1::OVERVOLTAGE),
             Some(VoltageError::Undervoltage { .. }) if torque => findings.add_fatal(Class1::UNDERVOLTAGE),
             _ => {}
         }

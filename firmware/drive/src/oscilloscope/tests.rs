@@ -51,7 +51,9 @@ fn values() -> Values {
         position_command: Position::from_bits(300 << 32),
         command_source: CommandSource::Interpolated,
         standstill: false,
-        current_limited: false,
+        limiting: servo::Limiting::empty(),
+        loop_velocity: servo::Velocity::ZERO,
+        travelled: false,
         excessive_deviation: false,
     };
     let fraction = CurrentFraction::from_bits;

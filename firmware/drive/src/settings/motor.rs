@@ -2,7 +2,10 @@
 
 use sercos::Idn;
 use sercos::parameters::Parameters;
-use servo::current::{CurrentLoopParameters, CurrentLoopSettings, MotorModel, Protection, PwmFrequency};
+use servo::current::{
+    CurrentLoopParameters, CurrentLoopSettings, FieldWeakeningParameters, FieldWeakeningSettings, MotorModel,
+    Protection, PwmFrequency,
+};
 use servo::{
     AlignmentSettings, BrakeParameters, BrakeSettings, CommutationSettings, CurrentFraction, EncoderMonitorParameters,
     EncoderMonitorSettings, LoadParameters, LoadSettings, Position, SettingsError, TemperatureParameters,
@@ -50,6 +53,8 @@ pub struct MotorSettings {
     pub aligns_with_open_brake: bool,
     /// S-0-0082, S-0-0083, S-0-0092, S-0-0109, S-0-0110.
     pub torque_limits: TorqueLimitSettings,
+    /// Field weakening.
+    pub weakening: FieldWeakeningSettings,
 }
 
 /// Slow supervision looks at one of so many quantities in a tick; its times are scaled by it.
@@ -190,6 +195,12 @@ impl MotorSettings {
                 motor_continuous: long(S(111)),
             })
             .map_err(of(S(111)))?,
+            weakening: FieldWeakeningSettings::new(&FieldWeakeningParameters {
+                limit: word(P(107)).saturating_mul(10),
+                voltage: 9_300,
+                integral_time: 100,
+            })
+            .map_err(of(P(107)))?,
         })
     }
 }

@@ -131,7 +131,7 @@ fn the_idn_lists_hold_what_the_reference_asks_for() {
     assert_eq!(numbers(Selection::ConfigurableInMdt), [36, 37, 47, 48, 80, 81, 145]);
     assert_eq!(
         numbers(Selection::ConfigurableInAt),
-        [11, 12, 13, 14, 40, 51, 53, 84, 129, 144, 181, 182, 189, 347, 390, 403, 0x8013]
+        [11, 12, 13, 14, 40, 51, 53, 84, 129, 144, 181, 182, 189, 347, 380, 383, 384, 390, 403, 0x8013, 0x80A0]
     );
     assert_eq!(numbers(Selection::BitTargets), [0x8013]);
     assert!(numbers(Selection::ChangeableInCp4).contains(&104));

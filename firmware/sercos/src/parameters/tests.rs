@@ -44,7 +44,12 @@ fn every_parameter_has_a_place_of_its_own() {
 /// A value of its own for every data block, within its limits.
 fn distinct(block: &DataBlock, number: u64) -> u64 {
     let value = match block.maximum {
-        Some(maximum) => maximum as u64 - number,
+        // Small ranges do not hold a value for each; their neighbours then differ all the same.
+        Some(maximum) => {
+            let minimum = block.minimum.unwrap_or(0);
+            let span = u64::try_from(maximum.abs_diff(minimum)).unwrap_or(u64::MAX).saturating_add(1);
+            (maximum - (number % span) as i64) as u64
+        }
         None if block.fixed_bytes() == Some(8) => number | number << 32,
         None => number,
     };

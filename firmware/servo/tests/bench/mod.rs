@@ -3,8 +3,9 @@
 
 use plant::{Motor, ReferenceAxis};
 use servo::{
-    Acceleration, Axis, AxisOutput, AxisParameters, AxisSettings, CurrentFraction, Encoder, EncoderSettings,
-    Interpolation, Limiting, Modulo, Position, TorqueLimits, Velocity, VelocityLimits,
+    Acceleration, Axis, AxisOutput, AxisParameters, AxisSettings, CurrentFilterSettings, CurrentFraction, Encoder,
+    EncoderSettings, FilterSection, FrictionSettings, Interpolation, Limiting, Modulo, Position, TorqueLimits,
+    Velocity, VelocityLimits,
 };
 
 /// Nanoseconds of a loop period.
@@ -25,6 +26,8 @@ pub(crate) fn parameters(reference: &ReferenceAxis) -> AxisParameters {
         velocity_filter: gains.velocity_filter,
         peak_current: reference.peak_current,
         acceleration_gain: 0,
+        friction: FrictionSettings::OFF,
+        filter: CurrentFilterSettings::new([FilterSection::Off; 2]).unwrap(),
         velocity_limits: up_to(rpm(f64::from(reference.maximum_speed))),
         deceleration: Acceleration::from_milliradians_per_second_squared(gains.acceleration_limit),
         halt_deceleration: Acceleration::from_bits(0),
