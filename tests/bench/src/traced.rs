@@ -63,6 +63,8 @@ const GRID: Nanoseconds = Nanoseconds::from_millis(20);
 const WINDOW: Nanoseconds = Nanoseconds::from_millis(100);
 const STEP: Nanoseconds = Nanoseconds::from_millis(1);
 const PATIENCE_SECONDS: u64 = 30;
+/// The drive searches its commutation angle when it is first switched on: 2 s are enough.
+const SWITCHING_ON_CYCLES: u64 = 4_000;
 /// 300 rpm of 3 600 000 increments a revolution, in increments a cycle.
 const INCREMENTS_PER_CYCLE: i32 = 9_000;
 /// Read while traced: a word, a long word, a text, a list, and the checksum over all parameters, the longest step of all.
@@ -152,7 +154,7 @@ fn script(bit_rate: BitRate) -> MasterScript {
     let drive = DriveScript::new(ADDRESS, telegram)
         .with(Idn::OPERATION_MODE, Value::Word(11))
         .with_all(parameters_of(&axis));
-    let motion = Motion::new(u64::from(u32::MAX), |point| {
+    let mut motion = Motion::new(u64::from(u32::MAX), |point| {
         // The shaft starts gently, over the first 200 cycles.
         let cycles = i32::try_from(point.cycle).unwrap_or(i32::MAX);
         let ramp = cycles.min(200);
@@ -160,6 +162,7 @@ fn script(bit_rate: BitRate) -> MasterScript {
         let steady = cycles.wrapping_sub(ramp).wrapping_mul(INCREMENTS_PER_CYCLE);
         CommandValues::at_position(point.start.wrapping_add(turned).wrapping_add(steady))
     });
+    motion.patience = SWITCHING_ON_CYCLES;
     MasterScript {
         bit_rate,
         cycle: u16::try_from(CYCLE.as_microseconds()).unwrap_or(u16::MAX),
