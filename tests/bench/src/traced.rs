@@ -151,9 +151,8 @@ fn world(elves: &Elves, arguments: Vec<std::ffi::OsString>) -> Result<World<Scri
 fn script(bit_rate: BitRate) -> MasterScript {
     let axis = ReferenceAxis::press();
     let telegram = Telegram::application(&[Idn(51), Idn(40), Idn::FOLLOWING_DISTANCE], &[Idn::POSITION_COMMAND]);
-    let drive = DriveScript::new(ADDRESS, telegram)
-        .with(Idn::OPERATION_MODE, Value::Word(11))
-        .with_all(parameters_of(&axis));
+    let drive =
+        DriveScript::new(ADDRESS, telegram).with(Idn::OPERATION_MODE, Value::Word(11)).with_all(parameters_of(&axis));
     let mut motion = Motion::new(u64::from(u32::MAX), |point| {
         // The shaft starts gently, over the first 200 cycles.
         let cycles = i32::try_from(point.cycle).unwrap_or(i32::MAX);

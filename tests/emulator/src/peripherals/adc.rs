@@ -207,11 +207,8 @@ impl Converters {
     pub(crate) fn next_end(&self, trigger: Option<Nanoseconds>) -> Option<Nanoseconds> {
         let interrupts = |adc: &Converter| adc.control[0] & INJECTED_INTERRUPT != 0;
         let end = |adc: &Converter, from: Nanoseconds| from + self.cycles_time(adc.sequence_cycles());
-        let running = self
-            .converters
-            .iter()
-            .filter(|adc| interrupts(adc))
-            .filter_map(|adc| Some(end(adc, adc.running?.started)));
+        let running =
+            self.converters.iter().filter(|adc| interrupts(adc)).filter_map(|adc| Some(end(adc, adc.running?.started)));
         let started = trigger.into_iter().flat_map(|at| {
             let group = self.triggered().into_iter().map(|number| &self.converters[number]);
             group.filter(|adc| interrupts(adc)).map(move |adc| end(adc, at))

@@ -23,8 +23,8 @@ use encoder_counters::{Edge, EncoderCounters};
 use gpio::{PinMode, Port};
 use interrupts::{Exti, Syscfg};
 use map::{
-    ADC, BIT_BAND, BIT_BAND_END, ENCODER_COUNTERS, EXTERNAL_BYTES, EXTI, FLASH, FSMC, GPIO, GPIO_END, IWDG, PWR,
-    RCC, SYSCFG, TIM1, TIM2, TIM5, bit_band, clock_enable, counter_of, is_timer, port_of,
+    ADC, BIT_BAND, BIT_BAND_END, ENCODER_COUNTERS, EXTERNAL_BYTES, EXTI, FLASH, FSMC, GPIO, GPIO_END, IWDG, PWR, RCC,
+    SYSCFG, TIM1, TIM2, TIM5, bit_band, clock_enable, counter_of, is_timer, port_of,
 };
 use others::{Fsmc, Watchdog};
 use power_stage::PowerStage;

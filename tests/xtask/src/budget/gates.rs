@@ -39,6 +39,9 @@ pub(crate) struct Function {
     pub(crate) budget: u64,
 }
 
+/// Highest priority of a task that shares a resource with others: nobody above waits for a critical section.
+pub(crate) const CEILING: u8 = 4;
+
 /// All gates.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Gates {
@@ -51,14 +54,8 @@ pub(crate) struct Gates {
 /// No task of the cycle may end the program, or go where nobody can follow it.
 const OF_THE_CYCLE: &[Check] = &[Check::Panic, Check::IndirectCall, Check::FloatingPoint, Check::Division];
 /// The current loop waits for nobody and copies nothing: all that there is.
-const OF_THE_CURRENT_LOOP: &[Check] = &[
-    Check::Panic,
-    Check::IndirectCall,
-    Check::FloatingPoint,
-    Check::Division,
-    Check::MemoryRoutine,
-    Check::Lock,
-];
+const OF_THE_CURRENT_LOOP: &[Check] =
+    &[Check::Panic, Check::IndirectCall, Check::FloatingPoint, Check::Division, Check::MemoryRoutine, Check::Lock];
 
 /// The tasks of the application's table, and what each may take. The budgets leave a fifth above what was measured; a binary that needs more has
 /// changed, and somebody should know why.
