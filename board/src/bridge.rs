@@ -59,7 +59,7 @@ impl PwmFrequency {
     }
 }
 
-/// The board's PWM frequency, fixed when it starts.
+/// The board's PWM frequency: that of `drive`, and a constant, so that the current loop decides nothing about it.
 pub const PWM_FREQUENCY: PwmFrequency = PwmFrequency::Khz16;
 
 /// Dead time between high and low side, in nanoseconds: IGBT modules of this size switch within some 0.5 us.
@@ -103,7 +103,7 @@ pub fn off() {
 /// Sets everything up with the outputs off and the counter running; the first trigger comes within half a period.
 ///
 /// The converters must wait for it already, and TIM9 must run.
-pub(crate) fn start(timer: pac::TIM1, frequency: PwmFrequency, rcc: &mut Rcc) -> (Bridge, Modulator) {
+pub(crate) fn start(timer: pac::TIM1, rcc: &mut Rcc) -> (Bridge, Modulator) {
     pac::TIM1::enable(rcc);
     // First of all what makes "off" drive the outputs low; idle levels and polarities have their reset value 0: low, active high.
     // SAFETY: `OFF` is built of defined fields only.
@@ -113,7 +113,7 @@ pub(crate) fn start(timer: pac::TIM1, frequency: PwmFrequency, rcc: &mut Rcc) ->
         w.oc2m().pwm_mode1().oc2pe().enabled()
     });
     // Before the preload is switched on, so that it is in force: at 0 OC4REF would be high at once, and start the converters.
-    let reload = frequency.nominal_reload();
+    let reload = PWM_FREQUENCY.nominal_reload();
     timer.ccr4().write(|w| w.ccr().set(trigger(reload)));
     // Mode 2: OC4REF rises while counting up, before the peak. Mode 1 would rise behind it.
     timer.ccmr2_output().write(|w| {
@@ -138,7 +138,7 @@ pub(crate) fn start(timer: pac::TIM1, frequency: PwmFrequency, rcc: &mut Rcc) ->
     // SAFETY: every value is valid for SR; this one clears all flags.
     timer.sr().write(|w| unsafe { w.bits(0) });
     timer.cr1().modify(|_, w| w.cen().enabled());
-    (Bridge(()), Modulator { timer, frequency, reload, last_peak: None, first: false })
+    (Bridge(()), Modulator { timer, reload, last_peak: None, first: false })
 }
 
 /// Switches torque on and off; owned by the task that decides about it.
@@ -193,7 +193,6 @@ const SR_BITS: u32 = 0x1EFF;
 #[derive(Debug)]
 pub struct Modulator {
     timer: pac::TIM1,
-    frequency: PwmFrequency,
     /// In force from the last valley on, or from the next.
     reload: u16,
     /// Time of TIM9.
@@ -215,11 +214,11 @@ impl Modulator {
         let counter = self.timer.cnt().read().cnt().bits();
         let peak = edge_time::now().wrapping_sub(since_peak(self.reload, down, counter));
         let missed = match self.last_peak {
-            Some(last) => missed(self.frequency, peak.wrapping_sub(last)),
+            Some(last) => missed(PWM_FREQUENCY, peak.wrapping_sub(last)),
             None => false,
         };
         self.last_peak = Some(peak);
-        self.first = first(self.frequency, self.first, missed);
+        self.first = first(PWM_FREQUENCY, self.first, missed);
         if self.first {
             loop_phase::publish(peak);
         }
@@ -242,7 +241,7 @@ impl Modulator {
     /// To be called in every period: an odd count at 16 kHz is made by the first one alone. The trigger moves with the peak.
     #[inline(always)]
     pub fn set_reload(&mut self, trim: i16) {
-        self.reload = reload(self.frequency, trim, self.first);
+        self.reload = reload(PWM_FREQUENCY, trim, self.first);
         self.timer.arr().write(|w| w.arr().set(self.reload));
         self.timer.ccr4().write(|w| w.ccr().set(trigger(self.reload)));
     }

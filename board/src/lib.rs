@@ -108,7 +108,7 @@ impl Board {
             &mut rcc,
         );
         // Behind the converters and TIM9: its first trigger finds them waiting.
-        let (bridge, modulator) = bridge::start(peripherals.TIM1, bridge::PWM_FREQUENCY, &mut rcc);
+        let (bridge, modulator) = bridge::start(peripherals.TIM1, &mut rcc);
         let watchdog = watchdog::Watchdog::new(peripherals.IWDG, &mut rcc);
         let motor_side = MotorSide {
             encoder,
