@@ -288,6 +288,43 @@ fn the_end_of_the_sequence_interrupts_and_foretells_what_the_handler_reads() {
 }
 
 #[test]
+fn a_processor_that_waits_is_asked_at_the_end_of_a_sequence_and_at_nothing_before() {
+    let (mut board, start) = Board::with_power_stage();
+    board.run_until(Nanoseconds(start + 1_000));
+    let end = board.peripherals.next_interrupt().unwrap();
+    assert_eq!(end, Nanoseconds(start + 33_728));
+    board.peripherals.take_interrupts();
+    board.run_until(Nanoseconds(end.0 - 2));
+    assert_eq!(board.peripherals.take_interrupts().0, 0);
+    assert_eq!(board.peripherals.next_interrupt(), Some(end), "of the sequence that runs");
+    board.run_until(end);
+    assert_eq!(board.peripherals.take_interrupts().0, 1 << 18);
+    let next = board.peripherals.next_interrupt().unwrap();
+    assert!(next.0.abs_diff(end.0 + 2 * HALF) <= 1, "{next}");
+    board.write(0x4001_2004, 0x100);
+    assert_eq!(board.peripherals.next_interrupt(), None, "no interrupt is enabled");
+}
+
+#[test]
+fn the_counts_of_running_timers_are_foretold_for_an_instant() {
+    let (mut board, start) = Board::with_power_stage();
+    let tim9 = 0x4001_4000;
+    for (offset, value) in [(0x2C, 0xFFFF), (0x00, 1)] {
+        board.write(tim9 + offset, value);
+    }
+    board.run_until(Nanoseconds(start + 34_000));
+    let then = Nanoseconds(start + 34_500);
+    let foretold = [TIMER + COUNT, tim9 + COUNT]
+        .map(|address| board.peripherals.foretell(&mut board.world, address, then).unwrap());
+    let turn = Nanoseconds(start + 2 * HALF);
+    assert_eq!(board.peripherals.foretell(&mut board.world, TIMER + COUNT, turn), None, "the direction turns");
+    assert_eq!(board.peripherals.foretell(&mut board.world, TIMER + STATUS, then), None, "no count");
+    board.run_until(then);
+    assert_eq!([board.read(TIMER + COUNT), board.read(tim9 + COUNT)], foretold);
+    assert_eq!(foretold[0], 5_250 - 546);
+}
+
+#[test]
 fn nothing_is_foretold_beyond_its_next_change() {
     let (mut board, start) = Board::with_power_stage();
     let now = Nanoseconds(start + 40_000);
