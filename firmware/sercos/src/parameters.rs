@@ -247,15 +247,23 @@ impl Parameters {
     /// S-0-0326: a checksum (FNV-1a, 32 bits) over everything that a control saves (S-0-0327), in the order of the IDNs. Two drives with
     /// the same checksum have the same settings.
     pub fn checksum(&self) -> u32 {
+        let cell = |index: u8| self.cells.get(usize::from(index)).copied().unwrap_or(0);
         let mut sum = Checksum::new();
-        for block in dictionary::select(Selection::Backup) {
+        for (block, storage) in storage::all().filter(|(block, _)| block.is_in(Selection::Backup)) {
             sum.add(block.idn.0);
-            match storage_of(block.idn) {
+            match storage {
                 Storage::None => {}
-                Storage::Cell(_) | Storage::TwoCells(_) => {
-                    let value = self.get_long(block.idn);
-                    for shift in [0, 16, 32, 48] {
-                        sum.add((value >> shift & 0xFFFF) as u16);
+                Storage::Cell(index) => {
+                    let value = cell(index);
+                    sum.add((value & 0xFFFF) as u16);
+                    if block.fixed_bytes() == Some(4) {
+                        sum.add((value >> 16) as u16);
+                    }
+                }
+                Storage::TwoCells(index) => {
+                    for value in [cell(index), cell(index.saturating_add(1))] {
+                        sum.add((value & 0xFFFF) as u16);
+                        sum.add((value >> 16) as u16);
                     }
                 }
                 Storage::Idns(_) => self.list(block.idn).iter().for_each(|entry| sum.add(entry.0)),

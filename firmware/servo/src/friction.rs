@@ -70,6 +70,9 @@ impl FrictionSettings {
     #[inline]
     #[must_use]
     pub fn current(&self, command: Velocity) -> CurrentFraction {
+        if *self == Self::OFF {
+            return CurrentFraction::ZERO;
+        }
         let velocity = i64::from(command.to_bits());
         let coulomb = limited(self.slope.apply(velocity), self.coulomb);
         let total = coulomb.saturating_add(self.viscous.apply(velocity));

@@ -45,6 +45,11 @@ pub(super) fn storage_of(idn: Idn) -> Storage {
     storage.copied().unwrap_or(Storage::None)
 }
 
+/// Every data block with the place of its value, in ascending order of the IDN: for those who want all and need not search.
+pub(super) fn all() -> impl Iterator<Item = (&'static DataBlock, Storage)> {
+    dictionary::DICTIONARY.iter().zip(STORAGE.iter().copied())
+}
+
 #[allow(clippy::panic, reason = "evaluated by the compiler only")]
 const fn kind_of(block: &DataBlock, counts: &Counts) -> Storage {
     match (block.attribute.length(), block.attribute.format()) {

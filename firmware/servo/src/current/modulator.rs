@@ -13,8 +13,9 @@ pub(super) fn space_vector(alpha: i32, side: i32, middle: i32) -> [i32; 3] {
     let a = alpha;
     let b = side.wrapping_sub(half);
     let c = half.wrapping_add(side).wrapping_neg();
-    let sum = a.max(b).max(c).wrapping_add(a.min(b).min(c));
-    let zero = middle.wrapping_sub(sum >> 1);
+    // The three add up to nothing, so the highest and the lowest together are the one between them with its sign turned round.
+    let between = a.min(b).max(a.max(b).min(c));
+    let zero = middle.wrapping_add(between >> 1);
     [a.wrapping_add(zero), b.wrapping_add(zero), c.wrapping_add(zero)]
 }
 
