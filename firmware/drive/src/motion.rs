@@ -9,11 +9,13 @@ use sercos::Phase;
 use sercos::diagnostic::{Class1, Class2, Class3};
 use sercos::phase::PhaseError;
 use sercos::supervision::Supervision;
-use servo::{Axis, CurrentFraction, Encoder, Limiting, LoopClock, Mode, Position, Velocity};
+use servo::{Axis, CurrentFraction, Encoder, Limiting, LoopClock, Mode, Position, Scope, Velocity};
 
 mod background;
 mod clock_monitor;
 mod cycle;
+mod identifying;
+mod recording;
 mod words;
 
 pub(crate) use background::MotorValue;
@@ -22,9 +24,11 @@ use clock_monitor::ClockMonitor;
 use crate::diagnosis::{Manufacturer1, Manufacturer2, Manufacturer3};
 use crate::feedback::FeedbackValues;
 use crate::hardware::{Hardware, Inputs, InterruptLine};
+use crate::identification::{Identification, Outcome};
 use crate::link::CurrentLink;
 use crate::motor::{Findings, Motor, Progress, Sequence, SequenceInputs, Surroundings};
 use crate::mst::MstMonitor;
+use crate::oscilloscope::Oscilloscope;
 use crate::record::Records;
 use crate::settings::{MotionSettings, OperationMode, Reaction};
 use crate::state::{Conditions, DriveState, StateMachine, Switches};
@@ -109,6 +113,15 @@ pub struct Motion<B, H> {
     told: (DriveState, Class1, Class2),
     /// P-0-0019.
     application_word: u16,
+    oscilloscope: Oscilloscope<'static>,
+    /// P-0-0224, P-0-0225 or P-0-0226 is under way.
+    identification: Option<Identification>,
+    /// What came of it, until the background has asked.
+    identified: Option<Outcome>,
+    /// P-0-0227.
+    identification_percent: u8,
+    /// An identification has moved the axis: the first command after HALT is looked at before it is followed.
+    displaced: bool,
     /// S-0-0403 bit 0.
     referenced: bool,
     /// S-0-0148 holds the position until it is cancelled.
@@ -136,7 +149,14 @@ pub struct Motion<B, H> {
 
 impl<B: Bus + Clone, H: Hardware> Motion<B, H> {
     /// A motor side at rest: torque-free, CP0, position zero where the encoder stands.
-    pub fn new(bus: B, address: u8, mut hardware: H, link: &'static CurrentLink, settings: MotionSettings) -> Self {
+    pub fn new(
+        bus: B,
+        address: u8,
+        mut hardware: H,
+        link: &'static CurrentLink,
+        scope: &'static mut Scope,
+        settings: MotionSettings,
+    ) -> Self {
         let encoder = Encoder::new(settings.encoder, hardware.encoder_count());
         hardware.set_bridge(false);
         hardware.set_brake(false);
@@ -180,6 +200,11 @@ impl<B: Bus + Clone, H: Hardware> Motion<B, H> {
             class_3_change: false,
             told: (DriveState::Off, Class1::empty(), Class2::empty()),
             application_word: 0,
+            oscilloscope: Oscilloscope::new(scope),
+            identification: None,
+            identified: None,
+            identification_percent: 0,
+            displaced: false,
             referenced: false,
             homing: false,
             resuming: false,
@@ -257,6 +282,7 @@ impl<B: Bus + Clone, H: Hardware> Motion<B, H> {
         self.look_after_the_motor(index);
         self.update_state();
         self.step_sequence(index.map(|count| self.encoder.position_of(count)));
+        self.identify(position);
         let output = self.axis.tick(position, self.motor.torque_limits());
         if output.excessive_deviation {
             self.class_1 |= Class1::EXCESSIVE_DEVIATION;
@@ -268,6 +294,7 @@ impl<B: Bus + Clone, H: Hardware> Motion<B, H> {
         self.limiting = output.limiting | self.motor.limiting();
         self.values.take_output(&output, self.motor.torque_current());
         self.refresh_words(&output);
+        self.record(position, &output);
         self.flywheel() | self.tell_lock() | self.tell_news()
     }
 
@@ -414,11 +441,15 @@ impl<B: Bus + Clone, H: Hardware> Motion<B, H> {
         // A homing that is not cancelled holds the drive as HALT does.
         let switches = Switches { run: self.switches.run && !self.homing, ..self.switches };
         let state = self.machine.update(switches, conditions);
+        if state != DriveState::Halted {
+            self.abandon_identification();
+        }
         let mode = match (state, self.mode) {
             (DriveState::Off | DriveState::Fault, _) => Mode::Off,
             // Without an angle there is no torque that a loop could use.
             (DriveState::SwitchingOn, _) if !self.motor.commutates() => Mode::Off,
             (DriveState::SwitchingOff | DriveState::FaultReaction, _) => Mode::Stopping,
+            (DriveState::Halted, _) if self.identification.is_some() => self.identification_mode(),
             (DriveState::Halted | DriveState::SwitchingOn | DriveState::Engaging, _) => Mode::Halt,
             (DriveState::Following, Some(OperationMode::Torque)) => Mode::Torque,
             (DriveState::Following, Some(OperationMode::Velocity)) => Mode::Velocity,
@@ -456,7 +487,7 @@ impl<B: Bus + Clone, H: Hardware> Motion<B, H> {
     /// Asks the background to look at what has become of the drive: its diagnosis and its error memory.
     fn tell_news(&mut self) -> Work {
         let now = (self.machine.state(), self.class_1, self.class_2);
-        if now == self.told {
+        if now == self.told && self.identified.is_none() {
             return Work::empty();
         }
         self.told = now;

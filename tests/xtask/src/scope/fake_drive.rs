@@ -8,7 +8,7 @@ use drive::oscilloscope::{
 use drive::{Command, Feedback, Source};
 use sercos::Idn;
 use sercos::parameters::Parameters;
-use servo::{AxisOutput, CommandSource, CurrentFraction, Position, Scope, Velocity};
+use servo::{AxisOutput, CommandSource, CurrentFraction, Limiting, Position, Scope, Velocity};
 use std::collections::BTreeMap;
 
 /// Ticks that every access to the service channel takes: two cycles of 2 ms.
@@ -69,11 +69,13 @@ impl FakeDrive {
             current: CurrentFraction::ZERO,
             following_error: Position::ZERO,
             velocity: Velocity::ZERO,
+            loop_velocity: Velocity::ZERO,
             velocity_command: Velocity::ZERO,
             position_command: Position::ZERO,
             command_source: CommandSource::Interpolated,
             standstill: true,
-            current_limited: false,
+            limiting: Limiting::empty(),
+            travelled: false,
             excessive_deviation: false,
         };
         Self {
