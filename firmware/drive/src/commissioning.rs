@@ -26,8 +26,6 @@ pub(crate) const IDENTIFY_WINDING: Idn = Idn::product(224);
 pub(crate) const IDENTIFY_FLUX: Idn = Idn::product(225);
 /// P-0-0226.
 pub(crate) const IDENTIFY_INERTIA: Idn = Idn::product(226);
-/// P-0-0228.
-pub(crate) const FINDING: Idn = Idn::product(228);
 
 const S: fn(u16) -> Idn = Idn::standard;
 const P: fn(u16) -> Idn = Idn::product;
