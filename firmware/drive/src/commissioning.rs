@@ -167,11 +167,8 @@ pub(crate) fn take_over(
     match measurement {
         Measurement::Winding(resistance, inductance) => {
             let inductances = inductance.inductances()?;
-            let values = [
-                (P(111), resistance.resistance()?),
-                (P(112), inductances.direct),
-                (P(113), inductances.quadrature),
-            ];
+            let values =
+                [(P(111), resistance.resistance()?), (P(112), inductances.direct), (P(113), inductances.quadrature)];
             put(parameters, values, check)
         }
         Measurement::Flux(flux) => put(parameters, [(P(114), flux.flux()?.linkage)], check),
@@ -189,7 +186,9 @@ fn put<const N: usize>(
     let result = values
         .into_iter()
         .try_for_each(|(idn, actual)| {
-            parameters.set(idn, actual.into()).map_err(|_| Finding::Limits { idn, actual })
+            let is_set = parameters.set(idn, actual.into()).is_ok();
+            // A parameter of two bytes takes the low half of a number that does not fit.
+            if is_set && parameters.get(idn) == actual { Ok(()) } else { Err(Finding::Limits { idn, actual }) }
         })
         .and_then(|()| check(parameters).map_err(|invalid| Finding::Refused(invalid.idn)));
     if result.is_err() {
@@ -243,6 +242,7 @@ mod tests {
     #[test]
     fn gains_that_the_loops_cannot_work_with_are_taken_back() {
         let mut parameters = Parameters::new();
+        parameters.set(P(111), 600).unwrap();
         let before = gains(&parameters);
         let refused = |_: &Parameters| Err(InvalidSetting { idn: S(100), reason: None });
         assert_eq!(compute_gains(&mut parameters, refused), Err(Finding::Refused(S(100))));
@@ -254,12 +254,41 @@ mod tests {
     #[test]
     fn a_gain_beyond_its_limits_is_named_and_none_is_changed() {
         let mut parameters = Parameters::new();
-        // 100 kg cm^2 at 133 mVs: 30 A s/rad; ten times as much does not fit.
+        // 1 kg m^2 at 0.8 Nm/A and 40 Hz: 314 A s/rad.
         parameters.set(P(221), 10_000_000).unwrap();
         let before = gains(&parameters);
         let finding = compute_gains(&mut parameters, valid).unwrap_err();
-        assert!(matches!(finding, Finding::Limits { idn, actual: 65_536.. } if idn == S(100)), "{finding}");
+        assert!(matches!(finding, Finding::Limits { idn, actual: 314_000..314_300 } if idn == S(100)), "{finding}");
         assert_eq!(gains(&parameters), before);
+    }
+
+    #[test]
+    fn every_finding_fits_into_the_text_of_the_service_channel() {
+        let out_of_range = |parameter, actual, minimum, maximum| {
+            Finding::Settings(SettingsError::OutOfRange { parameter, actual, minimum, maximum })
+        };
+        let findings = [
+            // The longest of those that the two rules and the sequences have.
+            out_of_range("current loop proportional gain S-0-0106", u32::MAX, 1, 500_000),
+            out_of_range("current loop integral action time S-0-0107", u32::MAX, 63, 6_553_500),
+            out_of_range("velocity loop proportional gain S-0-0100", u32::MAX, 1, 6_553_500),
+            out_of_range("ramp of the identification in loop ticks", u32::MAX, 0, 240_000),
+            out_of_range("movement of the identification in revolutions", 1 << 20, 0, 1 << 20),
+            Finding::Settings(SettingsError::Zero { parameter: "resistance of the winding" }),
+            Finding::Limits { idn: P(4_095), actual: u32::MAX },
+            Finding::Refused(P(4_095)),
+            Finding::Interrupted,
+            IdentificationError::OutOfRange { actual: i64::MIN, minimum: 10, maximum: 1_000_000_000 }.into(),
+            IdentificationError::CurrentNotReached { actual: i32::MIN, expected: i32::MIN }.into(),
+            IdentificationError::NoMovement.into(),
+            IdentificationError::VoltageLimit.into(),
+            IdentificationError::Unstable.into(),
+            IdentificationError::TooMuchMovement { actual: i64::MIN, maximum: i64::MAX }.into(),
+        ];
+        for finding in findings {
+            let text = std::string::ToString::to_string(&finding);
+            assert!((10..=sercos::service::LIVE_TEXT_BYTES).contains(&text.len()), "{text}: {}", text.len());
+        }
     }
 
     #[test]

@@ -121,8 +121,7 @@ impl<P: PowerStage> CurrentControl<P> {
             self.stage.switch_off();
             return;
         }
-        let counts =
-            self.current_loop.cycle(&self.settings.current_loop, command, currents, self.angle);
+        let counts = self.current_loop.cycle(&self.settings.current_loop, command, currents, self.angle);
         self.stage.set_compare(counts);
     }
 

@@ -179,9 +179,16 @@ mod tests {
     #[test]
     fn the_held_angle_is_a_multiple_of_sixty_degrees_at_most_thirty_away() {
         let degrees = |degrees: f64| (degrees / 360.0 * 4_294_967_296.0) as u32;
-        for (angle, expected) in
-            [(0.0, 0.0), (29.9, 0.0), (30.1, 60.0), (89.9, 60.0), (90.1, 120.0), (269.0, 240.0), (329.9, 300.0), (330.1, 0.0)]
-        {
+        for (angle, expected) in [
+            (0.0, 0.0),
+            (29.9, 0.0),
+            (30.1, 60.0),
+            (89.9, 60.0),
+            (90.1, 120.0),
+            (269.0, 240.0),
+            (329.9, 300.0),
+            (330.1, 0.0),
+        ] {
             let difference = nearest_sixth(degrees(angle)).wrapping_sub(degrees(expected)).cast_signed();
             assert!(difference.abs() <= 1, "{angle}: {difference}");
         }

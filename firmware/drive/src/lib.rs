@@ -27,8 +27,8 @@ extern crate std;
 
 mod access;
 mod bits;
-mod communication;
 mod commissioning;
+mod communication;
 mod current_control;
 mod diagnosis;
 mod error_memory;
@@ -71,9 +71,10 @@ pub use snapshot::Snapshot;
 pub use state::{Conditions, DriveState, StateMachine, Switches, status_bits};
 pub use work::Work;
 
+pub use servo::Scope;
+
 use sercon816::Bus;
 use sercos::parameters::Parameters;
-pub use servo::Scope;
 
 /// The four parts of a drive; each belongs to the tasks of one priority.
 #[derive(Debug)]

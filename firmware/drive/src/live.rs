@@ -360,7 +360,7 @@ where
             (true, 10) => Some(self.diagnosis().cause),
             (true, 11) => Some(self.diagnosis().remedy),
             (true, 228) => {
-                // Cut where it is too long; a test looks.
+                // Longer than the longest finding; a test looks.
                 let _ = self.commissioning.finding.map_or(Ok(()), |finding| write!(text, "{finding}"));
                 None
             }

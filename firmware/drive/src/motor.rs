@@ -7,8 +7,8 @@
 mod sequence;
 mod supervision;
 
-use servo::identification::CurrentRequest;
 use servo::current::{BusScale, CurrentCommand, CurrentReadings, FieldWeakening, Trip};
+use servo::identification::CurrentRequest;
 use servo::{
     Alignment, BrakeOutput, BrakeSequencer, BusVoltage, CommutationAngle, CurrentFraction, EncoderMonitor,
     IndexCorrection, Limiting, LoadModel, Position, Rotation, Temperature, TorqueLimits, Velocity, VoltageOutput,
@@ -266,11 +266,13 @@ impl Motor {
         self.bus_scale.longest()
     }
 
-    /// What the oscilloscope shows of the current loop: the second cycle of the tick before, then the first one of this tick.
+    /// What the oscilloscope shows of the current loop: the second cycle of the tick before, then the first one of this tick. At 8 kHz a
+    /// tick has only the first.
     #[inline]
-    pub(crate) fn last_cycles(&self) -> [CurrentLoopValues; 2] {
+    pub(crate) fn last_cycles(&self) -> impl Iterator<Item = CurrentLoopValues> {
+        const SKIPPED: usize = if FREQUENCY.cycles_per_tick() < 2 { 1 } else { 0 };
         let [first, second] = &self.link.report.cycles;
-        [self.values_of(second), self.values_of(first)]
+        [second, first].into_iter().skip(SKIPPED).map(|cycle| self.values_of(cycle))
     }
 
     /// What the oscilloscope shows of the cycle that began this tick.

@@ -3,7 +3,9 @@
 //! What this file stands for is `firmware/app/src/main.rs` and the board: edges of the interrupt pins, the end of
 //! conversion, the order of priorities. Everything else is the product.
 
-use drive::{Communication, CurrentControl, CurrentLink, Drive, Identity, InterruptLine, Interrupts, Motion, Scope, Work};
+use drive::{
+    Communication, CurrentControl, CurrentLink, Drive, Identity, InterruptLine, Interrupts, Motion, Scope, Work,
+};
 use ring::Nanoseconds;
 use ring::chip::{ChipBus, InterruptPin, SharedChip};
 use ring::time::SharedClock;

@@ -1,12 +1,12 @@
 //! What the oscilloscope records of the motor side.
 
 use sercon816::Bus;
-use servo::{AxisOutput, Position};
+use servo::{AxisOutput, Position, SCOPE_CHANNELS};
 
 use super::Motion;
 use crate::bits::Source;
 use crate::hardware::Hardware;
-use crate::oscilloscope::{CurrentLoopValues, LoopValues, Oscilloscope, SignalValues, Task, sample_source};
+use crate::oscilloscope::{CurrentLoopValues, LoopValues, Oscilloscope, Signal, SignalValues, Task, sample_source};
 use crate::record::{Command, Feedback};
 
 /// All values of one instant.
@@ -30,20 +30,27 @@ impl<B: Bus + Clone, H: Hardware> Motion<B, H> {
             return;
         }
         let loops = LoopValues { position, output: *output };
-        for current_loop in self.motor.last_cycles() {
-            self.record_of(Task::CurrentLoop, loops, current_loop);
+        if let Some(signals) = self.oscilloscope.wanted(Task::ControlLoop) {
+            let points = self.points(signals, loops, self.motor.cycle_values());
+            self.oscilloscope.record(&points);
         }
-        let current_loop = self.motor.cycle_values();
-        self.record_of(Task::ControlLoop, loops, current_loop);
+        if let Some(signals) = self.oscilloscope.wanted(Task::CurrentLoop) {
+            for current_loop in self.motor.last_cycles() {
+                let points = self.points(signals, loops, current_loop);
+                self.oscilloscope.record(&points);
+            }
+        }
     }
 
     #[inline]
-    fn record_of(&mut self, task: Task, loops: LoopValues, current_loop: CurrentLoopValues) {
-        if let Some(signals) = self.oscilloscope.wanted(task) {
-            let values = Values { motion: self, loops, current_loop };
-            let points = signals.map(|signal| sample_source(signal, &values));
-            self.oscilloscope.record(&points);
-        }
+    fn points(
+        &self,
+        signals: [Signal; SCOPE_CHANNELS],
+        loops: LoopValues,
+        current_loop: CurrentLoopValues,
+    ) -> [i32; SCOPE_CHANNELS] {
+        let values = Values { motion: self, loops, current_loop };
+        signals.map(|signal| sample_source(signal, &values))
     }
 }
 

@@ -147,7 +147,8 @@ fn every_cycle_of_the_current_loop_is_recorded_in_its_order() {
     let mut channel = RingChannel::run_up(&mut |_| {}).unwrap();
     step(&mut channel, 300.0).unwrap();
     channel.wait(600_000).unwrap();
-    let order = Settings { points: 512, sampling: 0, edge: Edge::Immediate, ..settings(&["F018", "F010", "F016", "F019"]) };
+    let order =
+        Settings { points: 512, sampling: 0, edge: Edge::Immediate, ..settings(&["F018", "F010", "F016", "F019"]) };
     let recording = recorder::record(&mut channel, &order, |_| Ok(()), &mut |_, _, _| {}).unwrap();
     assert_eq!((recording.len(), recording.interval), (512, 625));
     let scaled = |channel: usize| {
