@@ -165,9 +165,9 @@ fn every_cycle_of_the_current_loop_is_recorded_in_its_order() {
     // 6 Nm and 0.05 Nm s/rad of friction at 2 Nm/A, of 60 A.
     let current = mean(scaled(1).collect());
     assert!((0.060..0.067).contains(&current), "{current}");
-    // 0.333 Vs at 125.7 rad/s and 0.35 Ohm with 3.8 A.
+    // 0.333 Vs at 125.7 rad/s and 0.35 Ohm with 3.8 A, and what dead time and transistors take.
     let voltage = mean(scaled(2).collect());
-    assert!((42.0..45.0).contains(&voltage), "{voltage} V");
+    assert!((42.0..47.0).contains(&voltage), "{voltage} V");
     let bus = mean(scaled(3).collect());
     assert!((555.0..565.0).contains(&bus), "{bus} V");
 
