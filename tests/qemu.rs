@@ -3,11 +3,14 @@
 //! `cargo xtask test` builds the ELF and runs these.
 
 mod common;
+#[path = "common/running.rs"]
+mod running;
 
 use bench::report::Platform;
 use bench::{DriveSetup, Elves, Executor, ReplayOptions, demo, replay, ring_of_drives_on};
 use common::{real_recording, tight_ring};
 use conformance::{Configuration, Slave, walk};
+use ring::master::ScriptedMaster;
 use ring::tester::Plan;
 use ring::wire::BitRate;
 use ring::{Nanoseconds, RingConfiguration, Tester};
@@ -52,15 +55,19 @@ fn assert_released_in_time(release: &bench::report::Durations) {
 #[test]
 #[ignore = "needs QEMU and the ELF: cargo xtask test"]
 fn the_flashed_elf_follows_the_line_shaft_twice_in_exactly_the_same_way() {
-    let executor = on_qemu();
-    let first = demo(&executor, &mut |_| {}).unwrap();
+    let run = || demo(&on_qemu(), &mut |_| {}).unwrap();
+    // Side by side: each run waits for its own QEMU most of the time.
+    let (first, second) = std::thread::scope(|scope| {
+        let first = scope.spawn(run);
+        let second = run();
+        (first.join().unwrap(), second)
+    });
     println!("{:?} {:?}", first.following, first.missed);
     let error = first.following.constant_speed_max_degrees;
     assert!((0.000_1..0.05).contains(&error), "{error} degree");
     assert!(first.service_errors.is_empty());
     assert_eq!((first.missed.mst, first.missed.mdt, first.missed.at), (0, 0, 0));
     assert!((5_000..30_000).contains(&first.interrupt_to_at.longest_ns), "{:?}", first.interrupt_to_at);
-    let second = demo(&executor, &mut |_| {}).unwrap();
     assert_eq!(first, second);
 }
 
@@ -101,4 +108,29 @@ fn released_in_time(slave: &Slave, what: &str, at_least: usize) {
         Nanoseconds(mean)
     );
     assert!((5_000..=100_000).contains(&longest.after_mdt.0), "{longest:?}");
+}
+
+#[test]
+#[ignore = "needs QEMU and the ELF: cargo xtask test"]
+fn a_fault_of_the_gate_drivers_switches_the_bridge_off_before_the_flashed_elf_knows() {
+    let script = running::script();
+    let configuration = RingConfiguration::new(1, BitRate::M2);
+    let setup = DriveSetup::new(running::ADDRESS);
+    let (mut world, handles) =
+        ring_of_drives_on(configuration, ScriptedMaster::new(script), &[setup], |_| on_qemu()).unwrap();
+    let motor_side = &handles[0].motor_side;
+    while !motor_side.borrow().bridge_is_on() {
+        assert!(world.now() < Nanoseconds::from_millis(20_000), "{}", world.ring().master().state());
+        world.run_until(world.now() + Nanoseconds::from_millis(1)).unwrap();
+    }
+    motor_side.borrow_mut().change_inputs(|inputs| inputs.bridge_ready = false);
+    // Not a nanosecond passes: no instruction is executed.
+    world.run_until(world.now()).unwrap();
+    assert!(!motor_side.borrow().bridge_is_on());
+    // The fault is over, and nothing starts by itself.
+    motor_side.borrow_mut().change_inputs(|inputs| inputs.bridge_ready = true);
+    world.run_until(world.now() + Nanoseconds::from_millis(20)).unwrap();
+    assert!(!motor_side.borrow().bridge_is_on());
+    let status = world.ring().master().report().samples.last().and_then(|sample| sample.status);
+    assert!(status.is_some_and(|status| status & 0x2000 != 0), "class 1 diagnostic: {status:04x?}");
 }

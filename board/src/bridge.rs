@@ -21,16 +21,17 @@
 //!      \/            \/
 //! ```
 //!
-//! Four hands, for four tasks: [`Modulator`] for the current loop, [`BreakInterrupt`] for the handler of the break, [`Bridge`] for who
-//! switches torque on, and [`off`] for fault and panic handlers. Each may switch off at any time; only [`Bridge`] can switch on, and
-//! nothing that another one of them does in between gets lost.
+//! Three hands: [`Modulator`] for the current loop, [`Bridge`] for who switches torque on, and [`off`] for fault and panic handlers. Each may
+//! switch off at any time; only [`Bridge`] can switch on, and nothing that another one of them does in between gets lost.
 //!
-//! A power stage that is not ready yet when the drive starts is a break like any other: it waits to be acknowledged.
+//! The break has no interrupt: it needs nobody to switch off, its flag stays until it is acknowledged, and the control loop looks at the
+//! outputs in every tick. A power stage that is not ready yet when the drive starts is a break like any other.
 //!
 //! Debugger: TIM1 runs on while the core is halted. Do not halt with torque on; the break input stays in force.
 
 use core::sync::atomic::{AtomicBool, Ordering};
 
+use drive::Cycle;
 use stm32f4xx_hal::{
     pac,
     rcc::{Enable, Rcc},
@@ -58,7 +59,7 @@ impl PwmFrequency {
     }
 }
 
-/// The board's PWM frequency, fixed when it starts.
+/// The board's PWM frequency: that of `drive`, and a constant, so that the current loop decides nothing about it.
 pub const PWM_FREQUENCY: PwmFrequency = PwmFrequency::Khz16;
 
 /// Dead time between high and low side, in nanoseconds: IGBT modules of this size switch within some 0.5 us.
@@ -102,7 +103,7 @@ pub fn off() {
 /// Sets everything up with the outputs off and the counter running; the first trigger comes within half a period.
 ///
 /// The converters must wait for it already, and TIM9 must run.
-pub(crate) fn start(timer: pac::TIM1, frequency: PwmFrequency, rcc: &mut Rcc) -> (Bridge, Modulator, BreakInterrupt) {
+pub(crate) fn start(timer: pac::TIM1, rcc: &mut Rcc) -> (Bridge, Modulator) {
     pac::TIM1::enable(rcc);
     // First of all what makes "off" drive the outputs low; idle levels and polarities have their reset value 0: low, active high.
     // SAFETY: `OFF` is built of defined fields only.
@@ -111,6 +112,9 @@ pub(crate) fn start(timer: pac::TIM1, frequency: PwmFrequency, rcc: &mut Rcc) ->
         w.oc1m().pwm_mode1().oc1pe().enabled();
         w.oc2m().pwm_mode1().oc2pe().enabled()
     });
+    // Before the preload is switched on, so that it is in force: at 0 OC4REF would be high at once, and start the converters.
+    let reload = PWM_FREQUENCY.nominal_reload();
+    timer.ccr4().write(|w| w.ccr().set(trigger(reload)));
     // Mode 2: OC4REF rises while counting up, before the peak. Mode 1 would rise behind it.
     timer.ccmr2_output().write(|w| {
         w.oc3m().pwm_mode1().oc3pe().enabled();
@@ -122,9 +126,7 @@ pub(crate) fn start(timer: pac::TIM1, frequency: PwmFrequency, rcc: &mut Rcc) ->
         w.cc3e().set_bit().cc3ne().set_bit()
     });
     timer.cr2().write(|w| w.mms().compare_oc4());
-    let reload = frequency.nominal_reload();
     timer.arr().write(|w| w.arr().set(reload));
-    timer.ccr4().write(|w| w.ccr().set(trigger(reload)));
     let no_voltage = reload >> 1;
     for compare in [timer.ccr1(), timer.ccr2(), timer.ccr3()] {
         compare.write(|w| w.ccr().set(no_voltage));
@@ -135,9 +137,8 @@ pub(crate) fn start(timer: pac::TIM1, frequency: PwmFrequency, rcc: &mut Rcc) ->
     timer.egr().write(|w| w.ug().update());
     // SAFETY: every value is valid for SR; this one clears all flags.
     timer.sr().write(|w| unsafe { w.bits(0) });
-    timer.dier().write(|w| w.bie().enabled());
     timer.cr1().modify(|_, w| w.cen().enabled());
-    (Bridge(()), Modulator { timer, frequency, reload, last_peak: None, first: false }, BreakInterrupt(()))
+    (Bridge(()), Modulator { timer, reload, last_peak: None, first: false })
 }
 
 /// Switches torque on and off; owned by the task that decides about it.
@@ -174,50 +175,24 @@ impl Bridge {
         TRIPPED.load(Ordering::SeqCst) || registers().sr().read().bits() & BIF != 0
     }
 
-    /// Allows switching on again after a trip, and arms the interrupt of the break anew. The bridge stays off.
-    ///
-    /// Does nothing while the break input is active: its flag cannot be cleared then, and the interrupt comes again at once.
+    /// Allows switching on again after a trip. The bridge stays off, and tripped while the break input is active: its flag cannot be
+    /// cleared then.
+    #[inline(always)]
     pub fn acknowledge_trip(&mut self) {
         off();
         TRIPPED.store(false, Ordering::SeqCst);
         // SAFETY: every value is valid for SR, whose bits are cleared by 0 and untouched by 1; the other flags are not used.
         registers().sr().write(|w| unsafe { w.bits(!BIF & SR_BITS) });
-        registers().dier().write(|w| w.bie().enabled());
     }
 }
 
 /// The defined bits of TIM1_SR.
 const SR_BITS: u32 = 0x1EFF;
 
-/// Notices that the break input was active; owned by the handler of TIM1_BRK_TIM9.
-#[derive(Debug)]
-pub struct BreakInterrupt(());
-
-impl BreakInterrupt {
-    /// Latches the trip and silences the interrupt until it is acknowledged: the input acts by its level, and a fault that lasts would
-    /// start the handler without end. The outputs have been off since the edge.
-    #[inline(always)]
-    pub fn take(&mut self) {
-        TRIPPED.store(true, Ordering::SeqCst);
-        registers().dier().write(|w| w.bie().disabled());
-    }
-}
-
-/// What [`Modulator::begin`] knows about the period that has just begun.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Period {
-    /// It is the first of a tick of the control loops.
-    pub first: bool,
-    /// The current loop runs too late: past the valley where its compare values should have come into force, or a whole period was
-    /// left out. What it writes now counts half a period later than planned.
-    pub late: bool,
-}
-
 /// Sets the voltages and keeps the time; owned by the current loop.
 #[derive(Debug)]
 pub struct Modulator {
     timer: pac::TIM1,
-    frequency: PwmFrequency,
     /// In force from the last valley on, or from the next.
     reload: u16,
     /// Time of TIM9.
@@ -228,23 +203,26 @@ pub struct Modulator {
 impl Modulator {
     /// Begins a period; to be called once in every current loop, before anything is written.
     ///
+    /// Late is a current loop past the valley where its compare values should have come into force, and one before which a whole period was
+    /// left out.
+    ///
     /// Reads direction, counter and TIM9. An underflow between the first two falsifies the time of the peak by the few counts that
     /// lie between them.
     #[inline(always)]
-    pub fn begin(&mut self) -> Period {
+    pub fn begin(&mut self) -> Cycle {
         let down = self.timer.cr1().read().dir().is_down();
         let counter = self.timer.cnt().read().cnt().bits();
         let peak = edge_time::now().wrapping_sub(since_peak(self.reload, down, counter));
         let missed = match self.last_peak {
-            Some(last) => missed(self.frequency, peak.wrapping_sub(last)),
+            Some(last) => missed(PWM_FREQUENCY, peak.wrapping_sub(last)),
             None => false,
         };
         self.last_peak = Some(peak);
-        self.first = first(self.frequency, self.first, missed);
+        self.first = first(PWM_FREQUENCY, self.first, missed);
         if self.first {
             loop_phase::publish(peak);
         }
-        Period { first: self.first, late: missed || !down }
+        Cycle { first: self.first, late: missed || !down }
     }
 
     /// Pulse widths of the high sides, phases A, B, C: 0 (low side on all the time) to [`Modulator::reload`] (high side). Half of it
@@ -263,7 +241,7 @@ impl Modulator {
     /// To be called in every period: an odd count at 16 kHz is made by the first one alone. The trigger moves with the peak.
     #[inline(always)]
     pub fn set_reload(&mut self, trim: i16) {
-        self.reload = reload(self.frequency, trim, self.first);
+        self.reload = reload(PWM_FREQUENCY, trim, self.first);
         self.timer.arr().write(|w| w.arr().set(self.reload));
         self.timer.ccr4().write(|w| w.ccr().set(trigger(self.reload)));
     }
@@ -285,7 +263,7 @@ impl Modulator {
 }
 
 fn registers() -> &'static pac::tim1::RegisterBlock {
-    // SAFETY: the owners of this file write BDTR, SR and DIER by single stores of whole values, of which any order is safe; what a
+    // SAFETY: the owners of this file write BDTR and SR by single stores of whole values, of which any order is safe; what a
     // read-modify-write could damage belongs to `Modulator` alone.
     unsafe { &*pac::TIM1::ptr() }
 }

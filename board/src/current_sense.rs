@@ -19,6 +19,7 @@
 //! The sources need an impedance of at most 11 kilohm at a sampling time of 15 cycles (data sheet, RAIN), which the current amplifiers are
 //! far below; dividers of voltage and temperatures have a capacitor of 100 nF at the pin, which holds the level for the converter.
 
+use drive::Samples;
 use stm32f4xx_hal::{
     pac,
     rcc::{Enable, Rcc},
@@ -52,20 +53,6 @@ const STABILISATION_CYCLES: u32 = HCLK_HZ / 1_000_000 * 10;
 /// Channels of ADC1 to ADC3, in the order in which they are converted.
 const CHANNELS: [[u8; CONVERSIONS as usize]; 3] = [[10, 13], [11, 14], [12, 4]];
 
-/// Zero current: the current amplifiers stand at the middle of the converters' range.
-pub const ZERO_CURRENT: u16 = 2048;
-
-/// What the converters measured, 0 to 4095 each.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Samples {
-    /// Phases A, B, C; [`ZERO_CURRENT`] is 0 A, above it current flows into the motor.
-    pub currents: [u16; 3],
-    /// DC link voltage, 0 is 0 V.
-    pub bus: u16,
-    /// Heat sink and motor.
-    pub temperatures: [u16; 2],
-}
-
 /// The three converters; owned by the current loop.
 #[derive(Debug)]
 pub struct CurrentSense {
@@ -96,17 +83,15 @@ impl CurrentSense {
     pub fn read(&self) -> Samples {
         let (adc1, adc2, adc3) = &self.converters;
         Samples {
-            currents: self.read_currents(),
+            currents: [
+                adc1.jdr1().read().jdata().bits(),
+                adc2.jdr1().read().jdata().bits(),
+                adc3.jdr1().read().jdata().bits(),
+            ],
             bus: adc1.jdr2().read().jdata().bits(),
-            temperatures: [adc2.jdr2().read().jdata().bits(), adc3.jdr2().read().jdata().bits()],
+            heat_sink: adc2.jdr2().read().jdata().bits(),
+            motor: adc3.jdr2().read().jdata().bits(),
         }
-    }
-
-    /// The phase currents alone: three loads.
-    #[inline(always)]
-    pub fn read_currents(&self) -> [u16; 3] {
-        let (adc1, adc2, adc3) = &self.converters;
-        [adc1.jdr1().read().jdata().bits(), adc2.jdr1().read().jdata().bits(), adc3.jdr1().read().jdata().bits()]
     }
 
     /// Clears the interrupt; to be called first in the handler.

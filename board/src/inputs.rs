@@ -19,103 +19,80 @@
 //!
 //! The two channels of safe torque off act on the gate drivers without us; these inputs only watch them.
 
+use drive::Inputs;
 use stm32f4xx_hal::pac;
 
 use crate::pins;
 
-/// The levels of all inputs.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Levels {
-    /// Main power is applied and the DC link is charged.
-    pub main_power: bool,
-    /// Safe torque off, channels 1 and 2: torque is permitted. They differ only while they switch.
-    pub torque_permitted: [bool; 2],
-    /// The home switch is actuated (S-0-0400).
-    pub home_switch: bool,
-    /// The brake reports that it is released.
-    pub brake_released: bool,
-    /// Probes 1 and 2 are touched (S-0-0401, S-0-0402).
-    pub probes: [bool; 2],
-    /// The power stage has no fault; without it the bridge cannot be switched on.
-    pub power_stage_ready: bool,
-}
-
-/// The input side of ports B and C.
-#[derive(Debug)]
-pub struct Inputs(());
-
-impl Inputs {
-    /// The pin table has already set the pins up.
-    pub(crate) const fn new() -> Self {
-        Self(())
-    }
-
-    /// Reads all inputs.
-    #[inline(always)]
-    pub fn read(&self) -> Levels {
-        // SAFETY: reading IDR has no side effect.
-        let (port_b, port_c) = unsafe { ((*pac::GPIOB::ptr()).idr().read(), (*pac::GPIOC::ptr()).idr().read()) };
-        decode(port_b.bits(), port_c.bits())
-    }
+/// Reads all inputs.
+#[inline(always)]
+pub(crate) fn read() -> Inputs {
+    // SAFETY: reading IDR has no side effect.
+    let (port_b, port_c) = unsafe { ((*pac::GPIOB::ptr()).idr().read(), (*pac::GPIOC::ptr()).idr().read()) };
+    decode(port_b.bits(), port_c.bits())
 }
 
 /// What the levels of ports B and C mean.
+#[inline(always)]
 #[must_use]
-pub const fn decode(port_b: u32, port_c: u32) -> Levels {
-    Levels {
+pub const fn decode(port_b: u32, port_c: u32) -> Inputs {
+    Inputs {
         main_power: port_c & pins::MAIN_POWER.mask() != 0,
-        torque_permitted: [
-            port_c & pins::SAFE_TORQUE_OFF[0].mask() != 0,
-            port_c & pins::SAFE_TORQUE_OFF[1].mask() != 0,
-        ],
+        bridge_ready: port_b & pins::BREAK_INPUT.mask() != 0,
+        safe_torque_1: port_c & pins::SAFE_TORQUE_OFF[0].mask() != 0,
+        safe_torque_2: port_c & pins::SAFE_TORQUE_OFF[1].mask() != 0,
         home_switch: port_c & pins::HOME_SWITCH.mask() != 0,
-        brake_released: port_c & pins::BRAKE_FEEDBACK.mask() != 0,
-        probes: [port_b & pins::PROBE_1.mask() != 0, port_c & pins::PROBE_2.mask() != 0],
-        power_stage_ready: port_b & pins::BREAK_INPUT.mask() != 0,
+        brake_open: port_c & pins::BRAKE_FEEDBACK.mask() != 0,
+        probe_1: port_b & pins::PROBE_1.mask() != 0,
+        probe_2: port_c & pins::PROBE_2.mask() != 0,
     }
 }
 
 // Every wire broken, each line alone, all lines at once; pins that are not inputs do not matter.
 const _: () = {
-    const NONE: Levels = Levels {
+    const NONE: Inputs = Inputs {
         main_power: false,
-        torque_permitted: [false; 2],
+        bridge_ready: false,
+        safe_torque_1: false,
+        safe_torque_2: false,
         home_switch: false,
-        brake_released: false,
-        probes: [false; 2],
-        power_stage_ready: false,
+        brake_open: false,
+        probe_1: false,
+        probe_2: false,
     };
     assert!(same(decode(0, 0), NONE));
-    assert!(same(decode(0, 1 << 9), Levels { main_power: true, ..NONE }));
-    assert!(same(decode(0, 1 << 10), Levels { torque_permitted: [true, false], ..NONE }));
-    assert!(same(decode(0, 1 << 11), Levels { torque_permitted: [false, true], ..NONE }));
-    assert!(same(decode(0, 1 << 12), Levels { home_switch: true, ..NONE }));
-    assert!(same(decode(0, 1 << 13), Levels { brake_released: true, ..NONE }));
-    assert!(same(decode(1 << 8, 0), Levels { probes: [true, false], ..NONE }));
-    assert!(same(decode(0, 1 << 8), Levels { probes: [false, true], ..NONE }));
-    assert!(same(decode(1 << 12, 0), Levels { power_stage_ready: true, ..NONE }));
+    assert!(same(decode(0, 1 << 9), Inputs { main_power: true, ..NONE }));
+    assert!(same(decode(0, 1 << 10), Inputs { safe_torque_1: true, ..NONE }));
+    assert!(same(decode(0, 1 << 11), Inputs { safe_torque_2: true, ..NONE }));
+    assert!(same(decode(0, 1 << 12), Inputs { home_switch: true, ..NONE }));
+    assert!(same(decode(0, 1 << 13), Inputs { brake_open: true, ..NONE }));
+    assert!(same(decode(1 << 8, 0), Inputs { probe_1: true, ..NONE }));
+    assert!(same(decode(0, 1 << 8), Inputs { probe_2: true, ..NONE }));
+    assert!(same(decode(1 << 12, 0), Inputs { bridge_ready: true, ..NONE }));
     assert!(same(decode(!(1 << 8 | 1 << 12), !0x3F00), NONE));
     assert!(same(
         decode(0xFFFF, 0xFFFF),
-        Levels {
+        Inputs {
             main_power: true,
-            torque_permitted: [true; 2],
+            bridge_ready: true,
+            safe_torque_1: true,
+            safe_torque_2: true,
             home_switch: true,
-            brake_released: true,
-            probes: [true; 2],
-            power_stage_ready: true,
+            brake_open: true,
+            probe_1: true,
+            probe_2: true,
         }
     ));
 };
 
 /// Equality for the compiler: `==` of a derived type cannot be evaluated in a constant.
-const fn same(one: Levels, other: Levels) -> bool {
+const fn same(one: Inputs, other: Inputs) -> bool {
     one.main_power == other.main_power
-        && one.torque_permitted[0] == other.torque_permitted[0]
-        && one.torque_permitted[1] == other.torque_permitted[1]
+        && one.bridge_ready == other.bridge_ready
+        && one.safe_torque_1 == other.safe_torque_1
+        && one.safe_torque_2 == other.safe_torque_2
         && one.home_switch == other.home_switch
-        && one.brake_released == other.brake_released
-        && one.probes[0] == other.probes[0]
-        && one.probes[1] == other.probes[1]
-        && one.power_stage_ready == other.power_stage_ready
+        && one.brake_open == other.brake_open
+        && one.probe_1 == other.probe_1
+        && one.probe_2 == other.probe_2
 }

@@ -13,14 +13,12 @@
 //! | [`edge_time`] | TIM9 | when INT0 and INT1 had their edges |
 //! | [`encoder`] | TIM2 | position, latched in hardware by INT0 and INT1 |
 //! | [`marks`] | TIM3, TIM4, TIM8 | position, latched in hardware by the index and two probes |
-//! | [`bridge`], [`dead_time`] | TIM1 | PWM of the three half-bridges, break, trigger of the converters |
-//! | [`current_sense`] | ADC1, ADC2, ADC3 | phase currents, DC link voltage, temperatures |
+//! | [`bridge`], [`dead_time`] | TIM1 | PWM of the three half-bridges, trimmed to the ring; break; trigger of the converters |
+//! | [`current_sense`] | ADC1, ADC2, ADC3 | phase currents, DC link voltage, temperatures; the interrupt of the current loop |
 //! | [`loop_phase`] | TIM9 against TIM1 | where in the tick of the control loops an edge of INT0 or INT1 came |
-//! | [`inputs`] | GPIO | main power, safe torque off, home switch, brake, probes |
+//! | [`inputs`] | GPIO | main power, power stage, safe torque off, home switch, brake, probes |
 //! | [`brake_coil`] | GPIO | output to the holding brake |
-//! | [`current_command`] | DAC | torque-producing current as an analogue voltage |
-//! | [`amplifier`] | GPIO | enable output, main power and ready inputs |
-//! | [`loop_timer`] | TIM6 | 125 us tick of the control loops, trimmed to the ring |
+//! | [`MotorSide`], [`Inverter`] | - | the above, as `drive` sees them |
 //! | [`timestamp`] | TIM5 | microseconds for logs |
 //! | [`switches`] | GPIO | drive address and baud rate |
 //! | [`watchdog`] | IWDG | resets the drive when a task stops making progress |
@@ -37,12 +35,10 @@
     )
 )]
 
-pub mod amplifier;
 pub mod brake_coil;
 pub mod bridge;
 pub mod chip_control;
 pub mod clocks;
-pub mod current_command;
 pub mod current_sense;
 pub mod dead_time;
 pub mod edge_time;
@@ -50,8 +46,8 @@ pub mod encoder;
 pub mod fsmc;
 pub mod inputs;
 pub mod interrupt_pins;
+mod inverter;
 pub mod loop_phase;
-pub mod loop_timer;
 pub mod marks;
 mod motor_side;
 pub mod pins;
@@ -59,6 +55,7 @@ pub mod switches;
 pub mod timestamp;
 pub mod watchdog;
 
+pub use inverter::Inverter;
 pub use motor_side::MotorSide;
 /// Registers and interrupt vectors of the part, for `rtic::app(device = ...)`.
 pub use stm32f4xx_hal::pac;
@@ -70,30 +67,14 @@ use stm32f4xx_hal::rcc::{Enable, Rcc};
 pub struct Board {
     /// The SERCON816; clone it for every task that talks to the chip.
     pub bus: fsmc::SercosBus,
-    /// Encoder, current command, amplifier and loop timer.
+    /// For the tasks of the loop tick.
     pub motor_side: MotorSide,
-    /// Switches the bridge on and off.
-    pub bridge: bridge::Bridge,
-    /// Sets voltages and period of the bridge; for the current loop.
-    pub modulator: bridge::Modulator,
-    /// Takes the interrupt of the bridge's break input (TIM1_BRK_TIM9).
-    pub break_interrupt: bridge::BreakInterrupt,
-    /// Currents, DC link voltage, temperatures; interrupts (ADC) start the current loop.
-    pub current_sense: current_sense::CurrentSense,
-    /// Phase of the loops' tick to the edges of INT0 and INT1.
-    pub loop_phase: loop_phase::LoopPhase,
-    /// Positions of the index and of the probes.
-    pub marks: marks::Marks,
-    /// Digital inputs.
-    pub inputs: inputs::Inputs,
-    /// Output to the holding brake.
-    pub brake_coil: brake_coil::BrakeCoil,
+    /// For the current loop, which the end of conversion (ADC) starts.
+    pub inverter: Inverter,
     /// Acknowledges interrupts of pin INT0 (EXTI3).
     pub int0: interrupt_pins::InterruptPin,
     /// Acknowledges interrupts of pin INT1 (EXTI2).
     pub int1: interrupt_pins::InterruptPin,
-    /// Acknowledges interrupts of the loop timer (TIM6).
-    pub loop_tick: loop_timer::LoopTick,
     /// Microseconds since start.
     pub timestamp: timestamp::Timestamp,
     /// Not yet running: [`watchdog::Watchdog::start`] it when the tasks run.
@@ -105,10 +86,9 @@ pub struct Board {
 impl Board {
     /// Sets the whole board up. Call it once, with interrupts disabled, as RTIC's `init` does.
     ///
-    /// Bridge and amplifier are off before their pins are driven and stay off, and the brake holds; the current command is zero. The
-    /// bridge's timer and the converters run from here on. The SERCON816 leaves its reset with the straps of the selected baud rate.
-    /// Waits for the crystal for as long as it takes: without a clock the drive must stay dead, and the pull-downs at gate drivers,
-    /// brake and amplifier hold them off.
+    /// The bridge is off before its pins are driven and stays off, and the brake holds. The bridge's timer and the converters run from here
+    /// on. The SERCON816 leaves its reset with the straps of the selected baud rate. Waits for the crystal for as long as it takes: without
+    /// a clock the drive must stay dead, and the pull-downs at gate drivers and brake hold them off.
     #[must_use]
     pub fn new(peripherals: pac::Peripherals) -> Self {
         let mut rcc = clocks::start(peripherals.RCC);
@@ -128,34 +108,18 @@ impl Board {
             &mut rcc,
         );
         // Behind the converters and TIM9: its first trigger finds them waiting.
-        let (bridge, modulator, break_interrupt) = bridge::start(peripherals.TIM1, bridge::PWM_FREQUENCY, &mut rcc);
-        let (loop_timer, loop_tick) = loop_timer::LoopTimer::new(peripherals.TIM6, &mut rcc);
+        let (bridge, modulator) = bridge::start(peripherals.TIM1, &mut rcc);
         let watchdog = watchdog::Watchdog::new(peripherals.IWDG, &mut rcc);
-        let motor_side = MotorSide::new(
+        let motor_side = MotorSide {
             encoder,
-            current_command::CurrentCommand::new(peripherals.DAC, &mut rcc),
-            amplifier::AmplifierPort::new(peripherals.GPIOC),
-            loop_timer,
-            watchdog.reset_cause(),
-        );
-        Self {
-            bus,
-            motor_side,
-            bridge,
-            modulator,
-            break_interrupt,
-            current_sense,
-            loop_phase: loop_phase::LoopPhase::new(edge_time),
             marks,
-            inputs: inputs::Inputs::new(),
+            loop_phase: loop_phase::LoopPhase::new(edge_time),
+            bridge,
             brake_coil: brake_coil::BrakeCoil::new(),
-            int0,
-            int1,
-            loop_tick,
-            timestamp,
-            watchdog,
-            settings,
-        }
+            reset_cause: watchdog.reset_cause(),
+        };
+        let inverter = Inverter { modulator, current_sense };
+        Self { bus, motor_side, inverter, int0, int1, timestamp, watchdog, settings }
     }
 }
 

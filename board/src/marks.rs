@@ -17,21 +17,13 @@
 //! The filters are those of TIM2, 8 samples at 84 MHz: TIM8 runs at 168 MHz and takes every second clock. Position and mark then have
 //! the same delay in each counter.
 
+use drive::ProbeInput;
 use stm32f4xx_hal::{
     pac,
     rcc::{Enable, Rcc},
 };
 
 use crate::encoder;
-
-/// A touch probe.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Probe {
-    /// Probe 1 (S-0-0401).
-    One,
-    /// Probe 2 (S-0-0402).
-    Two,
-}
 
 /// An edge of a probe.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -48,7 +40,7 @@ pub enum Counter {
     /// TIM3, which latches the index.
     Index,
     /// TIM4 or TIM8, which latches a probe.
-    Probe(Probe),
+    Probe(ProbeInput),
 }
 
 /// The three counters.
@@ -68,8 +60,8 @@ impl Marks {
         let mut marks = Self { timers, index: 0, probes: [0; 2] };
         marks.index = start(marks.registers(Counter::Index), Filter::EVERY_CLOCK);
         marks.probes = [
-            start(marks.registers(Counter::Probe(Probe::One)), Filter::EVERY_CLOCK),
-            start(marks.registers(Counter::Probe(Probe::Two)), Filter::EVERY_SECOND_CLOCK),
+            start(marks.registers(Counter::Probe(ProbeInput::One)), Filter::EVERY_CLOCK),
+            start(marks.registers(Counter::Probe(ProbeInput::Two)), Filter::EVERY_SECOND_CLOCK),
         ];
         marks
     }
@@ -77,7 +69,7 @@ impl Marks {
     /// Forgets an index that was seen before.
     #[inline(always)]
     pub fn arm_index(&mut self) {
-        self.arm(Counter::Index, Edge::Rising);
+        self.arm(Counter::Index, flags(Edge::Rising));
     }
 
     /// Position of the index, in increments, wrapping at 2^32, once for every time that it was passed since [`Marks::arm_index`].
@@ -90,13 +82,13 @@ impl Marks {
 
     /// Forgets edges of a probe that were seen before.
     #[inline(always)]
-    pub fn arm_probe(&mut self, probe: Probe, edge: Edge) {
-        self.arm(Counter::Probe(probe), edge);
+    pub fn arm_probe(&mut self, probe: ProbeInput) {
+        self.arm(Counter::Probe(probe), flags(Edge::Rising) | flags(Edge::Falling));
     }
 
     /// Position of an edge of a probe, as [`Marks::index_latch`]. A contact that bounces within two questions gives the last bounce.
     #[inline(always)]
-    pub fn probe_latch(&mut self, probe: Probe, edge: Edge) -> Option<u32> {
+    pub fn probe_latch(&mut self, probe: ProbeInput, edge: Edge) -> Option<u32> {
         self.latch(Counter::Probe(probe), edge)
     }
 
@@ -110,9 +102,9 @@ impl Marks {
     }
 
     #[inline(always)]
-    fn arm(&mut self, counter: Counter, edge: Edge) {
+    fn arm(&mut self, counter: Counter, flags: u32) {
         // SAFETY: every value is valid for SR, whose bits are cleared by 0 and untouched by 1; the others are not used.
-        self.registers(counter).sr().write(|w| unsafe { w.bits(!flags(edge) & SR_BITS) });
+        self.registers(counter).sr().write(|w| unsafe { w.bits(!flags & SR_BITS) });
     }
 
     #[inline(always)]
@@ -136,8 +128,8 @@ impl Marks {
         let [one, two] = self.probes;
         match counter {
             Counter::Index => self.index,
-            Counter::Probe(Probe::One) => one,
-            Counter::Probe(Probe::Two) => two,
+            Counter::Probe(ProbeInput::One) => one,
+            Counter::Probe(ProbeInput::Two) => two,
         }
     }
 
@@ -145,10 +137,10 @@ impl Marks {
     fn registers(&self, counter: Counter) -> &pac::tim3::RegisterBlock {
         match counter {
             Counter::Index => &self.timers.0,
-            Counter::Probe(Probe::One) => &self.timers.1,
+            Counter::Probe(ProbeInput::One) => &self.timers.1,
             // SAFETY: what this file uses of TIM8 (CR1, SMCR, SR, CCMR1, CCMR2, CCER, CNT, ARR, CCR3, CCR4) has the offsets and, for
             // inputs, the bits of TIM3 (RM0090, register maps of 17.4 and 18.4), and `self` owns TIM8.
-            Counter::Probe(Probe::Two) => unsafe { &*pac::TIM8::ptr().cast::<pac::tim3::RegisterBlock>() },
+            Counter::Probe(ProbeInput::Two) => unsafe { &*pac::TIM8::ptr().cast::<pac::tim3::RegisterBlock>() },
         }
     }
 }

@@ -1,38 +1,30 @@
-//! The motor side of the board as `drive` sees it.
+//! The motor side of the board as the tasks of the loop tick see it.
 
-use drive::{Amplifier, Hardware, InterruptLine, ResetCause};
-use fixed::types::I1F15;
+use drive::{Hardware, Inputs, InterruptLine, ProbeInput, ResetCause};
 
 use crate::{
-    amplifier::AmplifierPort,
-    current_command::CurrentCommand,
+    brake_coil::BrakeCoil,
+    bridge::Bridge,
     encoder::Encoder,
-    loop_timer::{self, LoopTimer},
+    inputs,
+    loop_phase::{self, LoopPhase},
+    marks::{Edge, Marks},
 };
 
-/// Encoder, current command, amplifier lines and loop timer.
+/// Encoder, marks, phase of the tick, digital inputs, and the switches of bridge and brake.
 #[derive(Debug)]
 pub struct MotorSide {
-    encoder: Encoder,
-    current_command: CurrentCommand,
-    amplifier: AmplifierPort,
-    loop_timer: LoopTimer,
-    reset_cause: ResetCause,
-}
-
-impl MotorSide {
-    pub(crate) fn new(
-        encoder: Encoder,
-        current_command: CurrentCommand,
-        amplifier: AmplifierPort,
-        loop_timer: LoopTimer,
-        reset_cause: ResetCause,
-    ) -> Self {
-        Self { encoder, current_command, amplifier, loop_timer, reset_cause }
-    }
+    pub(crate) encoder: Encoder,
+    pub(crate) marks: Marks,
+    pub(crate) loop_phase: LoopPhase,
+    pub(crate) bridge: Bridge,
+    pub(crate) brake_coil: BrakeCoil,
+    pub(crate) reset_cause: ResetCause,
 }
 
 impl Hardware for MotorSide {
+    const LOOP_TIMER_COUNTS: u16 = loop_phase::COUNTS;
+
     #[inline(always)]
     fn encoder_count(&mut self) -> u32 {
         self.encoder.count()
@@ -44,33 +36,65 @@ impl Hardware for MotorSide {
     }
 
     #[inline(always)]
-    fn set_current(&mut self, fraction_of_peak: I1F15) {
-        self.current_command.set(fraction_of_peak);
+    fn edge_phase(&mut self, line: InterruptLine) -> u16 {
+        self.loop_phase.at_edge(line)
     }
 
     #[inline(always)]
-    fn set_amplifier(&mut self, on: bool) {
-        self.amplifier.set_enable(on);
+    fn phase_now(&mut self) -> u16 {
+        self.loop_phase.now()
     }
 
     #[inline(always)]
-    fn amplifier(&mut self) -> Amplifier {
-        self.amplifier.read()
+    fn inputs(&mut self) -> Inputs {
+        inputs::read()
+    }
+
+    /// A break from the time without torque is no fault: a power stage that got its supply after us has one behind it. One that is still
+    /// active is not forgotten by this and keeps the bridge off.
+    #[inline(always)]
+    fn set_bridge(&mut self, on: bool) {
+        if on && !self.bridge.is_on() {
+            self.bridge.acknowledge_trip();
+        }
+        self.bridge.set_on(on);
+    }
+
+    #[inline(always)]
+    fn bridge_is_on(&mut self) -> bool {
+        self.bridge.is_on()
+    }
+
+    fn reset_bridge(&mut self) {
+        self.bridge.acknowledge_trip();
+    }
+
+    #[inline(always)]
+    fn set_brake(&mut self, open: bool) {
+        self.brake_coil.set_energised(open);
+    }
+
+    #[inline(always)]
+    fn arm_index(&mut self) {
+        self.marks.arm_index();
+    }
+
+    #[inline(always)]
+    fn index_latch(&mut self) -> Option<u32> {
+        self.marks.index_latch()
+    }
+
+    #[inline(always)]
+    fn arm_probe(&mut self, probe: ProbeInput) {
+        self.marks.arm_probe(probe);
+    }
+
+    #[inline(always)]
+    fn probe_latch(&mut self, probe: ProbeInput, rising: bool) -> Option<u32> {
+        self.marks.probe_latch(probe, if rising { Edge::Rising } else { Edge::Falling })
     }
 
     fn reset_cause(&self) -> ResetCause {
         self.reset_cause
     }
-
-    #[inline(always)]
-    fn loop_timer_phase(&mut self) -> u16 {
-        self.loop_timer.phase()
-    }
-
-    #[inline(always)]
-    fn trim_loop_timer(&mut self, counts: i16) {
-        self.loop_timer.trim(counts);
-    }
-
-    const LOOP_TIMER_COUNTS: u16 = loop_timer::COUNTS;
 }

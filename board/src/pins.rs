@@ -34,9 +34,6 @@
 //! | safe torque off 1, 2 | PC10, PC11 | 111, 112 | input, pull-down | safety circuit, 1 = torque permitted |
 //! | home switch | PC12 | 113 | input, pull-down | switch to the supply, 1 = actuated |
 //! | brake feedback | PC13 | 7 | input, pull-down | brake, 1 = released |
-//! | current command | PA4 | 40 | analogue, DAC_OUT1 | amplifier command input, +-10 V stage |
-//! | amplifier enable | PC14 | 8 | output, low at start | amplifier enable input, pull-down there |
-//! | ready | PC15 | 9 | input, pull-down | amplifier, 1 = no fault |
 //! | chip reset | PG2 | 87 | output, low at start | SERCON816 RSTN, pull-down |
 //! | SBAUD, SBAUD16 | PG3, PG4 | 88, 89 | output, high at start | SERCON816 SBAUD, SBAUD16 |
 //! | address, low digit | PG5 to PG8 | 90 to 93 | input, pull-up | hexadecimal rotary switch to ground |
@@ -51,9 +48,7 @@
 //!
 //! Leads and signals agree with the pin data that ST publishes for the STM32F407Z(E-G)T in LQFP144.
 //!
-//! The last three lines are those of an amplifier with a current loop of its own, which the bridge replaces; main power is common to both.
-//!
-//! Kept free for what comes: ADC (PA5 to PA7, PB1), NE2 (PG9) for a W5100 on the same bus, USART3 (PB10, PB11), trace output (PB3).
+//! Kept free for what comes: ADC and DAC (PA4 to PA7, PB1), a 32 kHz crystal (PC14, PC15), NE2 (PG9) for a W5100 on the same bus, USART3 (PB10, PB11), trace output (PB3).
 
 use stm32f4xx_hal::pac;
 
@@ -252,12 +247,6 @@ pub const SAFE_TORQUE_OFF: [Pin; 2] = [active_high(10), active_high(11)];
 pub const HOME_SWITCH: Pin = active_high(12);
 /// 1 = the brake reports that it is released.
 pub const BRAKE_FEEDBACK: Pin = active_high(13);
-/// DAC_OUT1.
-pub const CURRENT_COMMAND: Pin = analogue(Port::A, 4);
-/// Enable output to the amplifier, 1 = torque allowed.
-pub const AMPLIFIER_ENABLE: Pin = Pin::new(Port::C, 14, Function::Output(Level::Low));
-/// Ready from the amplifier, 1 = no fault.
-pub const AMPLIFIER_READY: Pin = active_high(15);
 /// RSTN of the chip.
 pub const CHIP_RESET: Pin = Pin::new(Port::G, 2, Function::Output(Level::Low));
 /// SBAUD of the chip.
@@ -272,7 +261,7 @@ pub const ADDRESS_HIGH_DIGIT: [Pin; 4] = [switch(10), switch(11), switch(12), sw
 pub const BAUD_SWITCH: [Pin; 2] = [switch(14), switch(15)];
 
 /// Every pin that is set up.
-const ALL: [&[Pin]; 27] = [
+const ALL: [&[Pin]; 25] = [
     &BUS_DATA,
     &BUS_ADDRESS,
     &BUS_STROBES,
@@ -293,8 +282,6 @@ const ALL: [&[Pin]; 27] = [
     &SAFE_TORQUE_OFF,
     &[HOME_SWITCH],
     &[BRAKE_FEEDBACK],
-    &[CURRENT_COMMAND],
-    &[AMPLIFIER_ENABLE, AMPLIFIER_READY],
     &[CHIP_RESET],
     &[STRAP_SBAUD, STRAP_SBAUD16],
     &ADDRESS_LOW_DIGIT,

@@ -1,6 +1,6 @@
 //! Independent watchdog: resets the drive when the control loop or a bus task stops making progress.
 //!
-//! The amplifier is off through a reset and after it (see [`crate::amplifier`]), and the SERCON816 is reset with us, so a hung drive
+//! The bridge is off and the brake holds through a reset and after it (see [`crate::pins`]), and the SERCON816 is reset with us, so a hung drive
 //! leaves the ring and lets the motor coast within the period of the watchdog.
 //!
 //! What it is fed on ([`Progress`]): `idle` runs, so no task hangs or storms; the control loop has ticked; and no bus task

@@ -2,21 +2,24 @@
 //!
 //! | task | vector | priority | when | done within |
 //! |---|---|---|---|---|
+//! | [`app::current_loop`] | ADC | 5 | the currents are converted, every 62.5 us | 28 us |
 //! | [`app::chip_interrupt_0`] | EXTI3 | 4 | an edge on INT0 of the SERCON816 | 8 us |
 //! | [`app::chip_interrupt_1`] | EXTI2 | 4 | an edge on INT1 of the SERCON816 | 8 us |
 //! | [`app::command_valid`] | CAN1_TX | 4 | started by the two above at t3 | 15 us |
 //! | [`app::capture_feedback`] | CAN1_RX0 | 4 | started by the two above at t4 | 30 us |
-//! | [`app::control_loop`] | TIM6_DAC | 4 | every 125 us | 30 us |
+//! | [`app::control_loop`] | CAN2_TX | 4 | started by every second current loop, every 125 us | 60 us |
 //! | [`app::phase_change`] | CAN1_RX1 | 2 | the MST shows another phase, or supervision gives the ring up | one communication cycle |
 //! | [`app::service_channel`] | CAN1_SCE | 2 | the service container waits for us; the drive has become another state or has an error | 100 us |
 //! | [`app::idle`] | - | 0 | nothing else to do | - |
 //!
-//! Higher numbers interrupt lower ones. Everything that belongs to the cycle has one priority, so these tasks never interrupt each other and
-//! wait for at most one of the others; at equal priority the lower vector number goes first: the chip's interrupts, then t3, t4, then the
-//! control loop. Priorities 3 and 1 are free: 3 for what must not delay the cycle but may delay the bus, 1 for an operator's port.
+//! Higher numbers interrupt lower ones. The current loop is alone at the top, owns what it works with and talks to the others through
+//! [`drive::CurrentLink`], without a lock: nobody can hold it up. Everything that belongs to the cycle has one priority below, so these
+//! tasks never interrupt each other and wait for at most one of the others; at equal priority the lower vector number goes first: the
+//! chip's interrupts, then t3, t4, then the control loop. Priorities 3 and 1 are free: 3 for what must not delay the cycle but may
+//! delay the bus, 1 for an operator's port.
 //!
-//! Tasks without an interrupt of their own borrow the vectors of CAN1, which this drive has no use for; they are started by setting the
-//! vector pending. All log lines come from priority 2 and below and mask nothing.
+//! Tasks without an interrupt of their own borrow the vectors of CAN1 and CAN2, which this drive has no use for; they are started by setting
+//! the vector pending. All log lines come from priority 2 and below and mask nothing.
 #![no_std]
 #![no_main]
 
@@ -32,14 +35,16 @@ mod app {
     use board::Board;
     use board::fsmc::SercosBus;
     use board::interrupt_pins::InterruptPin;
-    use board::loop_timer::LoopTick;
     use board::pac::Interrupt;
     use board::watchdog::{Progress, Watchdog};
-    use board::{MotorSide, chip_control, switches};
-    use drive::{Communication, Drive, DriveAddress, Identity, Interrupts, Motion, ResetCause, Work};
+    use board::{Inverter, MotorSide, chip_control, switches};
+    use drive::{Communication, CurrentControl, CurrentLink, Drive, DriveAddress};
+    use drive::{Identity, Interrupts, Motion, ResetCause, Scope, Work};
 
     /// What the tasks report to the watchdog.
     static PROGRESS: Progress = Progress::new();
+    /// Between the current loop and the tasks of the loop tick.
+    static LINK: CurrentLink = CurrentLink::new();
 
     #[shared]
     struct Shared {
@@ -52,18 +57,18 @@ mod app {
 
     #[local]
     struct Local {
+        current: CurrentControl<Inverter>,
         int0: InterruptPin,
         int1: InterruptPin,
-        loop_tick: LoopTick,
         watchdog: Watchdog,
     }
 
     /// Sets up board and chip with interrupts disabled; they arrive as soon as this returns.
     ///
     /// Takes about 2 ms, nearly all of it the start of the chip. In that time the ring is open at this station.
-    #[init]
+    #[init(local = [scope: Scope = Scope::new()])]
     fn init(context: init::Context) -> (Shared, Local) {
-        let Board { bus, motor_side, int0, int1, loop_tick, mut watchdog, settings, .. } = Board::new(context.device);
+        let Board { bus, motor_side, inverter, int0, int1, mut watchdog, settings, .. } = Board::new(context.device);
         match watchdog.reset_cause() {
             ResetCause::Watchdog => defmt::error!("restarted by the watchdog"),
             cause => defmt::info!("started by {}", cause),
@@ -72,7 +77,8 @@ mod app {
             defmt::error!("{=u8} on the address switches is no drive address", settings.address);
             remain_a_repeater()
         };
-        let Drive { mut interrupts, mut communication, mut motion } = match drive::new(bus, motor_side, identity) {
+        let drive = drive::new(bus, motor_side, inverter, &LINK, context.local.scope, identity);
+        let Drive { current, mut interrupts, mut communication, mut motion } = match drive {
             Ok(drive) => drive,
             Err(error) => {
                 defmt::error!("default parameters: {}", error);
@@ -88,7 +94,7 @@ mod app {
             defmt::warn!("debugger attached, watchdog off");
         }
         let shared = Shared { interrupts, motion, communication };
-        (shared, Local { int0, int1, loop_tick, watchdog })
+        (shared, Local { current, int0, int1, watchdog })
     }
 
     /// Feeds the watchdog, logs what became of the drive, and sleeps until the next interrupt.
@@ -109,6 +115,18 @@ mod app {
                 }
             }
             cortex_m::asm::wfi();
+        }
+    }
+
+    /// Samples in, compare values out; starts the control loop in the first cycle of a tick.
+    ///
+    /// Contract: the compare values are written before the counter's bottom, where they come into force: 31.2 us behind the middle of the
+    /// samples, of which the converters take 2. No lock, no wait, nothing above it; a cycle that comes too late is counted, a second in a
+    /// row switches the bridge off.
+    #[task(binds = ADC, priority = 5, local = [current])]
+    fn current_loop(context: current_loop::Context) {
+        if context.local.current.current_loop().contains(Work::CONTROL_LOOP) {
+            rtic::pend(Interrupt::CAN2_TX);
         }
     }
 
@@ -151,14 +169,14 @@ mod app {
         context.shared.motion.lock(Motion::capture_feedback);
     }
 
-    /// Position and velocity loop, current command, and the flywheel that stands in for a missing t3.
+    /// Motor supervision, position and velocity loop, order to the current loop, and the flywheel that stands in for a missing t3.
     ///
-    /// Contract: done before the next tick, 125 us later, with t3 and t4 in between. The chip is looked at before the loops
-    /// only while its timers are being learned, in CP0.
-    #[task(binds = TIM6_DAC, priority = 4, local = [loop_tick], shared = [interrupts, motion])]
+    /// Contract: the order is there before the next current loop, 62.5 us after the one that started this, so that it counts from the second
+    /// cycle of the tick on; t3 and t4 may come before, and then it counts a cycle later. Done before the next tick in any case. The chip
+    /// is looked at only while its timers are being learned, in CP0.
+    #[task(binds = CAN2_TX, priority = 4, shared = [interrupts, motion])]
     fn control_loop(context: control_loop::Context) {
         let control_loop::SharedResources { interrupts, motion, .. } = context.shared;
-        context.local.loop_tick.acknowledge();
         PROGRESS.tick();
         let work = (interrupts, motion).lock(|interrupts, motion| motion.control_loop() | interrupts.poll(motion));
         start(work);
@@ -215,7 +233,7 @@ mod app {
         })
     }
 
-    /// For want of a drive: the amplifier is off and stays off, and the chip repeats what it receives, as after its reset, so
+    /// For want of a drive: the bridge is off and stays off, the brake holds, and the chip repeats what it receives, as after its reset, so
     /// that the ring goes on without us.
     fn remain_a_repeater() -> ! {
         loop {

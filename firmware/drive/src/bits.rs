@@ -5,6 +5,8 @@
 use sercos::Idn;
 use sercos::parameters::Parameters;
 
+use crate::motion::{HOME_SWITCH, HOMING_ENABLE, PROBE_1_ENABLE, PROBE_2_ENABLE};
+
 /// A word of the motion side that has bits.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
@@ -31,6 +33,10 @@ pub enum Word {
     PositionStatus,
     /// P-0-0019.
     Application,
+    /// Home switch S-0-0400, probes S-0-0401 and S-0-0402, S-0-0408, S-0-0409 to S-0-0412.
+    Signals,
+    /// S-0-0179.
+    ProbeStatus,
 }
 
 /// What an IDN of S-0-0398 shows: a word, or one bit of it in bit 0.
@@ -67,7 +73,11 @@ impl Source {
             302 => single(Word::Control, 7),
             number @ 310..=323 => single(Word::Class2, number.saturating_sub(310)),
             number @ 330..=343 => single(Word::Class3, number.saturating_sub(330)),
+            179 => whole(Word::ProbeStatus),
+            number @ 400..=402 => single(Word::Signals, number.saturating_sub(400)),
             403 => whole(Word::PositionStatus),
+            number @ 405..=407 => single(Word::Signals, number.saturating_sub(397)),
+            number @ 408..=412 => single(Word::Signals, number.saturating_sub(405)),
             _ => None,
         }
     }
@@ -114,13 +124,13 @@ pub const SIGNAL_BITS: usize = 16;
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub struct BitSettings {
     /// What control word bits 6 and 7 set (S-0-0301, S-0-0303).
-    pub control: [u16; 2],
+    pub control: [u32; 2],
     /// What status word bits 6 and 7 show (S-0-0305, S-0-0307).
     pub status: [Option<SourceBit>; 2],
     /// What the bits of S-0-0144 show, from bit 0.
     pub signal_status: [Option<SourceBit>; SIGNAL_BITS],
     /// What the bits of S-0-0145 set, from bit 0.
-    pub signal_control: [u16; SIGNAL_BITS],
+    pub signal_control: [u32; SIGNAL_BITS],
 }
 
 impl BitSettings {
@@ -128,8 +138,6 @@ impl BitSettings {
     #[must_use]
     pub fn new(parameters: &Parameters) -> Self {
         let word = |idn: Idn| parameters.get_word(idn);
-        let target =
-            |idn, bit: u16| if idn == APPLICATION_WORD { 1_u16.checked_shl(bit.into()).unwrap_or(0) } else { 0 };
         let source = |idn, bit| Source::from_idn(idn).and_then(|source| source.bit(bit));
         let mut settings = Self {
             control: [
@@ -154,19 +162,19 @@ impl BitSettings {
         settings
     }
 
-    /// P-0-0019 after the real-time bits of a control word.
+    /// P-0-0019 and the bits above it after the real-time bits of a control word.
     #[inline]
     #[must_use]
-    pub const fn apply_control_word(&self, application_word: u16, control_word: u16) -> u16 {
+    pub const fn apply_control_word(&self, application_word: u32, control_word: u16) -> u32 {
         let [first, second] = self.control;
         let word = with(application_word, first, control_word & 1 << 6 != 0);
         with(word, second, control_word & 1 << 7 != 0)
     }
 
-    /// P-0-0019 after a signal control word S-0-0145.
+    /// P-0-0019 and the bits above it after a signal control word S-0-0145.
     #[inline]
     #[must_use]
-    pub fn apply_signal_control(&self, application_word: u16, signal_control: u16) -> u16 {
+    pub fn apply_signal_control(&self, application_word: u32, signal_control: u16) -> u32 {
         let mut rest = signal_control;
         let mut word = application_word;
         for &mask in &self.signal_control {
@@ -179,7 +187,30 @@ impl BitSettings {
 
 const APPLICATION_WORD: Idn = Idn::product(19);
 
-const fn with(word: u16, mask: u16, set: bool) -> u16 {
+/// The mask of a bit that a control bit may set: any of P-0-0019, or bit 0 of an enable; 0 for everything else.
+fn target(idn: Idn, bit: u16) -> u32 {
+    if idn == APPLICATION_WORD {
+        return if bit < 16 { 1_u32.wrapping_shl(bit.into()) } else { 0 };
+    }
+    enable_bit(idn).filter(|_| bit == 0).unwrap_or(0)
+}
+
+/// Where a single bit that the control sets lies.
+pub(crate) const fn enable_bit(idn: Idn) -> Option<u32> {
+    const S_400: Idn = Idn::standard(400);
+    const S_405: Idn = Idn::standard(405);
+    const S_406: Idn = Idn::standard(406);
+    const S_407: Idn = Idn::standard(407);
+    match idn {
+        S_400 => Some(HOME_SWITCH),
+        S_405 => Some(PROBE_1_ENABLE),
+        S_406 => Some(PROBE_2_ENABLE),
+        S_407 => Some(HOMING_ENABLE),
+        _ => None,
+    }
+}
+
+const fn with(word: u32, mask: u32, set: bool) -> u32 {
     if set { word | mask } else { word & !mask }
 }
 
@@ -197,7 +228,13 @@ mod tests {
         assert_eq!(Source::from_idn(Idn::standard(2)), None);
         assert_eq!(Source::from_idn(Idn::product(11)), None);
         let targets: std::vec::Vec<Idn> = dictionary::select(Selection::BitTargets).map(|block| block.idn).collect();
-        assert_eq!(targets, [APPLICATION_WORD]);
+        assert_eq!(
+            targets,
+            [400, 405, 406, 407].map(Idn::standard).into_iter().chain([APPLICATION_WORD]).collect::<std::vec::Vec<_>>()
+        );
+        for idn in targets {
+            assert_ne!(target(idn, 0), 0, "{idn}");
+        }
     }
 
     #[test]

@@ -18,7 +18,7 @@ use crate::error_memory::{ErrorMemory, ErrorRecord};
 use crate::hardware::Hardware;
 use crate::identity::Identity;
 use crate::interrupts::Interrupts;
-use crate::live::{Checks, Context};
+use crate::live::{Checks, Context, Finding};
 use crate::motion::Motion;
 use crate::settings::MotionSettings;
 
@@ -183,6 +183,12 @@ impl<B: Bus + Clone> Communication<B> {
         }
         if let Some((idn, state)) = context.conclude_identification(&mut self.parameters) {
             self.server.command_progress(idn, state);
+            self.service.set_command_change(self.server.command_change());
+        }
+        if let Some(state) = context.motion.lock(|motion| motion.take_homing_result()) {
+            let failure = context.motion.lock(|motion| motion.homing_error());
+            context.checks.finding = failure.map(Finding::Homing);
+            self.server.command_progress(Idn::standard(148), state);
             self.service.set_command_change(self.server.command_change());
         }
         while let Some(step) = self.service.pending() {

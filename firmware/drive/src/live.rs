@@ -11,19 +11,20 @@ use sercos::parameters::Parameters;
 use sercos::service::{LIVE_LIST_ENTRIES, LIVE_LONG_ENTRIES, LIVE_TEXT_BYTES, Live, ServiceError};
 use sercos::transition::{self, Capabilities, CyclicConfiguration, Invalid, InvalidData, Reason};
 use sercos::{Idn, Phase, PhaseMachine, dictionary};
+use servo::ProbeSettings;
 
 use crate::access::Access;
-use crate::bits::Source;
+use crate::bits::{Source, enable_bit};
 use crate::commissioning::{self, COMPUTE_GAINS, Commissioning, Finding as CommissioningFinding, is_identification};
 use crate::diagnosis::{Diagnosis, diagnose};
 use crate::error_memory::ErrorMemory;
 use crate::hardware::{Hardware, LOOP_PERIOD_MICROSECONDS};
 use crate::identity::Identity;
-use crate::motion::{Motion, MotorValue};
+use crate::motion::{HomingFailure, Motion, MotorValue};
 use crate::oscilloscope::{self, Configuration};
 use crate::record::{Command, Feedback, Records};
 use crate::settings::motor::FREQUENCY;
-use crate::settings::{InvalidSetting, MotionSettings, OperationMode};
+use crate::settings::{InvalidSetting, MotionSettings, OperationMode, homing};
 
 /// So long S-0-0128 waits for the loops to lock to the ring: 200 ms in loop ticks, twice what a lock takes.
 const LOCK_PATIENCE_TICKS: u16 = 1_600;
@@ -38,6 +39,8 @@ const PARK_AXIS: Idn = Idn::standard(139);
 const REFERENCE_DISTANCE: Idn = Idn::standard(52);
 const HOMING_PARAMETER: Idn = Idn::standard(147);
 const HOMING: Idn = Idn::standard(148);
+const PROBE_CONTROL: Idn = Idn::standard(169);
+const PROBING: Idn = Idn::standard(170);
 const CANCEL_REFERENCE: Idn = Idn::standard(191);
 const LOAD_DEFAULTS: Idn = Idn::standard(262);
 const CHECKSUM: Idn = Idn::standard(326);
@@ -78,6 +81,8 @@ pub(crate) enum Finding {
     NotSynchronised,
     /// The ring controller refuses the configuration.
     Controller,
+    /// S-0-0148 has failed.
+    Homing(HomingFailure),
 }
 
 /// What a service step works with: the drive without its service server and parameters.
@@ -218,25 +223,44 @@ where
         CommandState::Executed
     }
 
-    /// S-0-0148. The way of S-0-0147 that is built: neither switch nor marker, at the motor's encoder, anywhere.
+    /// S-0-0148: with neither switch nor marker and no way to go it is done at once, also without torque; else the drive moves.
     fn home(&mut self, parameters: &Parameters) -> Result<CommandState, ServiceError> {
-        const FEEDBACK_2: u16 = 1 << 3;
         const NO_SWITCH_NO_MARKER: u16 = 1 << 5 | 1 << 6;
         const STOP_AT_REFERENCE: u16 = 1 << 7;
-        const DISTANCE_CODED: u16 = 1 << 8;
+        let settings = MotionSettings::new(parameters, H::LOOP_TIMER_COUNTS)
+            .and_then(|settings| homing(parameters, &settings))
+            .map_err(|_| ServiceError::CommandInvalidParameters)?;
         let way = parameters.get_word(HOMING_PARAMETER);
-        if way & (FEEDBACK_2 | NO_SWITCH_NO_MARKER | STOP_AT_REFERENCE | DISTANCE_CODED) != NO_SWITCH_NO_MARKER {
-            return Err(ServiceError::CommandInvalidParameters);
-        }
+        let at_once = way & (NO_SWITCH_NO_MARKER | STOP_AT_REFERENCE) == NO_SWITCH_NO_MARKER;
         let reference = reference_distance(parameters);
         self.motion.lock(|motion| {
-            if !motion.is_standing() || motion.is_identifying() {
+            if motion.is_identifying() {
                 return Err(ServiceError::CommandNotExecutableNow);
             }
-            motion.hold_for_homing(true);
-            motion.set_reference(reference);
-            Ok(CommandState::Executed)
+            if at_once {
+                if !motion.is_standing() {
+                    return Err(ServiceError::CommandNotExecutableNow);
+                }
+                motion.hold_for_homing(true);
+                motion.set_reference(reference);
+                return Ok(CommandState::Executed);
+            }
+            let (settings, limits) = settings;
+            if motion.start_homing(settings, limits) {
+                Ok(CommandState::Executing)
+            } else {
+                Err(ServiceError::CommandNotExecutableNow)
+            }
         })
+    }
+
+    /// S-0-0170 with S-0-0169.
+    fn start_probing(&mut self, parameters: &Parameters) -> Result<CommandState, ServiceError> {
+        let settings = ProbeSettings::new(parameters.get_word(PROBE_CONTROL))
+            .map_err(|_| ServiceError::CommandInvalidParameters)?;
+        self.motion.lock(|motion| motion.set_probing(Some(settings)));
+        // It goes on until it is cancelled (sercos2.md 6.4).
+        Ok(CommandState::Executing)
     }
 
     /// S-0-0447.
@@ -326,6 +350,7 @@ where
             81 => commands.additive_torque.cast_unsigned().into(),
             96 => u64::from(u16::from_le_bytes([self.identity.address.get(); 2])),
             145 => commands.signal_control.into(),
+            258 => commands.target_position.cast_unsigned().into(),
             304 => u64::from(snapshot.status_word >> 6 & 1),
             306 => u64::from(snapshot.status_word >> 7 & 1),
             // Parameters and unknown IDNs are not asked for here.
@@ -353,6 +378,8 @@ where
                     None => Ok(()),
                     Some(Finding::DataBlock(invalid)) => write!(text, "{invalid}"),
                     Some(Finding::NotSynchronised) => write!(text, "the loops have not locked to the ring"),
+                    Some(Finding::Homing(HomingFailure::Way(error))) => write!(text, "{error}"),
+                    Some(Finding::Homing(HomingFailure::Torque)) => write!(text, "the torque went while homing"),
                     Some(Finding::Controller) => write!(text, "the ring controller refuses the configuration"),
                 };
                 None
@@ -401,8 +428,10 @@ where
         let raw = (value & 0xFFFF_FFFF) as u32;
         if let Some(command) = Command::from_idn(idn) {
             self.motion.lock(|motion| motion.set_command(command, raw));
+        } else if let Some(bit) = enable_bit(idn) {
+            self.motion.lock(|motion| motion.set_enable(bit, raw & 1 != 0));
         } else if idn == COMMUTATION_ANGLE {
-            self.motion.lock(|motion| motion.set_commutation_angle(raw));
+            self.motion.lock(|motion| motion.set_commutation_angle(raw.cast_signed()));
         } else if idn == APPLICATION_WORD {
             self.motion.lock(|motion| motion.set_application_word((raw & 0xFFFF) as u16));
         } else if idn == oscilloscope::WINDOW {
@@ -488,10 +517,15 @@ where
                 self.motion.lock(|motion| motion.hold_for_homing(false));
                 Ok(CommandState::Executed)
             }
+            (PROBING, CommandAction::Cancel) => {
+                self.motion.lock(|motion| motion.set_probing(None));
+                Ok(CommandState::Executed)
+            }
             // Over in an instant: there is nothing left to undo.
             (_, CommandAction::Cancel) => Ok(CommandState::Executed),
             (PARK_AXIS, START) => self.without_torque(|context| context.motion.lock(|motion| motion.park(true))),
             (HOMING, START) => self.home(parameters),
+            (PROBING, START) => self.start_probing(parameters),
             (CANCEL_REFERENCE, START) => {
                 self.motion.lock(|motion| motion.cancel_reference());
                 Ok(CommandState::Executed)
@@ -509,10 +543,10 @@ where
         if let Some(error) = oscilloscope::refuses_setting(idn, value, parameters) {
             return Some(error);
         }
-        // An angle that is taken over under torque would throw the motor to it; and -1 is no angle.
+        // An angle that is taken over under torque would throw the motor to it.
         if idn == COMMUTATION_ANGLE {
-            let impossible = value >> 31 != 0 || self.motion.lock(|motion| motion.has_torque());
-            return impossible.then_some(ServiceError::ProtectedBySettings);
+            let torque = self.motion.lock(|motion| motion.has_torque());
+            return torque.then_some(ServiceError::ProtectedBySettings);
         }
         // The reference stands on these two until the command is cancelled.
         let belongs_to_homing = matches!(idn, HOMING_PARAMETER | REFERENCE_DISTANCE);

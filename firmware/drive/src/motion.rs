@@ -16,10 +16,13 @@ mod clock_monitor;
 mod cycle;
 mod identifying;
 mod recording;
+mod travel;
 mod words;
 
 pub(crate) use background::MotorValue;
 use clock_monitor::ClockMonitor;
+pub(crate) use travel::{HOME_SWITCH, HOMING_ENABLE, HomingFailure, PROBE_1_ENABLE, PROBE_2_ENABLE};
+use travel::{HomingRun, ProbeRun};
 
 use crate::diagnosis::{Manufacturer1, Manufacturer2, Manufacturer3};
 use crate::feedback::FeedbackValues;
@@ -56,6 +59,8 @@ pub struct CommandValues {
     pub additive_torque: i16,
     /// S-0-0145.
     pub signal_control: u16,
+    /// S-0-0258.
+    pub target_position: i32,
 }
 
 impl CommandValues {
@@ -111,8 +116,6 @@ pub struct Motion<B, H> {
     class_3_change: bool,
     /// State and diagnostic words that the background has been told of.
     told: (DriveState, Class1, Class2),
-    /// P-0-0019.
-    application_word: u16,
     oscilloscope: Oscilloscope<'static>,
     /// P-0-0224, P-0-0225 or P-0-0226 is under way.
     identification: Option<Identification>,
@@ -122,6 +125,14 @@ pub struct Motion<B, H> {
     identification_percent: u8,
     /// An identification has moved the axis: the first command after HALT is looked at before it is followed.
     displaced: bool,
+    /// P-0-0019 in the low half, the enable bits of S-0-0400 and S-0-0405 to S-0-0407 above.
+    controlled: u32,
+    homing_run: HomingRun,
+    probe_run: ProbeRun,
+    /// S-0-0258 and the place that it means.
+    target: Option<(i32, Position)>,
+    /// The movement of the drive itself has reached its target.
+    travelled: bool,
     /// S-0-0403 bit 0.
     referenced: bool,
     /// S-0-0148 holds the position until it is cancelled.
@@ -199,12 +210,16 @@ impl<B: Bus + Clone, H: Hardware> Motion<B, H> {
             class_2_change: false,
             class_3_change: false,
             told: (DriveState::Off, Class1::empty(), Class2::empty()),
-            application_word: 0,
             oscilloscope: Oscilloscope::new(scope),
             identification: None,
             identified: None,
             identification_percent: 0,
             displaced: false,
+            controlled: 0,
+            homing_run: HomingRun::default(),
+            probe_run: ProbeRun::default(),
+            target: None,
+            travelled: true,
             referenced: false,
             homing: false,
             resuming: false,
@@ -281,7 +296,13 @@ impl<B: Bus + Clone, H: Hardware> Motion<B, H> {
         let index = self.hardware.index_latch().map(|latch| self.counted(latch));
         self.look_after_the_motor(index);
         self.update_state();
-        self.step_sequence(index.map(|count| self.encoder.position_of(count)));
+        let index = index.map(|count| self.encoder.position_of(count));
+        self.step_sequence(index);
+        let homed = self.home(index);
+        self.probe();
+        if self.is_positioning() {
+            self.position_to_target();
+        }
         self.identify(position);
         let output = self.axis.tick(position, self.motor.torque_limits());
         if output.excessive_deviation {
@@ -292,10 +313,17 @@ impl<B: Bus + Clone, H: Hardware> Motion<B, H> {
         self.torque_command = output.current;
         self.velocity_command = output.velocity_command;
         self.limiting = output.limiting | self.motor.limiting();
+        self.travelled = output.travelled;
         self.values.take_output(&output, self.motor.torque_current());
         self.refresh_words(&output);
         self.record(position, &output);
-        self.flywheel() | self.tell_lock() | self.tell_news()
+        let homed = if homed { Work::SERVICE_CHANNEL } else { Work::empty() };
+        self.flywheel() | self.tell_lock() | self.tell_news() | homed
+    }
+
+    /// The drive follows S-0-0258 by itself.
+    fn is_positioning(&self) -> bool {
+        self.axis.mode() == Mode::Travel && !self.homing
     }
 
     /// Keeps the phase that an edge of this interrupt line has to the loop tick; to be called before the interrupt is acknowledged.
@@ -428,10 +456,15 @@ impl<B: Bus + Clone, H: Hardware> Motion<B, H> {
     }
 
     fn set_bridge(&mut self, on: bool) {
-        if on != self.bridge_on {
-            self.bridge_on = on;
-            self.hardware.set_bridge(on);
+        if on == self.bridge_on {
+            return;
         }
+        self.bridge_on = on;
+        if on {
+            // A break without torque, as when the gate drivers had no supply yet, was nobody's error; one with torque is kept in C1D.
+            self.hardware.reset_bridge();
+        }
+        self.hardware.set_bridge(on);
     }
 
     /// Steps the state machine and puts its state into axis, bridge and brake.
@@ -450,15 +483,23 @@ impl<B: Bus + Clone, H: Hardware> Motion<B, H> {
             (DriveState::SwitchingOn, _) if !self.motor.commutates() => Mode::Off,
             (DriveState::SwitchingOff | DriveState::FaultReaction, _) => Mode::Stopping,
             (DriveState::Halted, _) if self.identification.is_some() => self.identification_mode(),
+            (DriveState::Following | DriveState::Halted, _) if self.is_travelling_home() => Mode::Travel,
             (DriveState::Halted | DriveState::SwitchingOn | DriveState::Engaging, _) => Mode::Halt,
+            (DriveState::Following, Some(OperationMode::PositioningWithLag | OperationMode::PositioningWithoutLag)) => {
+                Mode::Travel
+            }
             (DriveState::Following, Some(OperationMode::Torque)) => Mode::Torque,
             (DriveState::Following, Some(OperationMode::Velocity)) => Mode::Velocity,
             (DriveState::Following, _) => Mode::Position,
         };
-        let without_lag = self.mode == Some(OperationMode::PositionWithoutLag);
+        let without_lag =
+            matches!(self.mode, Some(OperationMode::PositionWithoutLag | OperationMode::PositioningWithoutLag));
         if without_lag != self.without_lag {
             self.without_lag = without_lag;
             self.apply_axis_settings();
+        }
+        if mode != Mode::Travel {
+            self.target = None;
         }
         self.axis.set_mode(mode);
         if state != before && !state.has_torque() {

@@ -196,9 +196,10 @@ impl Motor {
         self.commutation.as_ref().map(|commutation| commutation.at(position))
     }
 
-    /// Gives the electrical angle of a position (P-0-0118).
-    pub(crate) fn set_commutation_angle(&mut self, position: Position, angle: u32) {
-        self.commutation = Some(CommutationAngle::new(self.settings.commutation, position, angle));
+    /// Gives the electrical angle of a position (P-0-0118), or takes it away.
+    pub(crate) fn set_commutation_angle(&mut self, position: Position, angle: Option<u32>) {
+        self.commutation = angle.map(|angle| CommutationAngle::new(self.settings.commutation, position, angle));
+        self.index_armed = angle.is_some();
     }
 
     /// Moves the zero of the position without a movement.

@@ -2,6 +2,7 @@
 
 use heapless::Vec;
 use sercos::Idn;
+use servo::{Edge, Probe};
 
 use crate::bits::{Source, Word};
 
@@ -26,6 +27,8 @@ pub enum Command {
     AdditiveTorque,
     /// S-0-0145, 2 bytes.
     SignalControl,
+    /// S-0-0258, 4 bytes.
+    TargetPosition,
 }
 
 impl Command {
@@ -34,6 +37,7 @@ impl Command {
     pub const fn from_idn(idn: Idn) -> Option<Self> {
         const SIGNAL_CONTROL: Idn = Idn::standard(145);
         const ADDITIVE_TORQUE: Idn = Idn::standard(81);
+        const TARGET_POSITION: Idn = Idn::standard(258);
         match idn {
             Idn::VELOCITY_COMMAND => Some(Self::Velocity),
             Idn::ADDITIVE_VELOCITY_COMMAND => Some(Self::AdditiveVelocity),
@@ -42,6 +46,7 @@ impl Command {
             Idn::TORQUE_COMMAND => Some(Self::Torque),
             ADDITIVE_TORQUE => Some(Self::AdditiveTorque),
             SIGNAL_CONTROL => Some(Self::SignalControl),
+            TARGET_POSITION => Some(Self::TargetPosition),
             _ => None,
         }
     }
@@ -74,6 +79,8 @@ pub enum Feedback {
     FollowingDistance,
     /// S-0-0347, 4 bytes.
     VelocityError,
+    /// S-0-0130 to S-0-0133, 4 bytes.
+    Probe(Probe, Edge),
     /// S-0-0380.
     BusVoltage,
     /// S-0-0383.
@@ -106,6 +113,10 @@ impl Feedback {
             144 => Self::SignalStatus,
             189 => Self::FollowingDistance,
             347 => Self::VelocityError,
+            130 => Self::Probe(Probe::One, Edge::Positive),
+            131 => Self::Probe(Probe::One, Edge::Negative),
+            132 => Self::Probe(Probe::Two, Edge::Positive),
+            133 => Self::Probe(Probe::Two, Edge::Negative),
             380 => Self::BusVoltage,
             383 => Self::MotorTemperature,
             384 => Self::AmplifierTemperature,
@@ -118,7 +129,12 @@ impl Feedback {
     #[must_use]
     pub const fn words(self) -> u16 {
         match self {
-            Self::Velocity | Self::Position | Self::Position2 | Self::FollowingDistance | Self::VelocityError => 2,
+            Self::Velocity
+            | Self::Position
+            | Self::Position2
+            | Self::FollowingDistance
+            | Self::VelocityError
+            | Self::Probe(..) => 2,
             _ => 1,
         }
     }

@@ -4,9 +4,10 @@ use sercos::Idn;
 use sercos::parameters::Parameters;
 use sercos::transition::OPERATION_MODES;
 use servo::{
-    Acceleration, AxisParameters, AxisSettings, CurrentFilterSettings, EncoderSettings, FilterSection,
-    FrictionParameters, FrictionSettings, Gain, Interpolation, Jerk, LoopClockSettings, Modulo, Position,
-    PositionScale, SettingsError, Velocity, VelocityLimits, VelocityScale,
+    Acceleration, AxisParameters, AxisSettings, CurrentFilterSettings, EncoderSettings, FeedrateOverride,
+    FilterSection, FrictionParameters, FrictionSettings, Gain, HomingParameters, HomingSettings, Interpolation, Jerk,
+    LoopClockSettings, Modulo, MotionLimits, Position, PositionScale, SettingsError, Velocity, VelocityLimits,
+    VelocityScale,
 };
 
 pub(crate) mod motor;
@@ -38,11 +39,15 @@ pub enum OperationMode {
     PositionWithLag,
     /// 11: position commands S-0-0047 with velocity feed-forward.
     PositionWithoutLag,
+    /// 0013H: the drive goes to S-0-0258 by itself, with following distance.
+    PositioningWithLag,
+    /// 001BH: the drive goes to S-0-0258 by itself, with velocity feed-forward.
+    PositioningWithoutLag,
 }
 
 impl OperationMode {
     /// The values of S-0-0032 to S-0-0035 and S-0-0284 to S-0-0287, and of S-0-0292.
-    pub const SUPPORTED: [u16; 4] = [1, 2, 3, 11];
+    pub const SUPPORTED: [u16; 6] = [1, 2, 3, 11, 0x13, 0x1B];
 
     /// The mode of an operation-mode parameter, `None` for 0 (none) and for everything this drive does not have.
     #[must_use]
@@ -52,6 +57,8 @@ impl OperationMode {
             2 => Some(Self::Velocity),
             3 => Some(Self::PositionWithLag),
             11 => Some(Self::PositionWithoutLag),
+            0x13 => Some(Self::PositioningWithLag),
+            0x1B => Some(Self::PositioningWithoutLag),
             _ => None,
         }
     }
@@ -144,6 +151,8 @@ pub struct MotionSettings {
     pub standstill_window: Velocity,
     /// S-0-0049 and S-0-0050, while S-0-0055 bit 4 switches them on.
     pub position_limits: Option<(Position, Position)>,
+    /// S-0-0259, S-0-0260, S-0-0193, S-0-0108: movements to S-0-0258.
+    pub positioning: MotionLimits,
     /// P-0-0140: what an error does to a motor that runs.
     pub reaction: Reaction,
     /// Bridge, motor, brake.
@@ -187,9 +196,7 @@ impl MotionSettings {
             (value != 0).then(|| velocity.to_velocity(value))
         };
         let velocity_limits = VelocityLimits::new(bipolar, one_sided(38), one_sided(39));
-        let acceleration =
-            |number| Acceleration::from_milliradians_per_second_squared(parameters.get(Idn::standard(number)));
-        let ramp = (acceleration(136), acceleration(137));
+        let ramp = (acceleration(parameters, 136), acceleration(parameters, 137));
         let peak_current = parameters.get(Idn::standard(110));
         let axis = AxisParameters {
             ticks_per_cycle: ticks_per_command,
@@ -204,10 +211,9 @@ impl MotionSettings {
             filter: filter(parameters)?,
             peak_current,
             velocity_limits,
-            deceleration: acceleration(138),
-            halt_deceleration: acceleration(372),
-            jerk: Some(Jerk::from_milliradians_per_second_cubed(parameters.get(Idn::standard(349))))
-                .filter(|jerk| jerk.to_bits() != 0),
+            deceleration: acceleration(parameters, 138),
+            halt_deceleration: acceleration(parameters, 372),
+            jerk: jerk(parameters, 349),
             velocity_ramp: (ramp.0.to_bits() | ramp.1.to_bits() != 0).then_some(ramp),
             interpolation: match parameters.get_word(Idn::product(141)) {
                 0 => Interpolation::Linear,
@@ -255,6 +261,7 @@ impl MotionSettings {
             overspeed: Velocity::saturating_from_bits(i64::from(fastest.to_bits()).saturating_mul(5) / 4),
             standstill_window: velocity.to_velocity(signed(parameters, 124)),
             position_limits: position_limits(parameters, &position),
+            positioning: positioning(parameters, &velocity, bipolar)?,
             reaction: Reaction::from_parameter(parameters.get_word(Idn::product(140))),
             motor: MotorSettings::new(parameters, increments, fastest)?,
             monitoring_window,
@@ -349,6 +356,55 @@ fn velocity_scale(parameters: &Parameters) -> Result<VelocityScale, InvalidSetti
         .ok_or(unsupported(46))?;
     let denominator = power(exponent.min(0).saturating_neg()).ok_or(unsupported(46))?;
     VelocityScale::new(numerator, denominator).map_err(invalid(45))
+}
+
+/// Limits of positioning, with the feedrate override S-0-0108.
+fn positioning(
+    parameters: &Parameters,
+    scale: &VelocityScale,
+    fastest: Velocity,
+) -> Result<MotionLimits, InvalidSetting> {
+    let velocity = scale.to_velocity(signed(parameters, 259)).min(fastest);
+    let acceleration = acceleration(parameters, 260);
+    let feedrate = FeedrateOverride::new(parameters.get_word(Idn::standard(108))).map_err(invalid(108))?;
+    MotionLimits::new(velocity, acceleration, acceleration, jerk(parameters, 193))
+        .map(|limits| limits.with_override(feedrate))
+        .map_err(invalid(259))
+}
+
+/// What homing S-0-0148 works with: its way and the limits of its movements.
+///
+/// # Errors
+/// The first parameter that homing cannot work with.
+pub(crate) fn homing(
+    parameters: &Parameters,
+    settings: &MotionSettings,
+) -> Result<(HomingSettings, MotionLimits), InvalidSetting> {
+    let position = |number| settings.position.to_position(signed(parameters, number));
+    let velocity = settings.velocity.to_velocity(signed(parameters, 41));
+    let homing = HomingSettings::new(&HomingParameters {
+        homing_parameter: parameters.get_word(Idn::standard(147)),
+        velocity,
+        reference_distance: position(52),
+        reference_offset: position(150),
+        switch_offset: position(299),
+        travel_limit: Some(position(278)).filter(|limit| *limit > Position::ZERO),
+        marker_limit: None,
+    })
+    .map_err(|_| unsupported(147))?;
+    let acceleration = acceleration(parameters, 42);
+    let limits = MotionLimits::new(velocity, acceleration, acceleration, jerk(parameters, 349)).map_err(invalid(41))?;
+    Ok((homing, limits))
+}
+
+fn acceleration(parameters: &Parameters, number: u16) -> Acceleration {
+    Acceleration::from_milliradians_per_second_squared(parameters.get(Idn::standard(number)))
+}
+
+/// A jerk limit; `None` for 0.
+fn jerk(parameters: &Parameters, number: u16) -> Option<Jerk> {
+    let jerk = Jerk::from_milliradians_per_second_cubed(parameters.get(Idn::standard(number)));
+    (jerk.to_bits() != 0).then_some(jerk)
 }
 
 /// S-0-0155 and P-0-0142.

@@ -242,6 +242,10 @@ dictionary! {
     S 39 "Negative velocity limit value" ["rpm"] I32/4 written ALWAYS (-2_147_483_648 to 0) = 0 => Parameter, stored;
     /// Velocity of the motor encoder.
     S 40 "Velocity feedback value 1" ["rpm"] I32/4 written NEVER () = 0 => Live, in_at;
+    /// Speed of homing.
+    S 41 "Homing velocity" ["rpm"] I32/4 written ALWAYS (1 to 2_147_483_647) = 1_000_000 => Parameter, stored;
+    /// Acceleration of homing.
+    S 42 "Homing acceleration" ["rad/s^2"] I32/3 written ALWAYS (1_000 to 2_147_483_647) = 100_000 => Parameter, stored;
     /// Bit 0 inverts the velocity command, bit 1 the additive one, bit 2 the velocity feedback.
     S 43 "Velocity polarity parameter" [""] BITS/0 written IN_CP2_CP3 () = 0 => Parameter, stored, needed_for_cp4;
     /// Bits 2 to 0: 2 rotary; bit 3: by S-0-0045 and S-0-0046 instead of 0.0001 rpm; bit 5: per second.
@@ -316,6 +320,8 @@ dictionary! {
     S 106 "Current loop proportional gain 1" ["V/A"] U16/3 written ALWAYS (1 to 65_535) = 40_000 => Parameter, stored, needed_for_cp4;
     /// Time in which the integral part of the current loop reaches the proportional part; 0 switches it off.
     S 107 "Current loop integral action time 1" ["ms"] U16/1 written ALWAYS (0 to 65_535) = 50 => Parameter, stored, needed_for_cp4;
+    /// Share of S-0-0259 that positioning may use.
+    S 108 "Feedrate override" ["%"] U16/2 written ALWAYS (0 to 10_000) = 10_000 => Parameter, stored;
     /// Largest current of the motor.
     S 109 "Motor peak current" ["A"] U32/3 written IN_CP2_CP3 (1 to 500_000) = 20_000 => Parameter, stored, needed_for_cp4;
     /// Current at full scale of the amplifier's command input; writable, because the amplifier is chosen by the builder.
@@ -342,6 +348,14 @@ dictionary! {
     S 128 "CP4 transition check" [""] COMMAND/0 written IN_CP3 () = 0 => Command;
     /// The errors behind C1D bit 15: bit 0 amplifier fault.
     S 129 "Manufacturer class 1 diagnostic" [""] BITS/0 written NEVER () = 0 => Live, in_at, bit_source;
+    /// Position at the last positive edge of probe 1 that S-0-0170 took.
+    S 130 "Probe value 1 positive edge" ["deg"] I32/4 written NEVER () = 0 => Live, in_at;
+    /// Position at the last negative edge of probe 1 that S-0-0170 took.
+    S 131 "Probe value 1 negative edge" ["deg"] I32/4 written NEVER () = 0 => Live, in_at;
+    /// Position at the last positive edge of probe 2 that S-0-0170 took.
+    S 132 "Probe value 2 positive edge" ["deg"] I32/4 written NEVER () = 0 => Live, in_at;
+    /// Position at the last negative edge of probe 2 that S-0-0170 took.
+    S 133 "Probe value 2 negative edge" ["deg"] I32/4 written NEVER () = 0 => Live, in_at;
     /// The control word of the last MDT.
     S 134 "Master control word" [""] BITS/0 written NEVER () = 0 => Live, bit_source;
     /// The status word of the last AT.
@@ -366,16 +380,24 @@ dictionary! {
     S 144 "Signal status word" [""] BITS/0 written NEVER () = 0 => Live, in_at;
     /// Sets the bits that S-0-0027 and S-0-0329 have chosen, whenever it changes.
     S 145 "Signal control word" [""] BITS/0 written ALWAYS () = 0 => Live, in_mdt;
-    /// Way to the reference point. Built: bits 5 and 6 set, bit 7 clear (neither switch nor marker): the reference is where the motor stands. Not while S-0-0148 is set (700CH).
+    /// Bit 0: negative direction; bit 1: falling edge of the home switch; bit 2: switch at the drive (else S-0-0400 is written); bit 4: S-0-0407 is evaluated; bit 5: no switch; bit 6: no marker; bit 7: stop at the reference point. With bits 5 and 6 and without 7 the reference is where the motor stands. Not while S-0-0148 is set (700CH).
     S 147 "Homing parameter" [""] BITS/0 written ALWAYS () = 0x0060 => Parameter, stored, restricted;
-    /// Gives the reference point the position S-0-0052, in the way of S-0-0147, and sets S-0-0403 bit 0.
+    /// Finds the reference point in the way of S-0-0147, gives it the position S-0-0052, and sets S-0-0403 bit 0. What it fails of says P-0-0003.
     S 148 "Drive controlled homing procedure command" [""] COMMAND/0 written IN_CP4 () = 0 => Command;
+    /// From the marker, or the edge of the switch, to the reference point.
+    S 150 "Reference offset 1" ["deg"] I32/4 written ALWAYS (-2_147_483_648 to 2_147_483_647) = 0 => Parameter, stored;
     /// Coulomb friction that the velocity loop is helped with, in per cent of S-0-0111.
     S 155 "Friction compensation" ["%"] U16/1 written ALWAYS (0 to 1_000) = 0 => Parameter, stored;
     /// Velocity difference below which C3D bit 0 (n_feedback = n_command) is set.
     S 157 "Velocity window" ["rpm"] I32/4 written ALWAYS (1 to 2_147_483_647) = 100_000 => Parameter, stored;
     /// Following distance above which the drive shuts down with C1D bit 11; 0: not monitored.
     S 159 "Monitoring window" ["deg"] I32/4 written ALWAYS (0 to 2_147_483_647) = 300_000 => Parameter, stored;
+    /// Bit 0: positive edge of probe 1; bit 1: negative edge; bits 2 and 3: those of probe 2.
+    S 169 "Probe control" [""] BITS/0 written ALWAYS (0 to 15) = 0 => Parameter, stored;
+    /// Positions at the edges of S-0-0169, each armed by S-0-0405 or S-0-0406; until it is cancelled.
+    S 170 "Probing cycle procedure command" [""] COMMAND/0 written IN_CP4 () = 0 => Command;
+    /// Bits 0 to 3: positive and negative edge of probe 1 and of probe 2 taken since they were armed.
+    S 179 "Probe status" [""] BITS/0 written NEVER () = 0 => Live, in_at, bit_source;
     /// The warnings behind C2D bit 15: bit 0 loops not locked to the ring in CP4, 1 telegram lost within the last second, 2 amplifier fault without torque.
     S 181 "Manufacturer class 2 diagnostic" [""] BITS/0 written NEVER () = 0 => Live, in_at, bit_source;
     /// The states behind C3D bit 15: bit 0 loops locked to the ring, 1 axis parked, 2 parameters locked by the password.
@@ -394,6 +416,8 @@ dictionary! {
     S 191 "Cancel reference point procedure command" [""] COMMAND/0 written ALWAYS () = 0 => Command;
     /// IDNs that a control saves and restores.
     S 192 "IDN list of backup operation data" [""] IDNS/0 written NEVER () = 0 => Dictionary(Selection::Backup);
+    /// Jerk of positioning; 0: not limited.
+    S 193 "Positioning jerk" ["rad/s^3"] I32/3 written ALWAYS (0 to 2_147_483_647) = 0 => Parameter, stored;
     /// Heat sink temperature from which C2D bit 1 warns.
     S 200 "Amplifier warning temperature" ["C"] U16/1 written ALWAYS (1 to 2_000) = 800 => Parameter, stored, needed_for_cp4;
     /// Motor temperature from which C2D bit 2 warns.
@@ -410,6 +434,12 @@ dictionary! {
     S 208 "Temperature data scaling type" [""] BITS/0 written NEVER () = 0 => Parameter;
     /// Increments of one line of the motor encoder.
     S 256 "Multiplication 1" [""] U32/0 written NEVER () = 4 => Parameter;
+    /// Where the drive goes by itself in the modes 0013H and 001BH; a modulo axis the shortest way.
+    S 258 "Target position" ["deg"] I32/4 written ALWAYS (-2_147_483_648 to 2_147_483_647) = 0 => Live, in_mdt;
+    /// Speed of positioning, within S-0-0091.
+    S 259 "Positioning velocity" ["rpm"] I32/4 written ALWAYS (1 to 2_147_483_647) = 1_000_000 => Parameter, stored, needed_for_cp4;
+    /// Acceleration of positioning.
+    S 260 "Positioning acceleration" ["rad/s^2"] I32/3 written ALWAYS (1_000 to 2_147_483_647) = 1_000_000 => Parameter, stored;
     /// Gives everything in S-0-0192 its default. Not while torque is on.
     S 262 "Load defaults procedure command" [""] COMMAND/0 written ALWAYS () = 0 => Command;
     /// Language of S-0-0095, P-0-0003, P-0-0010 and P-0-0011: 0 German (S-0-0095 only, the others stay English), 1 English.
@@ -424,6 +454,8 @@ dictionary! {
     S 273 "Maximum drive off delay time" ["ms"] U16/0 written ALWAYS (0 to 65_535) = 0 => Parameter, stored;
     /// Bit 3: the encoder counts the other way round. Rotary, incremental, at the motor: all other bits 0.
     S 277 "Position feedback 1 type" [""] BITS/0 written IN_CP2_CP3 () = 0 => Parameter, stored, needed_for_cp4;
+    /// Longest way to the home switch; 0: not limited.
+    S 278 "Maximum travel range" ["deg"] I32/4 written IN_CP2_CP3 (0 to 2_147_483_647) = 0 => Parameter, stored, needed_for_cp4;
     /// What S-0-0267 locks.
     S 279 "IDN list of password-protected operation data" [""] IDNS/0 written NEVER () = 0 => Dictionary(Selection::Backup);
     /// Operation mode of control word bits 11, 9, 8 = 100; 0: none.
@@ -438,6 +470,8 @@ dictionary! {
     S 292 "List of supported operation modes" [""] HEXES/0 written NEVER () = 0 => Live;
     /// Part of the commanded velocity that goes past the position loop in modes without lag; 100 % leaves no lag.
     S 296 "Velocity feed-forward gain" ["%"] U16/1 written ALWAYS (0 to 1_000) = 1_000 => Parameter, stored;
+    /// From the edge of the home switch to where the marker counts, at most a revolution of the motor.
+    S 299 "Home switch offset 1" ["deg"] I32/4 written ALWAYS (0 to 2_147_483_647) = 0 => Parameter, stored;
     /// Bit 0 is control word bit 6 of the last MDT.
     S 300 "Real-time control bit 1" [""] BITS/0 written NEVER () = 0 => Live, bit_source;
     /// IDN of S-0-0399 whose bit S-0-0413 follows control word bit 6; 0: none.
@@ -506,8 +540,30 @@ dictionary! {
     S 398 "IDN list of configurable data for status bits" [""] IDNS/0 written NEVER () = 0 => Dictionary(Selection::BitSources);
     /// What S-0-0301, S-0-0303 and S-0-0027 may name.
     S 399 "IDN list of configurable data for control bits" [""] IDNS/0 written NEVER () = 0 => Dictionary(Selection::BitTargets);
+    /// Bit 0: the home switch. Written where S-0-0147 bit 2 says that the control has it.
+    S 400 "Home switch" [""] BITS/0 written ALWAYS (0 to 1) = 0 => Live, bit_target;
+    /// Bit 0: level of probe 1.
+    S 401 "Probe 1" [""] BITS/0 written NEVER () = 0 => Live, bit_source;
+    /// Bit 0: level of probe 2.
+    S 402 "Probe 2" [""] BITS/0 written NEVER () = 0 => Live, bit_source;
     /// Bit 0: the position refers to the reference point.
     S 403 "Position feedback value status" [""] BITS/0 written NEVER () = 0 => Live, in_at, bit_source;
+    /// Bit 0 from 0 to 1 arms probe 1.
+    S 405 "Probe 1 enable" [""] BITS/0 written ALWAYS (0 to 1) = 0 => Live, bit_target;
+    /// Bit 0 from 0 to 1 arms probe 2.
+    S 406 "Probe 2 enable" [""] BITS/0 written ALWAYS (0 to 1) = 0 => Live, bit_target;
+    /// Bit 0: switch and marker may be taken, if S-0-0147 bit 4 asks for it.
+    S 407 "Homing enable" [""] BITS/0 written ALWAYS (0 to 1) = 0 => Live, bit_target;
+    /// Bit 0: the marker has been found.
+    S 408 "Reference marker pulse registered" [""] BITS/0 written NEVER () = 0 => Live, bit_source;
+    /// Bit 0: positive edge of probe 1 taken.
+    S 409 "Probe 1 positive latched" [""] BITS/0 written NEVER () = 0 => Live, bit_source;
+    /// Bit 0: negative edge of probe 1 taken.
+    S 410 "Probe 1 negative latched" [""] BITS/0 written NEVER () = 0 => Live, bit_source;
+    /// Bit 0: positive edge of probe 2 taken.
+    S 411 "Probe 2 positive latched" [""] BITS/0 written NEVER () = 0 => Live, bit_source;
+    /// Bit 0: negative edge of probe 2 taken.
+    S 412 "Probe 2 negative latched" [""] BITS/0 written NEVER () = 0 => Live, bit_source;
     /// Bit of the data block in S-0-0301.
     S 413 "Bit number allocation of real-time control bit 1" [""] U16/0 written ALWAYS (0 to 15) = 0 => Parameter, stored;
     /// Bit of the data block in S-0-0303.
@@ -569,13 +625,13 @@ dictionary! {
     /// Flux linkage of the magnets with a phase, peak value: the torque constant over 1.5 times P-0-0110.
     P 114 "Flux linkage" ["mVs"] U32/3 written ALWAYS (0 to 2_499_999) = 133_333 => Parameter, stored, needed_for_cp4;
     /// Electrical angle at the encoder's index; -1: not known, the angle is then only that of the alignment.
-    P 115 "Commutation angle at the index" ["deg"] I32/2 written ALWAYS (-1 to 36_000) = -1 => Parameter, stored;
+    P 115 "Commutation angle at the index" ["deg"] I32/2 written ALWAYS (-1 to 35_999) = -1 => Parameter, stored;
     /// Largest current of the search for the commutation angle, in per cent of S-0-0110; ten times the friction.
     P 116 "Alignment current" ["%"] U16/1 written ALWAYS (1 to 1_000) = 500 => Parameter, stored, needed_for_cp4;
     /// 1: the encoder's index is connected, and lost or added increments are found by it.
     P 117 "Encoder index" [""] BITS/0 written IN_CP2_CP3 (0 to 1) = 1 => Parameter, stored, needed_for_cp4;
-    /// Electrical angle at this moment; -1: not known. Written without torque it is taken over: for an axis whose angle was kept elsewhere while its brake held it.
-    P 118 "Commutation angle" ["deg"] I32/2 written ALWAYS (-1 to 36_000) = -1 => Live, restricted;
+    /// Electrical angle at this moment; -1: not known. Written without torque it is taken over: for an axis whose angle was kept elsewhere while its brake held it; -1 lets the drive search again.
+    P 118 "Commutation angle" ["deg"] I32/2 written ALWAYS (-1 to 35_999) = -1 => Live, restricted;
     /// 0: the commutation angle is not known; 1: from the alignment or from P-0-0118; 2: checked by the index.
     P 119 "Commutation state" [""] U16/0 written NEVER () = 0 => Live;
     /// Bit 0: there is a holding brake; bit 1: it has a contact; bit 2: the axis stays where it is with its brake open and without torque, and may be aligned so.

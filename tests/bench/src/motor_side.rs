@@ -30,6 +30,10 @@ pub struct MotorSideState {
     peak_current: f64,
     supply: f64,
     inputs: Inputs,
+    /// When inputs were last changed, until a processor has taken the edge.
+    changed: Option<Nanoseconds>,
+    /// The break input acts here; otherwise an emulated modulator sees to it.
+    breaks: bool,
     bridge_on: bool,
     /// A break or the current loop has switched the bridge off; it stays off until it is reset.
     tripped: bool,
@@ -103,6 +107,8 @@ impl MotorSideState {
             peak_current: f64::from(axis.peak_current) / 1_000.0,
             supply: axis.machine.supply.voltage,
             inputs,
+            changed: None,
+            breaks: true,
             bridge_on: false,
             tripped: false,
             brake_open: false,
@@ -125,16 +131,23 @@ impl MotorSideState {
         self.inputs
     }
 
+    /// The levels at the drive's pins: the inputs, and the contact of the machine's brake.
+    pub fn levels(&mut self) -> Inputs {
+        let now = self.clock.get();
+        Inputs { brake_open: self.brake_open && !self.machine.brake_holds(now.0), ..self.inputs }
+    }
+
     /// Changes digital inputs from now on. Without main power the supply is cut; a bridge that is not ready breaks the modulation.
     pub fn change_inputs(&mut self, change: impl FnOnce(&mut Inputs)) {
         let before = self.inputs;
         change(&mut self.inputs);
         let now = self.clock.get();
+        self.changed = Some(now);
         if before.main_power != self.inputs.main_power {
             let voltage = if self.inputs.main_power { self.supply } else { 0.0 };
             self.machine.set_supply(voltage, now.0);
         }
-        if !self.inputs.bridge_ready {
+        if self.breaks && !self.inputs.bridge_ready {
             self.trip(now);
         }
         for (probe, before, after) in
@@ -144,6 +157,21 @@ impl MotorSideState {
                 self.probes[probe][usize::from(!after)] = Some(self.machine.encoder_count(now.0));
             }
         }
+    }
+
+    /// Leaves breaks and trips to an emulated modulator, which tells by [`MotorSideState::switch_bridge`].
+    pub fn leave_breaks(&mut self) {
+        self.breaks = false;
+    }
+
+    /// When inputs were changed that no processor has taken yet.
+    pub const fn changed_inputs(&self) -> Option<Nanoseconds> {
+        self.changed
+    }
+
+    /// The processor takes the inputs as they are.
+    pub fn take_inputs(&mut self) {
+        self.changed = None;
     }
 
     /// Main power, and whether the gate drivers are sound.
@@ -274,9 +302,7 @@ impl Hardware for MotorSide {
     }
 
     fn inputs(&mut self) -> Inputs {
-        let state = &mut *self.state.borrow_mut();
-        let now = state.clock.get();
-        Inputs { brake_open: state.brake_open && !state.machine.brake_holds(now.0), ..state.inputs }
+        self.state.borrow_mut().levels()
     }
 
     fn set_bridge(&mut self, on: bool) {

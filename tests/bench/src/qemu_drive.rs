@@ -48,6 +48,7 @@ impl QemuDrive {
         bit_rate: BitRate,
         measurements: SharedMeasurements,
     ) -> Self {
+        motor_side.borrow_mut().leave_breaks();
         let environment = QemuEnvironment {
             chip: chip.clone(),
             motor_side: motor_side.clone(),
@@ -61,11 +62,13 @@ impl QemuDrive {
 
 impl Processor for QemuDrive {
     fn next_event(&self) -> Option<Nanoseconds> {
-        self.guest.next_event()
+        let inputs = self.environment.motor_side.borrow().changed_inputs();
+        self.guest.next_event().into_iter().chain(inputs).min()
     }
 
     fn run(&mut self, now: Nanoseconds, horizon: &dyn Fn() -> Nanoseconds) -> Result<(), ProcessorError> {
         self.environment.note_edges();
+        self.environment.motor_side.borrow_mut().take_inputs();
         let due = self.guest.next_event().is_some_and(|time| time <= now);
         // The horizon is worked out only when the guest is going to be let loose.
         let until = if due { horizon() } else { now };
@@ -144,6 +147,11 @@ impl Environment for QemuEnvironment {
         self.motor_side.borrow_mut().machine().encoder_count(now.0)
     }
 
+    /// What is written meanwhile does not move the shaft by an increment within microseconds.
+    fn encoder_foretold(&self, at: Nanoseconds) -> Option<u32> {
+        Some(self.motor_side.borrow_mut().machine().clone().encoder_count(at.0))
+    }
+
     fn index_count(&mut self, now: Nanoseconds) -> IndexEdge {
         let state = &mut *self.motor_side.borrow_mut();
         let number = state.machine().index_pulses(now.0);
@@ -183,7 +191,7 @@ impl Environment for QemuEnvironment {
     }
 
     fn digital_inputs(&self) -> DigitalInputs {
-        let inputs = self.motor_side.borrow().inputs();
+        let inputs = self.motor_side.borrow_mut().levels();
         DigitalInputs {
             main_power: inputs.main_power,
             sto_1: inputs.safe_torque_1,
@@ -193,15 +201,6 @@ impl Environment for QemuEnvironment {
             probe_1: inputs.probe_1,
             probe_2: inputs.probe_2,
         }
-    }
-
-    // The board has no analogue amplifier.
-    fn set_current(&mut self, _now: Nanoseconds, _code: u16) {}
-
-    fn set_amplifier(&mut self, _now: Nanoseconds, _on: bool) {}
-
-    fn amplifier_inputs(&self) -> (bool, bool) {
-        (false, false)
     }
 
     fn address_switches(&self) -> u8 {

@@ -8,6 +8,7 @@ use ring::service_client::Request;
 use ring::wire::BitRate;
 use ring::{Nanoseconds, Ring, RingConfiguration};
 
+use crate::axis::parameters_of;
 use crate::executor::{Elves, SharedMeasurements};
 use crate::processor::{Processor, ProcessorError};
 use crate::qemu_drive::QemuDrive;
@@ -62,6 +63,8 @@ const GRID: Nanoseconds = Nanoseconds::from_millis(20);
 const WINDOW: Nanoseconds = Nanoseconds::from_millis(100);
 const STEP: Nanoseconds = Nanoseconds::from_millis(1);
 const PATIENCE_SECONDS: u64 = 30;
+/// The drive searches its commutation angle when it is first switched on: 2 s are enough.
+const SWITCHING_ON_CYCLES: u64 = 4_000;
 /// 300 rpm of 3 600 000 increments a revolution, in increments a cycle.
 const INCREMENTS_PER_CYCLE: i32 = 9_000;
 /// Read while traced: a word, a long word, a text, a list, and the checksum over all parameters, the longest step of all.
@@ -147,19 +150,10 @@ fn world(elves: &Elves, arguments: Vec<std::ffi::OsString>) -> Result<World<Scri
 
 fn script(bit_rate: BitRate) -> MasterScript {
     let axis = ReferenceAxis::press();
-    let gains = &axis.gains;
     let telegram = Telegram::application(&[Idn(51), Idn(40), Idn::FOLLOWING_DISTANCE], &[Idn::POSITION_COMMAND]);
-    let drive = DriveScript::new(ADDRESS, telegram)
-        .with(Idn::OPERATION_MODE, Value::Word(11))
-        .with(Idn(100), Value::Word(gains.velocity_gain * 100))
-        .with(Idn(101), Value::Word(gains.integral_time))
-        .with(Idn(104), Value::Word(gains.position_gain))
-        .with(Idn(109), Value::Long(axis.peak_current))
-        .with(Idn(110), Value::Long(axis.peak_current))
-        .with(Idn(111), Value::Long(axis.standstill_current))
-        .with(Idn(116), Value::Long(axis.motor.increments_per_revolution / 4))
-        .with(Idn(138), Value::Long(gains.acceleration_limit));
-    let motion = Motion::new(u64::from(u32::MAX), |point| {
+    let drive =
+        DriveScript::new(ADDRESS, telegram).with(Idn::OPERATION_MODE, Value::Word(11)).with_all(parameters_of(&axis));
+    let mut motion = Motion::new(u64::from(u32::MAX), |point| {
         // The shaft starts gently, over the first 200 cycles.
         let cycles = i32::try_from(point.cycle).unwrap_or(i32::MAX);
         let ramp = cycles.min(200);
@@ -167,6 +161,7 @@ fn script(bit_rate: BitRate) -> MasterScript {
         let steady = cycles.wrapping_sub(ramp).wrapping_mul(INCREMENTS_PER_CYCLE);
         CommandValues::at_position(point.start.wrapping_add(turned).wrapping_add(steady))
     });
+    motion.patience = SWITCHING_ON_CYCLES;
     MasterScript {
         bit_rate,
         cycle: u16::try_from(CYCLE.as_microseconds()).unwrap_or(u16::MAX),

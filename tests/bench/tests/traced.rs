@@ -3,7 +3,8 @@
 use bench::{Elves, traced};
 use emulator::Listing;
 
-const TIM6: u16 = 16 + 54;
+/// CAN2_TX.
+const CONTROL_LOOP: u16 = 16 + 63;
 
 #[test]
 #[ignore = "needs QEMU and the ELF: cargo xtask test"]
@@ -18,7 +19,7 @@ fn two_traced_runs_count_the_same() {
     for (exception, task) in first.activations.tasks() {
         println!("{exception}: {task:?}");
     }
-    let control_loop = first.activations.tasks()[&TIM6];
+    let control_loop = first.activations.tasks()[&CONTROL_LOOP];
     // Every 125 us; one may lie across a mark.
     let ticks = first.window.as_microseconds() / 125;
     assert!((ticks - 1..=ticks).contains(&control_loop.own.count), "{control_loop:?}");

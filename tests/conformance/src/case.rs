@@ -118,7 +118,7 @@ impl Case {
     #[must_use]
     pub fn run(&self) -> CaseReport {
         let checked = catch_unwind(AssertUnwindSafe(|| {
-            let mut slave = Slave::new(DriveSetup::catalogue(self.address));
+            let mut slave = Slave::new(DriveSetup::new(self.address));
             (self.check)(&mut slave)
         }));
         // A drive that panics must not take the other cases with it; what it said stands on stderr.

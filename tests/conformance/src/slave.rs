@@ -26,6 +26,9 @@ pub const START_UP_MDT: Nanoseconds = Nanoseconds::from_microseconds(600);
 /// MSTs in CP0 before a run-up (sercos2.md 2.1).
 pub const GOOD_MSTS: u32 = 10;
 
+/// Cycles that a drive may take from the switch to following: it may have to look for its commutation angle first.
+const SWITCHING_ON: u32 = 2_000;
+
 /// How often a data status is asked for before a command counts as one without an end.
 const POLLS: u32 = 400;
 
@@ -240,13 +243,17 @@ impl Slave {
     /// It does not within 200 cycles.
     pub fn switch_on(&mut self) -> Outcome {
         self.control = (self.control & 0x1FFF) | control::ON | control::ENABLE | control::NO_HALT;
-        for _ in 0..200 {
+        for _ in 0..SWITCHING_ON {
             let at = self.cycle();
             if at.is_some_and(|at| status::readiness(at.status) == 3 && at.status & status::FOLLOWS != 0) {
                 return Ok(());
             }
         }
-        Err(format!("not in operation 200 cycles after it was switched on: {:04X?}", self.last))
+        let diagnosis = self.number(390)?;
+        Err(format!(
+            "not in operation {SWITCHING_ON} cycles after it was switched on: S-0-0390 = {diagnosis:04X}H, {:04X?}",
+            self.last
+        ))
     }
 
     /// So many cycles.

@@ -52,15 +52,6 @@ pub trait Environment {
     /// Position of the encoder, in increments (four per line), wrapping.
     fn encoder_count(&mut self, now: Nanoseconds) -> u32;
 
-    /// The analogue current command: 12-bit code of the converter, 800H = zero.
-    fn set_current(&mut self, now: Nanoseconds, code: u16);
-
-    /// The amplifier enable line.
-    fn set_amplifier(&mut self, now: Nanoseconds, on: bool);
-
-    /// Status of the amplifier: main power present, fault.
-    fn amplifier_inputs(&self) -> (bool, bool);
-
     /// Setting of the two hexadecimal address switches: high digit in bits 7..4.
     fn address_switches(&self) -> u8;
 
@@ -102,6 +93,12 @@ pub trait Environment {
     /// The last rising edge of the encoder's index up to `now`; falling edges are not told, no channel captures them.
     fn index_count(&mut self, _now: Nanoseconds) -> IndexEdge {
         IndexEdge::default()
+    }
+
+    /// What [`Environment::encoder_count`] will answer at an instant ahead, at most a few microseconds, without moving the world there; `None`
+    /// when that is not known.
+    fn encoder_foretold(&self, _at: Nanoseconds) -> Option<u32> {
+        None
     }
 
     /// Until when [`Environment::encoder_count`] certainly answers the same as at `now`; `now` itself when that is not known. Lets an answer

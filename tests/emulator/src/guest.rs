@@ -10,8 +10,8 @@ use crate::clock::TickClock;
 use crate::log::{Log, LogLine};
 use crate::measure::{Measurements, Probe, Trigger};
 use crate::peripherals::{Access, Peripherals};
-use crate::prefetch::{Place, Prefetch};
-use crate::protocol::{MEMORY_WORDS, VERSION, command, fault, header, message, post, resume};
+use crate::prefetch::{Foretold, Place, Prefetch};
+use crate::protocol::{MEMORY_WORDS, VERSION, command, fault, header, message, post, prefetched, resume};
 use crate::qemu::Qemu;
 use crate::{EmulatorError, Environment};
 
@@ -280,7 +280,7 @@ impl Guest {
         let access = Access { now: time, address: posted.address, width: posted.kind & 0xFF, pc: posted.pc };
         if posted.kind & post::SERVED != 0 {
             self.measurements.prefetched_reads += 1;
-            self.prefetch.pass(Place::Read { pc: posted.pc, address: posted.address });
+            self.prefetch.pass(Place::Read { pc: posted.pc, address: posted.address }, posted.ticks);
             self.happened(Trigger::Read(posted.address), time);
             return Ok(());
         }
@@ -309,7 +309,7 @@ impl Guest {
         }
         self.measurements.reads += 1;
         let access = Access { now: time, address: question.address, width: question.width, pc: question.pc };
-        self.prefetch.pass(Place::Read { pc: question.pc, address: question.address });
+        self.prefetch.pass(Place::Read { pc: question.pc, address: question.address }, question.ticks);
         let value = self.peripherals.read(environment, access)?;
         self.happened(Trigger::Read(question.address), time);
         self.sample(environment, time)?;
@@ -324,19 +324,33 @@ impl Guest {
         horizon: Nanoseconds,
     ) -> Result<(), EmulatorError> {
         let (edges, levels) = self.peripherals.take_interrupts();
+        self.clock.resume();
+        self.counted = 0;
+        self.prefetch.resume();
         for vector in (0..96_u8).filter(|vector| edges & 1 << vector != 0) {
             self.happened(Trigger::Interrupt(vector), time);
-            self.prefetch.pass(Place::Interrupt(vector));
+            self.prefetch.pass(Place::Interrupt(vector), 0);
         }
-        self.wake = self.peripherals.next_event().map_or(horizon, |event| event.min(horizon));
-        let chain = self
-            .prefetch
-            .chain(resume::PREFETCH_CAPACITY, |address| self.peripherals.peek(environment, address, time, self.wake));
+        // A processor that waits for an interrupt sees nothing of what happens before; one that is at work must not run past an event
+        // that changes what it may read.
+        let waits = self.question.kind == message::TIMER && self.question.idle && edges == 0;
+        let event = if waits { self.peripherals.next_interrupt() } else { self.peripherals.next_event() };
+        self.wake = event.map_or(horizon, |event| event.min(horizon));
+        let (clock, wake) = (self.clock, self.wake);
+        let peripherals = &self.peripherals;
+        let chain = self.prefetch.chain(resume::PREFETCH_CAPACITY, |address, ticks| {
+            if let Some(value) = peripherals.peek(environment, address, time, wake) {
+                return Some(Foretold { address, value, at: prefetched::ANY });
+            }
+            let then = clock.time_of(ticks);
+            let value = (ticks > 0 && then < wake).then(|| peripherals.foretell(environment, address, then))??;
+            Some(Foretold { address, value, at: ticks })
+        });
         let (read_cycles, write_cycles) = self.peripherals.fsmc.cycles();
         let frequency = self.peripherals.clock_tree().core;
         let bound = TickClock::new(frequency).ticks_until(self.post_bound);
         let budget = self.clock.ticks_until(self.wake);
-        let mut words = [0; resume::WORDS + 2 * resume::PREFETCH_CAPACITY];
+        let mut words = [0; resume::WORDS + prefetched::WORDS * resume::PREFETCH_CAPACITY];
         words[resume::KIND] = command::RESUME;
         words[resume::VALUE] = value;
         words[resume::BUDGET] = budget;
@@ -349,12 +363,12 @@ impl Guest {
         words[resume::WRITE_WAIT] = TickClock::ticks_of_cycles(write_cycles);
         words[resume::POST_BOUND] = bound;
         words[resume::PREFETCHED] = chain.len() as u32;
-        for (slot, (address, value)) in words[resume::WORDS..].chunks_exact_mut(2).zip(&chain) {
-            slot.copy_from_slice(&[*address, *value]);
+        for (slot, foretold) in words[resume::WORDS..].chunks_exact_mut(prefetched::WORDS).zip(&chain) {
+            slot[prefetched::ADDRESS] = foretold.address;
+            slot[prefetched::VALUE] = foretold.value;
+            slot[prefetched::AT] = foretold.at;
         }
-        self.clock.resume();
-        self.counted = 0;
-        self.qemu.send(&words[..resume::WORDS + 2 * chain.len()])
+        self.qemu.send(&words[..resume::WORDS + prefetched::WORDS * chain.len()])
     }
 
     fn receive(&mut self) -> Result<(), EmulatorError> {

@@ -1,8 +1,8 @@
 //! Learns which value the product reads next, so that an answer can carry it along.
 //!
-//! The product's handlers read the same addresses in the same order at every interrupt. After each read, the one that followed it last time is
-//! remembered; an answer then carries the whole chain, as far as its values cannot change before the next event.
-//! A wrong guess costs nothing but its two words.
+//! The product's handlers read the same addresses in the same order at every interrupt, and mostly after the same number of instructions. After
+//! each read, the one that followed it last time is remembered, and how many ticks later; an answer then carries the whole chain, as far as its
+//! values are known: until the next event, or at the very tick for a counter that runs. A wrong guess costs nothing but its words.
 
 use std::collections::HashMap;
 
@@ -13,38 +13,59 @@ pub(crate) enum Place {
     Interrupt(u8),
 }
 
+/// A value that an answer carries.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) struct Foretold {
+    pub(crate) address: u32,
+    pub(crate) value: u32,
+    /// [`crate::protocol::prefetched::AT`].
+    pub(crate) at: u32,
+}
+
 /// The memory.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Prefetch {
-    followers: HashMap<Place, Place>,
+    /// The next place, and the ticks to it.
+    followers: HashMap<Place, (Place, u32)>,
     last: Option<Place>,
+    /// Tick of the last place since the product was resumed; 0 when it was before.
+    tick: u32,
 }
 
 impl Prefetch {
-    /// The product passes a place.
-    pub(crate) fn pass(&mut self, place: Place) {
+    /// The product passes a place, so many ticks after it was resumed.
+    pub(crate) fn pass(&mut self, place: Place, tick: u32) {
+        let after = tick.saturating_sub(self.tick);
+        self.tick = tick;
         if let Some(last) = self.last.replace(place)
             && last != place
         {
-            self.followers.insert(last, place);
+            self.followers.insert(last, (place, after));
         }
     }
 
-    /// Addresses expected after the last place, at most `limit`, as long as `value` knows them.
-    pub(crate) fn chain(&self, limit: usize, mut value: impl FnMut(u32) -> Option<u32>) -> Vec<(u32, u32)> {
-        let mut chain: Vec<(u32, u32)> = Vec::new();
+    /// The product is resumed: its ticks count from 0.
+    pub(crate) fn resume(&mut self) {
+        self.tick = 0;
+    }
+
+    /// What is expected after the last place, at most `limit`, as long as `value` knows it; `value` gets an address, and the tick of the read.
+    pub(crate) fn chain(&self, limit: usize, mut value: impl FnMut(u32, u32) -> Option<Foretold>) -> Vec<Foretold> {
+        let mut chain: Vec<Foretold> = Vec::new();
         let mut place = self.last;
+        let mut tick = self.tick;
         // Every step but the repeated addresses adds an entry; the bound keeps a loop of known addresses from going round for ever.
         for _ in 0..2 * limit {
-            let Some(Place::Read { pc, address }) = place.and_then(|place| self.followers.get(&place).copied()) else {
-                break;
-            };
+            let follower = place.and_then(|place| self.followers.get(&place).copied());
+            let Some((Place::Read { pc, address }, after)) = follower else { break };
             if chain.len() == limit {
                 break;
             }
-            if !chain.iter().any(|(known, _)| *known == address) {
-                let Some(value) = value(address) else { break };
-                chain.push((address, value));
+            tick += after;
+            let known = |foretold: &Foretold| foretold.address == address && foretold.at == 0;
+            if !chain.iter().any(known) {
+                let Some(foretold) = value(address, tick) else { break };
+                chain.push(foretold);
             }
             place = Some(Place::Read { pc, address });
         }
@@ -56,19 +77,43 @@ impl Prefetch {
 mod tests {
     use super::*;
 
-    #[test]
-    fn the_second_time_the_chain_is_known() {
-        let read = |address| Place::Read { pc: 2, address };
+    fn read(address: u32) -> Place {
+        Place::Read { pc: 2, address }
+    }
+
+    /// As the product reads at every interrupt, a few ticks between.
+    fn learned() -> Prefetch {
         let mut prefetch = Prefetch::default();
         for _ in 0..2 {
-            prefetch.pass(Place::Interrupt(9));
-            for address in [10, 20, 30] {
-                prefetch.pass(read(address));
+            prefetch.resume();
+            prefetch.pass(Place::Interrupt(9), 0);
+            for (address, tick) in [(10, 7), (20, 12), (30, 20)] {
+                prefetch.pass(read(address), tick);
             }
         }
-        prefetch.pass(Place::Interrupt(9));
-        let values = |address: u32| (address != 30).then_some(address + 1);
-        assert_eq!(prefetch.chain(8, values), [(10, 11), (20, 21)]);
-        assert_eq!(prefetch.chain(1, values), [(10, 11)]);
+        prefetch.resume();
+        prefetch.pass(Place::Interrupt(9), 0);
+        prefetch
+    }
+
+    #[test]
+    fn the_second_time_the_chain_is_known() {
+        let prefetch = learned();
+        let foretold = |address| Foretold { address, value: address + 1, at: 0 };
+        let values = |address: u32, _| (address != 30).then_some(foretold(address));
+        assert_eq!(prefetch.chain(8, values), [foretold(10), foretold(20)]);
+        assert_eq!(prefetch.chain(1, values), [foretold(10)]);
+    }
+
+    #[test]
+    fn the_ticks_of_a_chain_count_from_the_resume_whatever_was_answered_in_between() {
+        let mut prefetch = learned();
+        let ticks = |address: u32, at: u32| Some(Foretold { address, value: 0, at });
+        let at = |chain: Vec<Foretold>| chain.iter().map(|foretold| foretold.at).collect::<Vec<_>>();
+        assert_eq!(at(prefetch.chain(8, ticks)), [7, 12, 20]);
+        // The first read is a question: its answer resumes the product.
+        prefetch.pass(read(10), 7);
+        prefetch.resume();
+        assert_eq!(at(prefetch.chain(8, ticks)), [5, 13]);
     }
 }

@@ -5,7 +5,7 @@
 //! A *tick* is one instruction of the product: QEMU's virtual nanosecond under `-icount shift=0`.
 
 /// Version of this protocol; the shim names it in its hello.
-pub const VERSION: u32 = 1;
+pub const VERSION: u32 = 2;
 
 /// Name of the FIFO that the shim writes, in QEMU's working directory.
 pub const TO_HOST: &str = "to-host";
@@ -106,12 +106,26 @@ pub mod resume {
     pub const WRITE_WAIT: usize = 11;
     /// The product is interrupted so many ticks after the first posted write at the latest.
     pub const POST_BOUND: usize = 12;
-    /// Number of prefetched values that follow, each address and value.
+    /// Number of prefetched values that follow, see [`super::prefetched`].
     pub const PREFETCHED: usize = 13;
     /// Words before the prefetched values.
     pub const WORDS: usize = 14;
     /// Most prefetched values in a resume.
     pub const PREFETCH_CAPACITY: usize = 24;
+}
+
+/// A prefetched value.
+pub mod prefetched {
+    /// Address.
+    pub const ADDRESS: usize = 0;
+    /// Value.
+    pub const VALUE: usize = 1;
+    /// Ticks since the resume at which the value is right, for what changes all the time; [`ANY`]: until the budget is used up.
+    pub const AT: usize = 2;
+    /// Words of a value.
+    pub const WORDS: usize = 3;
+    /// At any tick: no access comes before the first one.
+    pub const ANY: u32 = 0;
 }
 
 /// Most words in a message either way; a message is one atomic FIFO write (PIPE_BUF is 4096 bytes on Linux).

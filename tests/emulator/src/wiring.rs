@@ -13,14 +13,6 @@ pub const INT1: Pin = (0, 2);
 pub const ENCODER_A: Pin = (0, 0);
 /// Encoder track B, TIM2 channel 2.
 pub const ENCODER_B: Pin = (0, 1);
-/// Analogue current command.
-pub const CURRENT: Pin = (0, 4);
-/// Amplifier enable, 1 = on.
-pub const AMPLIFIER_ENABLE: Pin = (2, 6);
-/// Main power present, 1 = present.
-pub const MAIN_POWER: Pin = (2, 7);
-/// Amplifier ready, 0 = fault.
-pub const AMPLIFIER_READY: Pin = (2, 8);
 /// Reset of the SERCON816, 0 = held in reset.
 pub const CHIP_RESET: Pin = (6, 2);
 /// Strap SBAUD.
@@ -64,8 +56,8 @@ pub const PROBE_2: Pin = (2, 8);
 pub const INT0_TIME: Pin = (4, 5);
 /// INT1 once more, TIM9 channel 2.
 pub const INT1_TIME: Pin = (4, 6);
-/// Main power contactor, 1 = on.
-pub const POWER_STAGE_MAIN_POWER: Pin = (2, 9);
+/// Main power, 1 = DC link charged.
+pub const MAIN_POWER: Pin = (2, 9);
 /// Safe torque off, channel 1, 1 = torque allowed.
 pub const STO_1: Pin = (2, 10);
 /// Safe torque off, channel 2, 1 = torque allowed.
@@ -75,7 +67,7 @@ pub const HOME_SWITCH: Pin = (2, 12);
 /// Contact of the holding brake.
 pub const BRAKE_FEEDBACK: Pin = (2, 13);
 /// Coil of the holding brake, 1 = energised.
-pub const BRAKE_COIL: Pin = (2, 15);
+pub const BRAKE_COIL: Pin = (2, 5);
 
 /// The pin that an ADC (1 to 3) converts on a channel; `None` for the sources inside the part (data sheet, pin definitions).
 #[must_use]
@@ -137,10 +129,6 @@ pub fn expected_pins() -> Vec<ExpectedPin> {
     add("INT0", INT0, TIMER, 1, 0);
     add("encoder A", ENCODER_A, TIMER, 1, 0);
     add("encoder B", ENCODER_B, TIMER, 1, 0);
-    add("current command", CURRENT, PinMode::Analogue, 0, 0);
-    add("amplifier enable", AMPLIFIER_ENABLE, PinMode::Output, 0, 0);
-    add("main power", MAIN_POWER, PinMode::Input, 2, 0);
-    add("amplifier ready", AMPLIFIER_READY, PinMode::Input, 2, 0);
     add("chip reset", CHIP_RESET, PinMode::Output, 0, 0);
     add("SBAUD", SBAUD, PinMode::Output, 0, 0);
     add("SBAUD16", SBAUD16, PinMode::Output, 0, 0);
@@ -160,14 +148,15 @@ pub fn power_stage_pins() -> Vec<ExpectedPin> {
     let mut add = |signal, pins_of_signal: &[Pin], mode, pull| {
         pins.extend(pins_of_signal.iter().map(|pin| ExpectedPin { signal, pin: *pin, mode, pull, speed: 0 }));
     };
-    add("high side", &HIGH_SIDES, PinMode::Alternate(1), 0);
-    add("low side", &LOW_SIDES, PinMode::Alternate(1), 0);
+    add("high side", &HIGH_SIDES, PinMode::Alternate(1), 2);
+    add("low side", &LOW_SIDES, PinMode::Alternate(1), 2);
+    add("break input", &[BREAK], PinMode::Alternate(1), 2);
     add("phase current", &PHASE_CURRENTS, PinMode::Analogue, 0);
     add("bus voltage", &[BUS_VOLTAGE], PinMode::Analogue, 0);
     add("heat sink temperature", &[HEAT_SINK_TEMPERATURE], PinMode::Analogue, 0);
     add("motor temperature", &[MOTOR_TEMPERATURE], PinMode::Analogue, 0);
     for (signal, pin) in [
-        ("main power", POWER_STAGE_MAIN_POWER),
+        ("main power", MAIN_POWER),
         ("STO 1", STO_1),
         ("STO 2", STO_2),
         ("home switch", HOME_SWITCH),

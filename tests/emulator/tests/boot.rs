@@ -1,14 +1,17 @@
 //! The flashed ELF boots in QEMU and sets the board up as it must.
 
-use emulator::{EmulatorError, Environment, Guest, GuestConfiguration, Probe, Trigger, audit};
+use emulator::{EmulatorError, Environment, Guest, GuestConfiguration, Probe, Trigger, audit, audit_power_stage};
 use ring::Nanoseconds;
 
 /// A world without a ring: a chip that answers with its version and otherwise with memory, a motor that stands still.
 struct Quiet {
     words: Vec<u16>,
     pins: (bool, bool),
-    amplifier: bool,
-    current: Option<u16>,
+    /// The bridge was on at least once.
+    bridge: bool,
+    brake: bool,
+    /// Instants of the samples of phase current A.
+    samples: Vec<Nanoseconds>,
 }
 
 const VERSION_REGISTER: usize = 0x1000 / 2;
@@ -17,7 +20,7 @@ impl Quiet {
     fn new() -> Self {
         let mut words = vec![0; 0x1000];
         words[VERSION_REGISTER] = 0x0010;
-        Self { words, pins: (true, true), amplifier: false, current: None }
+        Self { words, pins: (true, true), bridge: false, brake: false, samples: Vec::new() }
     }
 }
 
@@ -46,16 +49,23 @@ impl Environment for Quiet {
         1234
     }
 
-    fn set_current(&mut self, _: Nanoseconds, code: u16) {
-        self.current = Some(code);
+    fn encoder_steady_until(&self, _: Nanoseconds) -> Nanoseconds {
+        Nanoseconds(u64::MAX)
     }
 
-    fn set_amplifier(&mut self, _: Nanoseconds, on: bool) {
-        self.amplifier = on;
+    fn analog_sample(&mut self, at: Nanoseconds, adc: usize, channel: u8) -> u16 {
+        if (adc, channel) == (1, 10) {
+            self.samples.push(at);
+        }
+        2048
     }
 
-    fn amplifier_inputs(&self) -> (bool, bool) {
-        (true, false)
+    fn set_bridge(&mut self, _: Nanoseconds, on: bool, _: u32) {
+        self.bridge |= on;
+    }
+
+    fn set_brake(&mut self, _: Nanoseconds, energised: bool) {
+        self.brake |= energised;
     }
 
     fn address_switches(&self) -> u8 {
@@ -89,11 +99,15 @@ fn the_release_elf_sets_the_board_up() {
     }
     outcome.unwrap();
     println!("{:?}", guest.measurements());
-    let findings = audit(&mut guest).unwrap();
+    let mut findings = audit(&mut guest).unwrap();
+    findings.extend(audit_power_stage(&guest));
     let report: Vec<String> = findings.iter().map(ToString::to_string).collect();
     assert!(report.is_empty(), "{}", report.join("\n"));
-    assert!(!world.amplifier, "the amplifier must stay off without a master");
-    assert_eq!(world.current, Some(0x800), "zero current");
+    assert!(!world.bridge, "the bridge must stay off without a master");
+    assert!(!world.brake, "the brake must hold without a master");
+    let periods: Vec<u64> = world.samples.windows(2).map(|pair| pair[1].0 - pair[0].0).collect();
+    assert!(periods.len() > 500, "only {} periods", periods.len());
+    assert!(periods.iter().all(|period| period.abs_diff(62_500) <= 2), "{periods:?}");
 }
 
 #[test]

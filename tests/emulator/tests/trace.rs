@@ -19,11 +19,6 @@ impl Environment for Nothing {
     fn encoder_count(&mut self, _: Nanoseconds) -> u32 {
         0
     }
-    fn set_current(&mut self, _: Nanoseconds, _: u16) {}
-    fn set_amplifier(&mut self, _: Nanoseconds, _: bool) {}
-    fn amplifier_inputs(&self) -> (bool, bool) {
-        (true, false)
-    }
     fn address_switches(&self) -> u8 {
         2
     }

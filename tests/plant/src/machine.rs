@@ -45,6 +45,8 @@ pub struct Machine {
     outside: Outside,
     /// What will act after all inputs, to drop inputs that change nothing.
     last_outside: Outside,
+    /// A whole step has left the state as it was, bit for bit: so will every other one until an input changes.
+    still: bool,
 }
 
 /// State at one instant.
@@ -111,7 +113,7 @@ impl Machine {
             encoder_frozen: false,
             index_muted: false,
         };
-        Self { settings, state, timeline: Timeline::new(), outside, last_outside: outside }
+        Self { settings, state, timeline: Timeline::new(), outside, last_outside: outside, still: false }
     }
 
     /// The parameters.
@@ -123,9 +125,14 @@ impl Machine {
     /// Lets time pass until `to` nanoseconds. Earlier instants than those already reached are left alone.
     pub fn advance(&mut self, to: u64) {
         while let Some(Stretch { nanoseconds, input }) = self.timeline.next(to) {
-            self.state = self.step(nanoseconds);
+            if !self.still {
+                let before = self.state;
+                self.state = self.step(nanoseconds);
+                self.still = nanoseconds == GRID && self.state == before;
+            }
             if let Some(input) = input {
                 self.apply(input);
+                self.still = false;
             }
         }
     }
@@ -332,7 +339,7 @@ impl Machine {
     /// The state at an instant, beside the grid without a trace in the state that is kept.
     fn state_at(&mut self, at: u64) -> State {
         self.advance(at);
-        self.step(self.timeline.beyond(at))
+        if self.still { self.state } else { self.step(self.timeline.beyond(at)) }
     }
 }
 

@@ -65,7 +65,7 @@ mod tests {
         for task in gates::GATES.tasks {
             assert!(graph.program.vector(task.vector).is_some(), "{}", task.vector);
         }
-        assert_eq!(graph.program.vector("TIM6_DAC").map(|(_, number)| number), Some(16 + 54));
+        assert_eq!(graph.program.vector("CAN2_TX").map(|(_, number)| number), Some(16 + 63));
         assert_eq!(graph.program.vector("EXTI0"), None, "the default handler is no task");
     }
 
@@ -81,7 +81,7 @@ mod tests {
         // The service channel calls through tables of functions.
         assert!(!findings(&graph, root(&graph, "CAN1_SCE"), Check::IndirectCall).is_empty());
         // The control loop shares its resources by locks.
-        assert!(!findings(&graph, root(&graph, "TIM6_DAC"), Check::Lock).is_empty());
+        assert!(!findings(&graph, root(&graph, "CAN2_TX"), Check::Lock).is_empty());
     }
 
     #[test]

@@ -69,6 +69,9 @@ impl<B: Bus + Clone, H: Hardware> Motion<B, H> {
         self.commands = CommandValues::default();
         self.uninitialised_mode = false;
         self.homing = false;
+        self.abandon_homing();
+        self.set_probing(None);
+        self.target = None;
         self.ticks_since_t3 = 0;
         self.cycles_since_command = 0;
         self.entered_cyclic = phase == Phase::Cp3;
@@ -142,7 +145,6 @@ impl<B: Bus + Clone, H: Hardware> Motion<B, H> {
         if reacting || !self.inputs.bridge_ready {
             return false;
         }
-        self.hardware.reset_bridge();
         self.class_1 = Class1::empty();
         self.manufacturer_1 = Manufacturer1::empty();
         self.fatal = false;
@@ -215,9 +217,14 @@ impl<B: Bus + Clone, H: Hardware> Motion<B, H> {
         }
     }
 
+    /// One of the bits above P-0-0019, over the service channel.
+    pub(crate) fn set_enable(&mut self, bit: u32, set: bool) {
+        self.controlled = if set { self.controlled | bit } else { self.controlled & !bit };
+    }
+
     /// P-0-0019 over the service channel.
     pub fn set_application_word(&mut self, word: u16) {
-        self.application_word = word;
+        self.controlled = self.controlled & !0xFFFF | u32::from(word);
     }
 
     /// Whether torque is on.
@@ -232,11 +239,7 @@ impl<B: Bus + Clone, H: Hardware> Motion<B, H> {
 
     /// The place where the motor stands is the position `value`, in the weight of S-0-0052, from now on. Divides.
     pub fn set_reference(&mut self, value: i32) {
-        let before = self.encoder.position();
-        self.encoder.set_position(self.settings.position.to_position(value));
-        let difference = self.encoder.position() - before;
-        self.axis.shift(difference);
-        self.motor.shift(difference);
+        self.shift_zero(self.settings.position.to_position(value) - self.encoder.position());
         self.referenced = true;
     }
 
@@ -249,6 +252,7 @@ impl<B: Bus + Clone, H: Hardware> Motion<B, H> {
     pub fn hold_for_homing(&mut self, hold: bool) {
         self.resuming = self.homing && !hold && self.has_torque();
         self.homing = hold;
+        self.abandon_homing();
         self.update_state();
     }
 
@@ -273,7 +277,11 @@ impl<B: Bus + Clone, H: Hardware> Motion<B, H> {
         match value {
             MotorValue::CommutationAngle => {
                 let angle = self.motor.commutation_angle(self.encoder.position());
-                angle.map_or(-1, |angle| (u64::from(angle).wrapping_mul(36_000) >> 32) as i32).cast_unsigned()
+                angle
+                    .map_or(-1, |angle| {
+                        (u64::from(angle).wrapping_mul(36_000).wrapping_add(1 << 31) >> 32) as i32 % 36_000
+                    })
+                    .cast_unsigned()
             }
             MotorValue::CommutationState => self.motor.commutation_state().into(),
             MotorValue::MotorLoad => watched.motor_load.into(),
@@ -290,10 +298,10 @@ impl<B: Bus + Clone, H: Hardware> Motion<B, H> {
         self.clock_monitor.histogram()
     }
 
-    /// P-0-0118 in 0.01 degree: the electrical angle of the place where the motor stands.
-    pub fn set_commutation_angle(&mut self, hundredths: u32) {
+    /// P-0-0118 in 0.01 degree: the electrical angle of the place where the motor stands; negative: it is searched for again. Divides.
+    pub fn set_commutation_angle(&mut self, hundredths: i32) {
         // At most 36 000.
-        let angle = ((u64::from(hundredths) << 32) / 36_000) as u32;
+        let angle = u64::try_from(hundredths).ok().map(|hundredths| ((hundredths << 32) / 36_000) as u32);
         self.motor.set_commutation_angle(self.encoder.position(), angle);
     }
 

@@ -69,8 +69,7 @@ impl<B: Bus + Clone, H: Hardware> Motion<B, H> {
         let before = self.commands;
         self.commands.control_word = self.command_port.control_word();
         self.take_record();
-        self.application_word =
-            self.settings.bits.apply_control_word(self.application_word, self.commands.control_word);
+        self.controlled = self.settings.bits.apply_control_word(self.controlled, self.commands.control_word);
         self.switches = Switches::from_control_word(self.commands.control_word);
         let selected = self.selected_mode();
         let mode = self.settings.modes.get(usize::from(selected)).copied().flatten();
@@ -123,12 +122,12 @@ impl<B: Bus + Clone, H: Hardware> Motion<B, H> {
             Command::Torque => self.commands.torque = word.cast_signed(),
             Command::AdditiveTorque => self.commands.additive_torque = word.cast_signed(),
             Command::SignalControl => self.commands.signal_control = word,
+            Command::TargetPosition => self.commands.target_position = long,
         }
     }
 
     pub(super) fn apply_signal_control(&mut self) {
-        self.application_word =
-            self.settings.bits.apply_signal_control(self.application_word, self.commands.signal_control);
+        self.controlled = self.settings.bits.apply_signal_control(self.controlled, self.commands.signal_control);
     }
 
     fn commanded_velocity(&self) -> Velocity {
@@ -170,7 +169,9 @@ impl<B: Bus + Clone, H: Hardware> Motion<B, H> {
         let resuming = core::mem::take(&mut self.resuming) || displaced;
         let starting = (resuming || !self.has_torque()) && self.switches.on && self.switches.enable;
         let window = self.settings.monitoring_window;
-        let positioned = !matches!(self.mode, Some(OperationMode::Torque | OperationMode::Velocity));
+        // A movement of the drive's own begins where the axis stands.
+        let positioned =
+            matches!(self.mode, None | Some(OperationMode::PositionWithLag | OperationMode::PositionWithoutLag));
         if !starting || !positioned || window == Position::ZERO {
             return;
         }

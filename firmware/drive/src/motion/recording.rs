@@ -65,6 +65,7 @@ impl<B: Bus + Clone, H: Hardware> SignalValues for Values<'_, B, H> {
             Command::Torque => commands.torque.cast_unsigned().into(),
             Command::AdditiveTorque => commands.additive_torque.cast_unsigned().into(),
             Command::SignalControl => commands.signal_control.into(),
+            Command::TargetPosition => commands.target_position.cast_unsigned(),
         }
     }
 

@@ -101,6 +101,7 @@ impl<B: Bus + Clone, H: Hardware> Motion<B, H> {
             Feedback::SignalStatus => u32::from(self.signal_status()),
             Feedback::FollowingDistance => self.values.following_distance.cast_unsigned(),
             Feedback::VelocityError => self.values.velocity_error.cast_unsigned(),
+            Feedback::Probe(probe, edge) => self.probe_value(probe, edge).cast_unsigned(),
             Feedback::BusVoltage => self.motor.watched().bus.into(),
             Feedback::MotorTemperature => u32::from(self.motor.watched().winding.cast_unsigned()),
             Feedback::AmplifierTemperature => u32::from(self.motor.watched().heat_sink.cast_unsigned()),
@@ -121,7 +122,9 @@ impl<B: Bus + Clone, H: Hardware> Motion<B, H> {
             Word::Control => self.commands.control_word,
             Word::Status => self.status_without_real_time_bits(),
             Word::PositionStatus => u16::from(self.referenced),
-            Word::Application => self.application_word,
+            Word::Application => (self.controlled & 0xFFFF) as u16,
+            Word::Signals => self.signals(),
+            Word::ProbeStatus => self.probe_status(),
         }
     }
 
@@ -175,7 +178,7 @@ impl<B: Bus + Clone, H: Hardware> Motion<B, H> {
         class_3.set(Class3::TORQUE_THRESHOLD, torque >= settings.torque_threshold);
         class_3.set(Class3::TORQUE_LIMIT, output.limiting.intersects(TORQUE_LIMITS));
         class_3.set(Class3::VELOCITY_LIMIT, output.limiting.intersects(VELOCITY_LIMITS));
-        let positioned = matches!(self.axis.mode(), Mode::Position | Mode::Halt);
+        let positioned = matches!(self.axis.mode(), Mode::Position | Mode::Halt | Mode::Travel);
         class_3.set(Class3::IN_POSITION, positioned && output.following_error.abs() <= settings.position_window);
         class_3.set(Class3::MANUFACTURER, !self.manufacturer_3.is_empty());
         class_3

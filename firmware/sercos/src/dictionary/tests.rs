@@ -127,13 +127,16 @@ fn the_idn_lists_hold_what_the_reference_asks_for() {
         selected
     };
     assert_eq!(numbers(Selection::NeededForCp3), [1, 2, 6, 7, 8, 9, 10, 15, 16, 24, 89]);
-    assert_eq!(numbers(Selection::Commands), [99, 127, 128, 139, 148, 191, 262, 447]);
-    assert_eq!(numbers(Selection::ConfigurableInMdt), [36, 37, 47, 48, 80, 81, 145]);
+    assert_eq!(numbers(Selection::Commands), [99, 127, 128, 139, 148, 170, 191, 262, 447]);
+    assert_eq!(numbers(Selection::ConfigurableInMdt), [36, 37, 47, 48, 80, 81, 145, 258]);
     assert_eq!(
         numbers(Selection::ConfigurableInAt),
-        [11, 12, 13, 14, 40, 51, 53, 84, 129, 144, 181, 182, 189, 347, 380, 383, 384, 390, 403, 0x8013, 0x80A0]
+        [
+            11, 12, 13, 14, 40, 51, 53, 84, 129, 130, 131, 132, 133, 144, 179, 181, 182, 189, 347, 380, 383, 384, 390,
+            403, 0x8013, 0x80A0
+        ]
     );
-    assert_eq!(numbers(Selection::BitTargets), [0x8013]);
+    assert_eq!(numbers(Selection::BitTargets), [400, 405, 406, 407, 0x8013]);
     assert!(numbers(Selection::ChangeableInCp4).contains(&104));
     assert!(!numbers(Selection::ChangeableInCp4).contains(&32));
     assert!(numbers(Selection::NeededForCp4).contains(&32));

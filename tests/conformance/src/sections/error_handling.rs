@@ -1,8 +1,10 @@
 //! Lost telegrams, illegal modes, the errors and warnings of the drive, and how they are told and cleared.
 
-use bench::Amplifier;
+use bench::{Amplifier, parameters_of};
+use plant::ReferenceAxis;
 use ring::Nanoseconds;
 use ring::fibre::{Effect, TelegramKind};
+use ring::ident::Value;
 use ring::service_client::status;
 
 use crate::case::{Case, Section, ensure, expect};
@@ -504,16 +506,14 @@ fn amplifier(slave: &Slave, inputs: Amplifier) {
 
 /// The settings that fit the simulated press drive's motor.
 pub(super) fn motor(mode: u16, configuration: Configuration) -> Configuration {
-    configuration
-        .with(32, &[mode])
-        .with(100, &[18_800])
-        .with(101, &[160])
-        .with(104, &[375])
-        .with_long(109, 60_000)
-        .with_long(110, 60_000)
-        .with_long(111, 25_000)
-        .with_long(116, 16_384)
-        .with_long(138, 400_000)
+    parameters_of(&ReferenceAxis::press()).into_iter().fold(configuration.with(32, &[mode]), |all, (idn, value)| {
+        match value {
+            Value::Word(word) => all.with(idn.0, &[word]),
+            Value::Long(long) => all.with_long(idn.0, long.cast_signed()),
+            // An axis has no lists and no texts.
+            _ => all,
+        }
+    })
 }
 
 /// In CP4 with torque in this mode, standing still.

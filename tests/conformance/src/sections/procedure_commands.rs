@@ -191,7 +191,16 @@ fn effects() -> Vec<Case> {
             expect("answer after the cancellation", slave.set(idn, words)?, Ok(()))
         }));
     }
-    for way in [0x0000, 0x0020, 0x0040, 0x00E0, 0x0068, 0x0160] {
+    for way in [0x0000, 0x0020, 0x0040, 0x00E0] {
+        let rule = format!("S-0-0148 with S-0-0147 = {way:04X}H, a way to go, without torque: 7012H");
+        cases.push(Case::new(SECTION, rule, "sercos2.md 3.5, 6.3", move |slave| {
+            slave.run_up(4, Configuration::default().with(147, &[way]))?;
+            slave.cycles(50);
+            expect("answer", slave.set(HOME, &[3])?, Err(0x7012))?;
+            expect("data status", slave.open(HOME)?, 0)
+        }));
+    }
+    for way in [0x0068, 0x0160] {
         let rule = format!("S-0-0148 with S-0-0147 = {way:04X}H, which is not built: 7013H");
         cases.push(Case::new(SECTION, rule, "sercos2.md 3.5, 6.3", move |slave| {
             slave.run_up(4, Configuration::default().with(147, &[way]))?;
@@ -241,7 +250,7 @@ fn effects() -> Vec<Case> {
             ensure(slave.switch_on().is_err(), || "the drive has switched on".to_owned())?;
             expect("S-0-0182 bit 1", slave.number(182)? >> 1 & 1, 1)?;
             expect("S-0-0390", slave.number(390)?, 0xA015)?;
-            slave.run_up(4, Configuration::default())?;
+            slave.run_up(4, super::error_handling::motor(2, Configuration::default()))?;
             slave.switch_on()
         },
     ));

@@ -6,7 +6,8 @@ use core::cell::UnsafeCell;
 use crate::link::Link;
 use crate::machine;
 use crate::protocol::{
-    self, EXTERNAL_BUS, EXTERNAL_BUS_END, MEMORY_WORDS, MESSAGE_WORDS, command, fault, header, message, post, resume,
+    self, EXTERNAL_BUS, EXTERNAL_BUS_END, MEMORY_WORDS, MESSAGE_WORDS, command, fault, header, message, post, prefetched,
+    resume,
 };
 use crate::thumb::{self, Access, Direction, Transfer, Width};
 
@@ -95,7 +96,7 @@ struct State {
     outgoing: [u32; MESSAGE_WORDS],
     incoming: [u32; MESSAGE_WORDS],
     prefetched: usize,
-    prefetch: [[u32; 2]; resume::PREFETCH_CAPACITY],
+    prefetch: [[u32; prefetched::WORDS]; resume::PREFETCH_CAPACITY],
     watch: u32,
     read_wait: u32,
     write_wait: u32,
@@ -117,7 +118,7 @@ static STATE: Shared = Shared(UnsafeCell::new(State {
     outgoing: [0; MESSAGE_WORDS],
     incoming: [0; MESSAGE_WORDS],
     prefetched: 0,
-    prefetch: [[0; 2]; resume::PREFETCH_CAPACITY],
+    prefetch: [[0; prefetched::WORDS]; resume::PREFETCH_CAPACITY],
     watch: 0,
     read_wait: 0,
     write_wait: 0,
@@ -243,14 +244,18 @@ impl State {
         }
     }
 
-    /// Prefetched values hold until the next event, unless the product wrote something that may change them.
+    /// Prefetched values hold until the next event, unless the product wrote something that may change them; that of a running counter holds
+    /// at its tick.
     fn prefetched(&self, time: u32, address: u32, width: Width) -> Option<u32> {
         let external = (EXTERNAL_BUS..EXTERNAL_BUS_END).contains(&address);
         let expected = if external { Width::Half } else { Width::Word };
         if width != expected || time >= self.deadline {
             return None;
         }
-        self.prefetch[..self.prefetched].iter().find(|entry| entry[0] == address).map(|entry| entry[1])
+        let holds = |at: u32| at == prefetched::ANY || at == time;
+        let entries = &self.prefetch[..self.prefetched];
+        let entry = entries.iter().find(|entry| entry[prefetched::ADDRESS] == address && holds(entry[prefetched::AT]));
+        entry.map(|entry| entry[prefetched::VALUE])
     }
 
     /// Keeps an entry for the next message.
@@ -278,9 +283,9 @@ impl State {
     /// What the product wrote itself is no longer what the host foretold: flags that it clears, for one.
     fn forget(&mut self, address: u32) {
         for entry in &mut self.prefetch[..self.prefetched] {
-            if entry[0] == address & !3 {
+            if entry[prefetched::ADDRESS] == address & !3 {
                 // Nothing is read at address 0.
-                entry[0] = 0;
+                entry[prefetched::ADDRESS] = 0;
             }
         }
     }
@@ -355,8 +360,8 @@ impl State {
         self.post_bound = words[resume::POST_BOUND];
         self.prefetched = (words[resume::PREFETCHED] as usize).min(resume::PREFETCH_CAPACITY);
         for (index, entry) in self.prefetch[..self.prefetched].iter_mut().enumerate() {
-            let start = resume::WORDS + index * 2;
-            *entry = [words[start], words[start + 1]];
+            let start = resume::WORDS + index * prefetched::WORDS;
+            entry.copy_from_slice(&words[start..start + prefetched::WORDS]);
         }
         self.deadline = words[resume::BUDGET].clamp(1, FARTHEST);
         machine::write(machine::TIMER_RELOAD, u32::MAX);

@@ -119,6 +119,11 @@ impl Converter {
         [3, 15, 28, 56, 84, 112, 144, 480][(code & 7) as usize]
     }
 
+    /// From the trigger to the end of the last rank.
+    fn sequence_cycles(&self) -> u64 {
+        (0..self.ranks()).map(|rank| self.sampling_cycles(self.channel(rank)) + CONVERSION_CYCLES).sum()
+    }
+
     fn is_on(&self) -> bool {
         self.control[1] & ON != 0
     }
@@ -195,6 +200,19 @@ impl Converters {
         let started = trigger
             .into_iter()
             .flat_map(|at| self.triggered().into_iter().map(move |adc| at + self.first_sampling_time(adc + 1)));
+        running.chain(started).min()
+    }
+
+    /// The end of a sequence that raises the interrupt line: of the one that runs, or of the one that a trigger at `trigger` would start.
+    pub(crate) fn next_end(&self, trigger: Option<Nanoseconds>) -> Option<Nanoseconds> {
+        let interrupts = |adc: &Converter| adc.control[0] & INJECTED_INTERRUPT != 0;
+        let end = |adc: &Converter, from: Nanoseconds| from + self.cycles_time(adc.sequence_cycles());
+        let running =
+            self.converters.iter().filter(|adc| interrupts(adc)).filter_map(|adc| Some(end(adc, adc.running?.started)));
+        let started = trigger.into_iter().flat_map(|at| {
+            let group = self.triggered().into_iter().map(|number| &self.converters[number]);
+            group.filter(|adc| interrupts(adc)).map(move |adc| end(adc, at))
+        });
         running.chain(started).min()
     }
 

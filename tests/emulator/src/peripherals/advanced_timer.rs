@@ -120,6 +120,11 @@ impl AdvancedTimer {
         [BREAK, UPDATE, COMPARES].map(|mask| active & mask != 0)
     }
 
+    /// Is any interrupt of the counter enabled?
+    pub(crate) fn interrupts(&self) -> bool {
+        self.interrupts & (UPDATE | COMPARES) != 0
+    }
+
     /// The next instant at which something that can be seen from outside changes, TRGO apart.
     ///
     /// Every underflow is one, so that what a handler reads of the direction after the overflow is sure until then.

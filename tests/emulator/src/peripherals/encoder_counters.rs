@@ -19,6 +19,9 @@ pub(crate) const TIM8: usize = 3;
 /// TIM9: times of INT0 and INT1.
 const TIM9: usize = 4;
 
+/// Offset of SR.
+const STATUS: u32 = 0x10;
+
 /// A pin at a channel: timer, pin, alternate function, channel.
 type Input = (usize, Pin, u8, u8);
 
@@ -157,6 +160,28 @@ impl EncoderCounters {
         let timer = &self.timers[TIM2];
         let steady = timer.counts_encoder() && environment.encoder_steady_until(now) >= until;
         steady.then(|| timer.count(now, position(TIM2, ports, environment, now)))
+    }
+
+    /// The status of a counter that captures only: edges come from the world, which stops at each of them.
+    pub(crate) fn peek_captured(&self, number: usize, offset: u32) -> Option<u32> {
+        let timer = &self.timers[number];
+        (offset == STATUS && timer.counts_encoder()).then(|| timer.status())
+    }
+
+    /// The count of a timer at an instant before its next event.
+    pub(crate) fn foretell_count<E: Environment + ?Sized>(
+        &self,
+        number: usize,
+        ports: &[Port],
+        environment: &mut E,
+        at: Nanoseconds,
+    ) -> Option<u32> {
+        let timer = &self.timers[number];
+        if !timer.counts_encoder() {
+            return Some(timer.count(at, 0));
+        }
+        let encoder = if is_connected(number, ports) { environment.encoder_foretold(at)? } else { 0 };
+        Some(timer.count(at, encoder))
     }
 
     fn capture(&mut self, input: Input, rises: bool, ports: &[Port], encoder: u32, now: Nanoseconds) {

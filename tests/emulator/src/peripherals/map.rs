@@ -4,10 +4,8 @@ pub(super) const TIM2: u32 = 0x4000_0000;
 pub(super) const TIM3: u32 = 0x4000_0400;
 pub(super) const TIM4: u32 = 0x4000_0800;
 pub(super) const TIM5: u32 = 0x4000_0C00;
-pub(super) const TIM6: u32 = 0x4000_1000;
 pub(super) const IWDG: u32 = 0x4000_3000;
 pub(super) const PWR: u32 = 0x4000_7000;
-pub(super) const DAC: u32 = 0x4000_7400;
 pub(super) const TIM1: u32 = 0x4001_0000;
 pub(super) const TIM8: u32 = 0x4001_0400;
 pub(super) const ADC: u32 = 0x4001_2000;
@@ -49,9 +47,7 @@ pub(super) fn clock_enable(address: u32) -> Option<(u32, u32)> {
         TIM3 => (APB1, 1),
         TIM4 => (APB1, 2),
         TIM5 => (APB1, 3),
-        TIM6 => (APB1, 4),
         PWR => (APB1, 28),
-        DAC => (APB1, 29),
         SYSCFG => (APB2, 14),
         FSMC => (AHB3, 0),
         page @ GPIO..GPIO_END => (AHB1, port_of(page) as u32),
@@ -60,7 +56,7 @@ pub(super) fn clock_enable(address: u32) -> Option<(u32, u32)> {
 }
 
 pub(super) fn is_timer(page: u32) -> bool {
-    ENCODER_COUNTERS.contains(&page) || [TIM1, TIM5, TIM6].contains(&page)
+    ENCODER_COUNTERS.contains(&page) || [TIM1, TIM5].contains(&page)
 }
 
 pub(super) fn counter_of(page: u32) -> usize {

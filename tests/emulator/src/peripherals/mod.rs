@@ -23,10 +23,10 @@ use encoder_counters::{Edge, EncoderCounters};
 use gpio::{PinMode, Port};
 use interrupts::{Exti, Syscfg};
 use map::{
-    ADC, BIT_BAND, BIT_BAND_END, DAC, ENCODER_COUNTERS, EXTERNAL_BYTES, EXTI, FLASH, FSMC, GPIO, GPIO_END, IWDG, PWR,
-    RCC, SYSCFG, TIM1, TIM2, TIM5, TIM6, bit_band, clock_enable, counter_of, is_timer, port_of,
+    ADC, BIT_BAND, BIT_BAND_END, ENCODER_COUNTERS, EXTERNAL_BYTES, EXTI, FLASH, FSMC, GPIO, GPIO_END, IWDG, PWR, RCC,
+    SYSCFG, TIM1, TIM2, TIM5, bit_band, clock_enable, counter_of, is_timer, port_of,
 };
-use others::{Dac, Fsmc, Watchdog};
+use others::{Fsmc, Watchdog};
 use power_stage::PowerStage;
 use timer::Timer;
 
@@ -72,14 +72,10 @@ pub(crate) struct Peripherals {
     pub(crate) counters: EncoderCounters,
     pub(crate) stage: PowerStage,
     pub(crate) tim5: Timer,
-    pub(crate) tim6: Timer,
-    dac: Dac,
     pub(crate) watchdog: Watchdog,
     interrupt_levels: Option<(bool, bool)>,
     lines: u128,
     edges: u128,
-    amplifier_on: bool,
-    current: Option<u16>,
     reset_held: bool,
     straps: (bool, bool),
 }
@@ -97,14 +93,10 @@ impl Peripherals {
             counters: EncoderCounters::new(),
             stage: PowerStage::new(),
             tim5: Timer::new(32, 4),
-            tim6: Timer::new(16, 0),
-            dac: Dac::default(),
             watchdog: Watchdog::new(),
             interrupt_levels: None,
             lines: 0,
             edges: 0,
-            amplifier_on: false,
-            current: None,
             reset_held: false,
             straps: (false, false),
         }
@@ -116,9 +108,16 @@ impl Peripherals {
 
     /// The next instant at which a peripheral does something by itself.
     pub(crate) fn next_event(&self) -> Option<Nanoseconds> {
-        let timers = [self.tim5.next_event(), self.tim6.next_event()];
-        let others = [self.counters.next_event(), self.stage.next_event(), self.watchdog.expires()];
-        timers.into_iter().chain(others).flatten().min()
+        let events =
+            [self.tim5.next_event(), self.counters.next_event(), self.stage.next_event(), self.watchdog.expires()];
+        events.into_iter().flatten().min()
+    }
+
+    /// The next instant at which a peripheral may interrupt by itself: until then, a processor that waits for an interrupt need not be asked.
+    pub(crate) fn next_interrupt(&self) -> Option<Nanoseconds> {
+        let events =
+            [self.tim5.next_event(), self.counters.next_event(), self.stage.next_interrupt(), self.watchdog.expires()];
+        events.into_iter().flatten().min()
     }
 
     /// Does what is due until `now`.
@@ -133,7 +132,6 @@ impl Peripherals {
         self.stage.advance(&self.ports, environment, now).map_err(|what| by_itself(now, what))?;
         self.counters.advance(now);
         self.tim5.advance(now);
-        self.tim6.advance(now);
         self.update_lines();
         Ok(())
     }
@@ -166,16 +164,16 @@ impl Peripherals {
     }
 
     fn drive_inputs<E: Environment + ?Sized>(&mut self, environment: &E) {
-        let (power, fault) = environment.amplifier_inputs();
         let inputs = environment.digital_inputs();
         for (pin, level) in [
-            (wiring::MAIN_POWER, power),
-            (wiring::AMPLIFIER_READY, !fault),
-            (wiring::POWER_STAGE_MAIN_POWER, inputs.main_power),
+            (wiring::MAIN_POWER, inputs.main_power),
             (wiring::STO_1, inputs.sto_1),
             (wiring::STO_2, inputs.sto_2),
             (wiring::HOME_SWITCH, inputs.home_switch),
             (wiring::BRAKE_FEEDBACK, inputs.brake_feedback),
+            (wiring::PROBE_1, inputs.probe_1),
+            (wiring::PROBE_2, inputs.probe_2),
+            (wiring::BREAK, environment.break_input()),
         ] {
             self.drive(pin, level);
         }
@@ -211,14 +209,16 @@ impl Peripherals {
         until: Nanoseconds,
     ) -> Option<u32> {
         const INPUT_DATA: u32 = 0x10;
-        const COUNT: u32 = TIM2 + 0x24;
+        const COUNT: u32 = 0x24;
         let access = Access { now, address, width: 4, pc: 0 };
-        if address == COUNT || matches!(address & !0x3FF, TIM1 | ADC) {
+        let (page, offset) = (address & !0x3FF, address & 0x3FF);
+        if matches!(page, TIM1 | ADC) || ENCODER_COUNTERS.contains(&page) {
             self.check_clock(access).ok()?;
-            return match address & !0x3FF {
-                TIM1 => self.stage.peek_timer(address & 0x3FF, now, until),
-                ADC => self.stage.peek_converters(address & 0x3FF, until),
-                _ => self.counters.peek_position(&self.ports, environment, now, until),
+            return match page {
+                TIM1 => self.stage.peek_timer(offset, now, until),
+                ADC => self.stage.peek_converters(offset, until),
+                TIM2 if offset == COUNT => self.counters.peek_position(&self.ports, environment, now, until),
+                _ => self.counters.peek_captured(counter_of(page), offset),
             };
         }
         if (GPIO..GPIO_END).contains(&address) && address & 0x3FF == INPUT_DATA {
@@ -232,6 +232,26 @@ impl Peripherals {
             return None;
         }
         environment.external_peek(offset).map(u32::from)
+    }
+
+    /// What a read of a running counter will answer at an instant before the next event.
+    pub(crate) fn foretell<E: Environment + ?Sized>(
+        &self,
+        environment: &mut E,
+        address: u32,
+        at: Nanoseconds,
+    ) -> Option<u32> {
+        const COUNT: u32 = 0x24;
+        let page = address & !0x3FF;
+        self.check_clock(Access { now: at, address, width: 4, pc: 0 }).ok()?;
+        match page {
+            _ if address != page + COUNT => None,
+            TIM1 => self.stage.foretell_count(at),
+            page if ENCODER_COUNTERS.contains(&page) => {
+                self.counters.foretell_count(counter_of(page), &self.ports, environment, at)
+            }
+            _ => None,
+        }
     }
 
     pub(crate) fn read<E: Environment + ?Sized>(
@@ -305,7 +325,7 @@ impl Peripherals {
                 0x18 => Ok(0),
                 _ => self.read_word(environment, access),
             },
-            address if [DAC, IWDG].contains(&(address & !0x3FF)) => self.read_word(environment, access),
+            address if address & !0x3FF == IWDG => self.read_word(environment, access),
             _ => Err(access.misuse("byte or half-word write to a register that needs words")),
         }
     }
@@ -325,10 +345,8 @@ impl Peripherals {
             TIM1 => self.stage.timer.read(offset, now),
             ADC => self.stage.converters.read(offset),
             TIM5 => self.tim5.read(offset, now, 0),
-            TIM6 => self.tim6.read(offset, now, 0),
             IWDG => self.watchdog.read(offset, now),
             PWR => self.power.read(offset),
-            DAC => self.dac.read(offset),
             SYSCFG => self.syscfg.read(offset),
             EXTI => self.exti.read(offset),
             RCC => self.rcc.read(offset, now),
@@ -358,10 +376,8 @@ impl Peripherals {
             TIM1 => self.stage.write_timer((offset, value), &self.ports, environment, now),
             ADC => self.stage.converters.write(offset, value, now),
             TIM5 => self.tim5.write(offset, value, now, 0),
-            TIM6 => self.tim6.write(offset, value, now, 0),
             IWDG => fine(self.watchdog.write(offset, value, now)),
             PWR => fine(self.power.write(offset, value)),
-            DAC => self.dac.write(offset, value),
             SYSCFG => fine(self.syscfg.write(offset, value)),
             EXTI => fine(self.exti.write(offset, value)),
             RCC => self.rcc.write(offset, value, now, self.flash.latency()),
@@ -373,9 +389,7 @@ impl Peripherals {
         done.ok_or_else(|| access.unknown("write"))?.map_err(|what| access.misuse(what))?;
         if address & !0x3FF == RCC {
             let tree = self.rcc.tree();
-            for timer in [&mut self.tim5, &mut self.tim6] {
-                timer.set_clock(tree.apb1_timers, now);
-            }
+            self.tim5.set_clock(tree.apb1_timers, now);
             self.counters.set_clocks(&tree, now);
             self.stage.set_clocks(&tree, now);
         }
@@ -449,10 +463,6 @@ impl Peripherals {
     /// Tells the world about outputs that changed.
     fn tell<E: Environment + ?Sized>(&mut self, environment: &mut E, now: Nanoseconds) {
         self.stage.tell(&self.ports, environment, now);
-        let on = self.drives_high(wiring::AMPLIFIER_ENABLE);
-        if std::mem::replace(&mut self.amplifier_on, on) != on {
-            environment.set_amplifier(now, on);
-        }
         let held = self.is_output(wiring::CHIP_RESET) && !self.drives_high(wiring::CHIP_RESET);
         if std::mem::replace(&mut self.reset_held, held) != held {
             environment.set_chip_reset(now, held);
@@ -460,15 +470,6 @@ impl Peripherals {
         let straps = (self.drives_high(wiring::SBAUD), self.drives_high(wiring::SBAUD16));
         if std::mem::replace(&mut self.straps, straps) != straps {
             environment.set_bit_rate_straps(now, straps.0, straps.1);
-        }
-        let (port, number) = wiring::CURRENT;
-        let connected = self.ports[port].mode(number) == PinMode::Analogue;
-        let current = self.dac.output().filter(|_| connected);
-        if self.current != current {
-            self.current = current;
-            if let Some(code) = current {
-                environment.set_current(now, code);
-            }
         }
     }
 
@@ -486,9 +487,7 @@ impl Peripherals {
 
     fn update_lines(&mut self) {
         let mut lines = self.exti.lines() | self.counters.lines() | self.stage.lines();
-        for (timer, vector) in [(&self.tim5, 50), (&self.tim6, 54)] {
-            lines |= u128::from(timer.line()) << vector;
-        }
+        lines |= u128::from(self.tim5.line()) << 50;
         self.edges |= lines & !self.lines;
         self.lines = lines;
     }

@@ -1,4 +1,4 @@
-//! FSMC bank 1, the analogue output and the independent watchdog (RM0090 chapters 36, 14 and 21).
+//! FSMC bank 1 and the independent watchdog (RM0090 chapters 36 and 21).
 
 use ring::Nanoseconds;
 
@@ -63,49 +63,6 @@ impl Fsmc {
         let extended = self.control[0] & 1 << 14 != 0;
         let write = if extended { cycles(self.write_timing[0]) } else { read };
         (read, write)
-    }
-}
-
-/// Digital to analogue converter, channel 1 without trigger.
-#[derive(Clone, Debug, Default)]
-pub(crate) struct Dac {
-    control: u32,
-    code: u32,
-}
-
-impl Dac {
-    pub(crate) fn read(&self, offset: u32) -> Option<u32> {
-        Some(match offset {
-            0x00 => self.control,
-            0x04 => 0,
-            0x08 => self.code,
-            0x0C => self.code << 4,
-            0x10 => self.code >> 4,
-            0x2C => self.code,
-            0x34 => 0,
-            _ => return None,
-        })
-    }
-
-    pub(crate) fn write(&mut self, offset: u32, value: u32) -> Option<Result<(), String>> {
-        match offset {
-            0x00 => {
-                if value & !3 != 0 {
-                    return Some(Err(format!("DAC_CR = {value:#x} is not modelled")));
-                }
-                self.control = value;
-            }
-            0x08 => self.code = value & 0xFFF,
-            0x0C => self.code = value >> 4 & 0xFFF,
-            0x10 => self.code = (value & 0xFF) << 4,
-            _ => return None,
-        }
-        Some(Ok(()))
-    }
-
-    /// The code at the pin, if the channel is on.
-    pub(crate) fn output(&self) -> Option<u16> {
-        (self.control & 1 != 0).then_some(self.code as u16)
     }
 }
 

@@ -3,7 +3,7 @@
 use ring::Nanoseconds;
 
 use super::adc::Converters;
-use super::advanced_timer::registers::CR1;
+use super::advanced_timer::registers::{BDTR, CNT, CR1};
 use super::advanced_timer::{AdvancedTimer, Bridge, TimerEvent};
 use super::clocks::ClockTree;
 use super::gpio::{PinMode, Port};
@@ -35,6 +35,13 @@ impl PowerStage {
     pub(crate) fn next_event(&self) -> Option<Nanoseconds> {
         let converters = self.converters.next_event(self.timer.next_trigger());
         [self.timer.next_event(), converters].into_iter().flatten().min()
+    }
+
+    /// The next instant at which one of the lines may rise by itself.
+    pub(crate) fn next_interrupt(&self) -> Option<Nanoseconds> {
+        let timer = self.timer.next_event().filter(|_| self.timer.interrupts());
+        let converters = self.converters.next_end(self.timer.next_trigger());
+        [timer, converters].into_iter().flatten().min()
     }
 
     /// Lines of the NVIC (bit n = interrupt n).
@@ -95,10 +102,16 @@ impl PowerStage {
         }
     }
 
-    /// CR1 with the direction, if it is sure until then.
+    /// CR1 with the direction, if it is sure until then, and BDTR, which only the world's break input changes by itself.
     pub(crate) fn peek_timer(&self, offset: u32, now: Nanoseconds, until: Nanoseconds) -> Option<u32> {
-        let sure = offset == CR1 && self.timer.next_turn().is_none_or(|turn| turn >= until);
+        let sure = offset == BDTR || offset == CR1 && self.timer.next_turn().is_none_or(|turn| turn >= until);
         self.timer.read(offset, now).filter(|_| sure)
+    }
+
+    /// The count at an instant of the half that runs.
+    pub(crate) fn foretell_count(&self, at: Nanoseconds) -> Option<u32> {
+        let in_half = self.timer.next_turn().is_some_and(|turn| at < turn);
+        self.timer.read(CNT, at).filter(|_| in_half)
     }
 
     /// Status or data of a converter, if nothing can change them until then.

@@ -40,14 +40,6 @@ impl Environment for World {
         self.encoder
     }
 
-    fn set_current(&mut self, _: Nanoseconds, _: u16) {}
-
-    fn set_amplifier(&mut self, _: Nanoseconds, _: bool) {}
-
-    fn amplifier_inputs(&self) -> (bool, bool) {
-        (false, false)
-    }
-
     fn address_switches(&self) -> u8 {
         0
     }
@@ -187,13 +179,15 @@ pub(crate) fn set_up_power_stage() -> Vec<(u32, u32)> {
     let alternate = |function: u32| move |pin: u32| (pin, ALTERNATE, 0, function);
     let analogue = |pin: u32| (pin, ANALOGUE, 0, 0);
     let input = |pin: u32| (pin, 0, 2, 0);
-    let of_a: Vec<_> = [0, 1, 2, 3, 8, 9, 10].into_iter().map(alternate(1)).collect();
-    let mut of_b: Vec<_> = [12, 13, 14, 15].into_iter().map(alternate(1)).collect();
+    let driver = |pin: u32| (pin, ALTERNATE, 2, 1);
+    let mut of_a: Vec<_> = (0..=3).map(alternate(1)).collect();
+    of_a.extend((8..=10).map(driver));
+    let mut of_b: Vec<_> = [12, 13, 14, 15].into_iter().map(driver).collect();
     of_b.extend([0, 4, 5, 6, 7, 8].into_iter().map(alternate(2)));
     let mut of_c: Vec<_> = (0..=4).map(analogue).collect();
     of_c.extend((6..=8).map(alternate(3)));
     of_c.extend((9..=13).map(input));
-    of_c.push((15, OUTPUT, 0, 0));
+    of_c.push((5, OUTPUT, 0, 0));
     let of_e: Vec<_> = [5, 6].into_iter().map(alternate(3)).collect();
     let ports = [(0, of_a), (1, of_b), (2, of_c), (4, of_e), (5, vec![analogue(6)])];
     let mut writes: Vec<_> = ports.iter().flat_map(|(number, pins)| port(*number, pins)).collect();
@@ -291,6 +285,43 @@ fn the_end_of_the_sequence_interrupts_and_foretells_what_the_handler_reads() {
         assert_eq!(peek(address), Some(expected), "{address:#x}");
     }
     assert_eq!(peek(0x4001_0024), None, "the count of the modulator runs");
+}
+
+#[test]
+fn a_processor_that_waits_is_asked_at_the_end_of_a_sequence_and_at_nothing_before() {
+    let (mut board, start) = Board::with_power_stage();
+    board.run_until(Nanoseconds(start + 1_000));
+    let end = board.peripherals.next_interrupt().unwrap();
+    assert_eq!(end, Nanoseconds(start + 33_728));
+    board.peripherals.take_interrupts();
+    board.run_until(Nanoseconds(end.0 - 2));
+    assert_eq!(board.peripherals.take_interrupts().0, 0);
+    assert_eq!(board.peripherals.next_interrupt(), Some(end), "of the sequence that runs");
+    board.run_until(end);
+    assert_eq!(board.peripherals.take_interrupts().0, 1 << 18);
+    let next = board.peripherals.next_interrupt().unwrap();
+    assert!(next.0.abs_diff(end.0 + 2 * HALF) <= 1, "{next}");
+    board.write(0x4001_2004, 0x100);
+    assert_eq!(board.peripherals.next_interrupt(), None, "no interrupt is enabled");
+}
+
+#[test]
+fn the_counts_of_running_timers_are_foretold_for_an_instant() {
+    let (mut board, start) = Board::with_power_stage();
+    let tim9 = 0x4001_4000;
+    for (offset, value) in [(0x2C, 0xFFFF), (0x00, 1)] {
+        board.write(tim9 + offset, value);
+    }
+    board.run_until(Nanoseconds(start + 34_000));
+    let then = Nanoseconds(start + 34_500);
+    let foretold = [TIMER + COUNT, tim9 + COUNT]
+        .map(|address| board.peripherals.foretell(&mut board.world, address, then).unwrap());
+    let turn = Nanoseconds(start + 2 * HALF);
+    assert_eq!(board.peripherals.foretell(&mut board.world, TIMER + COUNT, turn), None, "the direction turns");
+    assert_eq!(board.peripherals.foretell(&mut board.world, TIMER + STATUS, then), None, "no count");
+    board.run_until(then);
+    assert_eq!([board.read(TIMER + COUNT), board.read(tim9 + COUNT)], foretold);
+    assert_eq!(foretold[0], 5_250 - 546);
 }
 
 #[test]
@@ -398,8 +429,8 @@ fn a_peripheral_without_its_clock_is_refused() {
 #[test]
 fn the_brake_coil_is_told() {
     let (mut board, start) = Board::with_power_stage();
-    board.write(0x4002_0818, 1 << 15);
-    board.write(0x4002_0818, 1 << 31);
+    board.write(0x4002_0818, 1 << 5);
+    board.write(0x4002_0818, 1 << 21);
     assert_eq!(board.world.brake, [(start, true), (start, false)]);
 }
 

@@ -58,7 +58,7 @@ pub(crate) struct Timer {
 }
 
 impl Timer {
-    /// `bits` of the counter; basic timers (TIM6, TIM7) have no channels, TIM9 and TIM12 two, the others four.
+    /// `bits` of the counter; basic timers have no channels, TIM9 and TIM12 two, the others four.
     pub(crate) fn new(bits: u32, channels: u32) -> Self {
         let full = u32::MAX >> (32 - bits);
         Self {
@@ -104,6 +104,11 @@ impl Timer {
     /// Whether TI1 and TI2 drive the counter.
     pub(crate) fn counts_encoder(&self) -> bool {
         matches!(self.slave & 7, 1..=3)
+    }
+
+    /// SR; reading it has no effect.
+    pub(crate) fn status(&self) -> u32 {
+        self.status
     }
 
     /// Is the interrupt line high?

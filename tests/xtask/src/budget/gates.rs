@@ -39,6 +39,9 @@ pub(crate) struct Function {
     pub(crate) budget: u64,
 }
 
+/// Highest priority of a task that shares a resource with others: nobody above waits for a critical section.
+pub(crate) const CEILING: u8 = 4;
+
 /// All gates.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Gates {
@@ -50,6 +53,9 @@ pub(crate) struct Gates {
 
 /// No task of the cycle may end the program, or go where nobody can follow it.
 const OF_THE_CYCLE: &[Check] = &[Check::Panic, Check::IndirectCall, Check::FloatingPoint, Check::Division];
+/// The current loop waits for nobody and copies nothing: all that there is.
+const OF_THE_CURRENT_LOOP: &[Check] =
+    &[Check::Panic, Check::IndirectCall, Check::FloatingPoint, Check::Division, Check::MemoryRoutine, Check::Lock];
 
 /// The tasks of the application's table, and what each may take. The budgets leave a fifth above what was measured; a binary that needs more has
 /// changed, and somebody should know why.
@@ -59,11 +65,15 @@ pub(crate) const GATES: Gates = Gates {
         task("chip_interrupt_1", "EXTI2", 4, Rate::EachCycle, Some(200), OF_THE_CYCLE),
         task("command_valid", "CAN1_TX", 4, Rate::EachCycle, Some(850), OF_THE_CYCLE),
         task("capture_feedback", "CAN1_RX0", 4, Rate::EachCycle, Some(600), OF_THE_CYCLE),
-        task("control_loop", "TIM6_DAC", 4, Rate::Every(125_000), Some(1_400), OF_THE_CYCLE),
+        task("current_loop", "ADC", 5, Rate::Every(62_500), Some(600), OF_THE_CURRENT_LOOP),
+        task("control_loop", "CAN2_TX", 4, Rate::Every(125_000), Some(1_400), OF_THE_CYCLE),
         task("phase_change", "CAN1_RX1", 2, Rate::OutsideTheCycle, None, &[]),
         task("service_channel", "CAN1_SCE", 2, Rate::EachCycle, None, &[]),
     ],
-    functions: &[Function { symbol: "Motion<B,H>::update_state", budget: 120 }],
+    functions: &[
+        Function { symbol: "current_loop_core", budget: 160 },
+        Function { symbol: "Motion<B,H>::update_state", budget: 120 },
+    ],
 };
 
 const fn task(

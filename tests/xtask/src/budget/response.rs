@@ -11,14 +11,17 @@ pub(crate) struct Load {
     pub(crate) activations: u64,
     /// Of one activation, at worst.
     pub(crate) time: u64,
-    /// Its longest critical section, which holds up the tasks above it.
+    /// Its longest critical section.
     pub(crate) locked: u64,
+    /// Its critical sections hold up the tasks above it, up to this priority.
+    pub(crate) ceiling: u8,
 }
 
 /// Longest that a task waits for a critical section of a task below it.
 pub(crate) fn blocking(set: &[Load], task: usize) -> u64 {
-    let below = |load: &&Load| load.priority < set[task].priority;
-    set.iter().filter(below).map(|load| load.locked).max().unwrap_or(0)
+    let priority = set[task].priority;
+    let holds_up = |load: &&Load| load.priority < priority && priority <= load.ceiling;
+    set.iter().filter(holds_up).map(|load| load.locked).max().unwrap_or(0)
 }
 
 /// From the cause to the end of the last activation of a period; `None` if that is not before the next cause.
@@ -50,7 +53,7 @@ mod tests {
     use super::*;
 
     const fn of(priority: u8, period: u64, time: u64) -> Load {
-        Load { priority, period, activations: 1, time, locked: 0 }
+        Load { priority, period, activations: 1, time, locked: 0, ceiling: 3 }
     }
 
     #[test]
@@ -73,6 +76,9 @@ mod tests {
         (set[0].locked, set[1].locked, set[2].locked) = (9, 4, 7);
         assert_eq!([0, 1, 2].map(|task| blocking(&set, task)), [7, 7, 0]);
         assert_eq!([0, 1, 2].map(|task| response(&set, task)), [Some(17), Some(37), Some(60)]);
+        // A task above the ceiling waits for nobody.
+        set[2].ceiling = 2;
+        assert_eq!([0, 1, 2].map(|task| blocking(&set, task)), [4, 7, 0]);
     }
 
     #[test]

@@ -1,6 +1,6 @@
 //! Holds what was measured and found against the gates.
 
-use super::gates::{Gates, Rate, Task};
+use super::gates::{CEILING, Gates, Rate, Task};
 use super::response::{self, Load};
 use crate::elf::{self, Check, Depth, Finding, Flow, Graph};
 use anyhow::{Result, bail};
@@ -155,13 +155,14 @@ fn add_timing(tasks: &mut [TaskReport], cycles: u64, thread: u64) {
             activations,
             time: nanoseconds(count.own.most, count.bus.most),
             locked: locked_by(&count),
+            ceiling: CEILING,
         })
     };
     let (places, set): (Vec<usize>, Vec<Load>) =
         tasks.iter().enumerate().filter_map(|(place, report)| Some((place, load(report)?))).unzip();
     // The thread is below all of them; it takes nothing away but while it locks.
     let mut set = set;
-    set.push(Load { priority: 0, period: u64::MAX, activations: 0, time: 0, locked: thread });
+    set.push(Load { priority: 0, period: u64::MAX, activations: 0, time: 0, locked: thread, ceiling: CEILING });
     for (index, place) in places.into_iter().enumerate() {
         let (blocking, response) = (response::blocking(&set, index), response::response(&set, index));
         tasks[place].timing = Some(Timing { load: set[index], blocking, response });

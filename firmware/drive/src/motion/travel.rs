@@ -1,0 +1,238 @@
+//! Movements that the drive makes by itself: homing S-0-0148 and positioning to S-0-0258, and the probes that look on.
+
+use sercon816::Bus;
+use sercos::command::CommandState;
+use servo::{
+    Edge, Homing, HomingError, HomingInputs, HomingMotion, HomingSettings, HomingState, MotionLimits, Position, Probe,
+    ProbeInput as ProbeSide, ProbeInputs, ProbeSettings, ProbingCycle, Travel,
+};
+
+use super::Motion;
+use crate::hardware::{Hardware, ProbeInput};
+use crate::state::DriveState;
+
+/// Homing, as the service channel sees it.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub(crate) struct HomingRun {
+    /// Under way, with what it works with.
+    running: Option<(Homing, HomingSettings, MotionLimits)>,
+    /// Armed, and the first index position since.
+    index: Option<Option<Position>>,
+    /// S-0-0408.
+    pub(super) marker_registered: bool,
+    /// How it ended, until the service channel has taken it.
+    result: Option<CommandState>,
+    /// Why it failed.
+    pub(super) error: Option<HomingFailure>,
+}
+
+/// Why homing failed.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum HomingFailure {
+    /// The way was not as it should be.
+    Way(HomingError),
+    /// The torque went.
+    Torque,
+}
+
+/// Probes, as the service channel and the AT see them.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub(crate) struct ProbeRun {
+    cycle: ProbingCycle,
+    settings: Option<ProbeSettings>,
+}
+
+/// Bits that only a control bit or the service channel sets, above the 16 of P-0-0019.
+pub(crate) const HOMING_ENABLE: u32 = 1 << 16;
+/// S-0-0405.
+pub(crate) const PROBE_1_ENABLE: u32 = 1 << 17;
+/// S-0-0406.
+pub(crate) const PROBE_2_ENABLE: u32 = 1 << 18;
+/// S-0-0400, where S-0-0147 bit 2 says that the control has the switch.
+pub(crate) const HOME_SWITCH: u32 = 1 << 19;
+
+impl<B: Bus + Clone, H: Hardware> Motion<B, H> {
+    /// Starts S-0-0148 with a movement. The old reference is gone from now on. `false`: the drive is not in operation.
+    pub(crate) fn start_homing(&mut self, settings: HomingSettings, limits: MotionLimits) -> bool {
+        if !matches!(self.machine.state(), DriveState::Following | DriveState::Halted) {
+            return false;
+        }
+        self.referenced = false;
+        self.homing = true;
+        self.homing_run = HomingRun {
+            running: Some((Homing::start(self.encoder.position()), settings, limits)),
+            ..HomingRun::default()
+        };
+        self.update_state();
+        true
+    }
+
+    /// How a homing has ended, once.
+    pub(crate) fn take_homing_result(&mut self) -> Option<CommandState> {
+        self.homing_run.result.take()
+    }
+
+    /// Why the last homing failed.
+    pub(crate) const fn homing_error(&self) -> Option<HomingFailure> {
+        self.homing_run.error
+    }
+
+    /// A homing is under way.
+    pub(super) const fn is_travelling_home(&self) -> bool {
+        self.homing_run.running.is_some()
+    }
+
+    /// One tick of homing, before the loops. Returns whether the service channel has something to take.
+    pub(super) fn home(&mut self, index: Option<Position>) -> bool {
+        let Some((mut homing, settings, limits)) = self.homing_run.running else { return false };
+        if !self.machine.state().is_in_operation() {
+            self.end_homing(CommandState::Failed, Some(HomingFailure::Torque));
+            return true;
+        }
+        if let Some(first) = &mut self.homing_run.index {
+            *first = first.or(index);
+        }
+        let output = homing.tick(
+            &settings,
+            HomingInputs {
+                position: self.encoder.position(),
+                home_switch: self.home_switch(settings.is_switch_at_drive()),
+                homing_enable: self.controlled & HOMING_ENABLE != 0,
+                index: self.homing_run.index.flatten(),
+                standstill: self.class_3.contains(sercos::diagnostic::Class3::STANDSTILL),
+                moving_finished: self.travelled,
+                run: self.switches.run,
+            },
+        );
+        if output.arm_index && self.homing_run.index.is_none() {
+            self.hardware.arm_index();
+            self.homing_run.index = Some(None);
+        }
+        self.homing_run.running = Some((homing, settings, limits));
+        self.homing_run.marker_registered = output.marker_registered;
+        let travel = match output.motion {
+            HomingMotion::Hold => Travel::Hold,
+            HomingMotion::Velocity(velocity) => Travel::AtVelocity(velocity),
+            HomingMotion::MoveTo(position) => Travel::To(position),
+        };
+        self.axis.travel(limits, travel);
+        match (output.state, output.reference) {
+            (HomingState::Running, _) => return false,
+            (HomingState::Done, Some(reference)) => {
+                self.shift_zero(reference.shift);
+                self.referenced = true;
+                self.end_homing(CommandState::Executed, None);
+            }
+            (HomingState::Failed(error), _) => {
+                self.end_homing(CommandState::Failed, Some(HomingFailure::Way(error)));
+            }
+            (HomingState::Done, None) => self.end_homing(CommandState::Failed, None),
+        }
+        true
+    }
+
+    fn end_homing(&mut self, result: CommandState, error: Option<HomingFailure>) {
+        let marker_registered = self.homing_run.marker_registered;
+        self.homing_run = HomingRun { result: Some(result), error, marker_registered, ..HomingRun::default() };
+    }
+
+    /// Forgets a homing that has not ended (cancelled, phase left).
+    pub(super) fn abandon_homing(&mut self) {
+        self.homing_run.running = None;
+        self.homing_run.result = None;
+    }
+
+    fn home_switch(&self, at_drive: bool) -> bool {
+        if at_drive { self.inputs.home_switch } else { self.controlled & HOME_SWITCH != 0 }
+    }
+
+    /// Moves the zero of all positions by `difference` without a movement. Divides.
+    pub(super) fn shift_zero(&mut self, difference: Position) {
+        self.encoder.set_position(self.encoder.position() + difference);
+        self.axis.shift(difference);
+        self.motor.shift(difference);
+    }
+
+    /// Positioning: the target S-0-0258 in the movement's own coordinates. A modulo axis goes the shortest way.
+    pub(super) fn position_to_target(&mut self) {
+        let scaled = self.settings.position.to_position(self.commands.target_position);
+        let wanted = if self.settings.position_polarity.command { -scaled } else { scaled };
+        let target = match self.axis.settings().interpolator().modulo() {
+            None => wanted,
+            Some(modulo) => {
+                let range = modulo.value();
+                let here = self.encoder.position();
+                let within = modulo.reduce(wanted) - self.axis.cyclic_position(here);
+                let half = Position::from_bits(range.to_bits() >> 1);
+                let shortest = if within > half {
+                    within - range
+                } else if within < -half {
+                    within + range
+                } else {
+                    within
+                };
+                here + shortest
+            }
+        };
+        if self.target != Some((self.commands.target_position, target)) {
+            // A target of a modulo axis is turned into a place once, not with every step of the way.
+            let same = self.target.is_some_and(|(data, _)| data == self.commands.target_position);
+            if !same {
+                self.target = Some((self.commands.target_position, target));
+            }
+        }
+        let travel = self.target.map_or(Travel::Hold, |(_, target)| Travel::To(target));
+        self.axis.travel(self.settings.positioning, travel);
+    }
+
+    /// One tick of the probes.
+    pub(super) fn probe(&mut self) {
+        let Some(settings) = self.probe_run.settings else { return };
+        let mut side = |probe: ProbeInput, level: bool, enable: bool| {
+            let mut latched = |rising| {
+                let latch = self.hardware.probe_latch(probe, rising)?;
+                let count = if self.settings.encoder_reversed { latch.wrapping_neg() } else { latch };
+                Some(self.encoder.position_of(count))
+            };
+            ProbeSide { level, enable, positive: latched(true), negative: latched(false) }
+        };
+        let one = side(ProbeInput::One, self.inputs.probe_1, self.controlled & PROBE_1_ENABLE != 0);
+        let two = side(ProbeInput::Two, self.inputs.probe_2, self.controlled & PROBE_2_ENABLE != 0);
+        self.probe_run.cycle.tick(&settings, &ProbeInputs { active: true, one, two });
+    }
+
+    /// S-0-0170 with S-0-0169, or its end.
+    pub(crate) fn set_probing(&mut self, settings: Option<ProbeSettings>) {
+        if settings.is_some() {
+            self.hardware.arm_probe(ProbeInput::One);
+            self.hardware.arm_probe(ProbeInput::Two);
+        } else if let Some(last) = self.probe_run.settings {
+            self.probe_run.cycle.tick(&last, &ProbeInputs::default());
+        }
+        self.probe_run.settings = settings;
+    }
+
+    /// S-0-0130 to S-0-0133 in the weight of position data.
+    pub(super) fn probe_value(&self, probe: Probe, edge: Edge) -> i32 {
+        let position = self.probe_run.cycle.value(probe, edge);
+        self.settings.position.from_position(self.axis.cyclic_position(position))
+    }
+
+    /// S-0-0179.
+    pub(super) fn probe_status(&self) -> u16 {
+        self.probe_run.cycle.measurement_value_status()
+    }
+
+    /// Single bits of inputs and sequences: 0 home switch, 1 and 2 probes, 3 marker registered, 4 to 7 the bits of S-0-0179, 8 to 10
+    /// S-0-0405 to S-0-0407.
+    pub(super) fn signals(&self) -> u16 {
+        let enables = [PROBE_1_ENABLE, PROBE_2_ENABLE, HOMING_ENABLE].into_iter().rev();
+        let enables = enables.fold(0, |word, bit| word << 1 | u16::from(self.controlled & bit != 0));
+        u16::from(self.inputs.home_switch || self.controlled & HOME_SWITCH != 0)
+            | u16::from(self.inputs.probe_1) << 1
+            | u16::from(self.inputs.probe_2) << 2
+            | u16::from(self.homing_run.marker_registered) << 3
+            | self.probe_status() << 4
+            | enables << 8
+    }
+}

@@ -1,0 +1,214 @@
+//! Movements that the drive makes by itself, over the ring: homing in all its ways, positioning, probes.
+
+#[path = "common/running.rs"]
+mod running;
+
+use bench::DriveSetup;
+use running::{ADDRESS, Bench, script};
+use ring::Nanoseconds;
+use ring::ident::{Idn, Value};
+use ring::master::{CommandValues, MasterScript, Motion, Telegram};
+
+/// Where the press axis has its index, in degrees, and where these tests put the home switch.
+const INDEX: f64 = 0.250_007 * 360.0;
+const SWITCH_BEGINS: f64 = 40.0;
+const SWITCH_ENDS: f64 = 400.0;
+
+/// A drive in operation in this mode, at standstill, with these data blocks written before.
+fn in_operation(mode: u16, mdt: &[Idn], parameters: Vec<(Idn, Value)>) -> Bench {
+    let mut drive = script().drives.remove(0).with(Idn::OPERATION_MODE, Value::Word(mode)).with_all(parameters);
+    drive.telegram = Telegram::application(&[Idn(51), Idn(40)], mdt);
+    let motion = Motion::new(1_000_000, |point| CommandValues::at_position(point.start));
+    let script = MasterScript { motion: Some(motion), stops_at_refusals: false, ..MasterScript::new(vec![drive]) };
+    let mut bench = Bench::new(DriveSetup::new(ADDRESS), script);
+    for _ in 0..1_000 {
+        bench.run(Nanoseconds::from_millis(10));
+        if bench.is_in_operation() {
+            bench.run(Nanoseconds::from_millis(100));
+            return bench;
+        }
+    }
+    panic!("{}", bench.world.ring().master().state());
+}
+
+fn degrees(bench: &mut Bench) -> f64 {
+    let now = bench.world.now().0;
+    bench.drive.motor_side.borrow_mut().machine().angle(now) * 360.0
+}
+
+fn position(bench: &mut Bench) -> f64 {
+    f64::from(bench.number(51) as u32 as i32) / 10_000.0
+}
+
+/// Milliseconds with the home switch where the motor's angle puts it; stops early when the command has ended.
+fn run_with_switch(bench: &mut Bench, milliseconds: u32) {
+    for step in 0..milliseconds * 4 {
+        let on = (SWITCH_BEGINS..SWITCH_ENDS).contains(&degrees(bench));
+        bench.drive.motor_side.borrow_mut().change_inputs(|inputs| inputs.home_switch = on);
+        bench.run(Nanoseconds::from_microseconds(250));
+        if step % 400 == 399 && bench.number(148) & 0xF != 7 {
+            return;
+        }
+    }
+}
+
+/// Homes with this S-0-0147 at 30 rpm; gives (data status of S-0-0148, angle of the reference point in degrees, angle of the motor).
+fn home(bench: &mut Bench, way: u16) -> (u64, f64, f64) {
+    bench.write(147, Value::Word(way)).unwrap();
+    bench.write(148, Value::Word(3)).unwrap();
+    run_with_switch(bench, 30_000);
+    run_with_switch(bench, 400);
+    let status = bench.number(148);
+    let angle = degrees(bench);
+    let zero = angle - position(bench);
+    (status, zero, angle)
+}
+
+fn homing_bench() -> Bench {
+    in_operation(3, &[Idn::POSITION_COMMAND], vec![(Idn(41), Value::Long(300_000)), (Idn(42), Value::Long(50_000))])
+}
+
+#[test]
+fn homing_to_the_marker_behind_the_switch_gives_the_marker_the_reference_position() {
+    let mut bench = homing_bench();
+    bench.write(52, Value::Long(100_000)).unwrap();
+    let (status, zero, _) = home(&mut bench, 0b100);
+    assert_eq!(status, 3, "{}", bench.text(0x8003));
+    // The index behind the switch at 40 degrees is the one at 90; it reads 10 degrees.
+    assert!((zero - (INDEX - 10.0)).abs() < 0.02, "{zero}");
+    assert_eq!((bench.number(403), bench.number(408)), (1, 1));
+    assert_eq!(bench.status() & 1 << 3, 0, "held until the command is cancelled");
+}
+
+#[test]
+fn homing_to_the_switch_alone_gives_its_edge_the_reference_position_in_both_directions() {
+    let mut bench = homing_bench();
+    let (status, zero, _) = home(&mut bench, 0b100_0100);
+    assert_eq!(status, 3);
+    // 30 rpm are 0.0225 degrees in a tick, and this test moves the switch every 250 us.
+    assert!((zero - SWITCH_BEGINS).abs() < 0.1, "{zero}");
+    bench.write(148, Value::Word(0)).unwrap();
+    // The other edge, from above: the axis stands on the switch, leaves it at its far end and comes back.
+    let mut bench = homing_bench();
+    let (status, zero, _) = home(&mut bench, 0b100_0101);
+    assert_eq!(status & 0xF, 0xF, "no switch in the negative direction within the travel limit of this test");
+    assert!(zero.is_finite());
+}
+
+#[test]
+fn homing_to_the_marker_alone_and_stopping_at_the_reference_point() {
+    for (way, expected) in [(0b1010_0000, INDEX), (0b1010_0001, INDEX - 360.0)] {
+        let mut bench = homing_bench();
+        let (status, zero, angle) = home(&mut bench, way);
+        assert_eq!(status, 3, "{way:b}: {}", bench.text(0x8003));
+        assert!((zero - expected).abs() < 0.02, "{way:b}: {zero}");
+        assert!((angle - expected).abs() < 0.05, "stops at the reference point: {angle}");
+    }
+}
+
+#[test]
+fn an_axis_that_starts_on_the_switch_leaves_it_first() {
+    let mut bench = homing_bench();
+    let (_, _, _) = home(&mut bench, 0b100_0100);
+    bench.write(148, Value::Word(0)).unwrap();
+    // The axis stands just behind the edge, on the switch.
+    let mut bench = bench;
+    bench.clear_errors();
+    let (status, zero, _) = home(&mut bench, 0b100_0100);
+    assert!(status & 0xF == 3 || !bench.is_in_operation(), "{status:X}");
+    assert!((zero - SWITCH_BEGINS).abs() < 0.1 || !bench.is_in_operation(), "{zero}");
+}
+
+#[test]
+fn a_missing_marker_ends_homing_with_its_reason() {
+    let mut bench = homing_bench();
+    let now = bench.world.now().0;
+    bench.drive.motor_side.borrow_mut().machine().mute_index(true, now);
+    bench.write(147, Value::Word(0b10_0000)).unwrap();
+    bench.write(148, Value::Word(3)).unwrap();
+    run_with_switch(&mut bench, 10_000);
+    assert_eq!(bench.number(148) & 0xF, 0xF);
+    assert!(bench.text(0x8003).starts_with("no marker on a way of 1.5"), "{}", bench.text(0x8003));
+    assert_eq!(bench.number(403), 0);
+}
+
+#[test]
+fn halt_pauses_homing_and_a_cancelled_homing_has_no_reference() {
+    let mut bench = homing_bench();
+    bench.write(147, Value::Word(0b10_0000)).unwrap();
+    bench.write(148, Value::Word(3)).unwrap();
+    bench.run(Nanoseconds::from_millis(100));
+    assert!((20.0..40.0).contains(&bench.rpm()), "{} rpm", bench.rpm());
+    bench.write(148, Value::Word(0)).unwrap();
+    bench.run(Nanoseconds::from_millis(300));
+    assert_eq!(bench.number(403), 0);
+}
+
+#[test]
+fn the_drive_goes_to_its_target_by_itself_within_velocity_and_acceleration() {
+    let parameters = vec![(Idn(259), Value::Long(1_200_000)), (Idn(260), Value::Long(200_000))];
+    let mut bench = in_operation(0x1B, &[Idn::VELOCITY_COMMAND], parameters);
+    let before = position(&mut bench);
+    bench.write(258, Value::Long((7_200_000_f64 + before * 10_000.0) as u32)).unwrap();
+    let mut fastest = 0.0_f64;
+    for _ in 0..150 {
+        bench.run(Nanoseconds::from_millis(10));
+        fastest = fastest.max(bench.rpm());
+    }
+    assert!((117.0..123.0).contains(&fastest), "{fastest} rpm");
+    let travelled = position(&mut bench) - before;
+    assert!((travelled - 720.0).abs() < 0.05, "{travelled} degrees");
+    assert!(bench.rpm().abs() < 0.5);
+    // Back, and half the way there the target changes.
+    bench.write(258, Value::Long((before * 10_000.0) as i32 as u32)).unwrap();
+    bench.run(Nanoseconds::from_millis(300));
+    bench.write(258, Value::Long((7_200_000_f64 + before * 10_000.0) as u32)).unwrap();
+    bench.run(Nanoseconds::from_millis(1_500));
+    let travelled = position(&mut bench) - before;
+    assert!((travelled - 720.0).abs() < 0.05, "{travelled} degrees");
+}
+
+#[test]
+fn a_feedrate_override_slows_positioning_down_and_zero_stops_it() {
+    let parameters = vec![(Idn(259), Value::Long(1_200_000)), (Idn(260), Value::Long(200_000))];
+    let mut bench = in_operation(0x13, &[Idn::VELOCITY_COMMAND], parameters);
+    bench.write(108, Value::Word(5_000)).unwrap();
+    bench.write(258, Value::Long(72_000_000)).unwrap();
+    bench.run(Nanoseconds::from_millis(500));
+    assert!((58.0..62.0).contains(&bench.rpm()), "{} rpm", bench.rpm());
+    bench.write(108, Value::Word(0)).unwrap();
+    bench.run(Nanoseconds::from_millis(500));
+    assert!(bench.rpm().abs() < 0.5, "{} rpm", bench.rpm());
+}
+
+#[test]
+fn a_probe_takes_the_position_of_its_edge_once_for_each_arming() {
+    let parameters = vec![(Idn(259), Value::Long(600_000)), (Idn(260), Value::Long(200_000)), (Idn(169), Value::Word(3))];
+    let mut bench = in_operation(0x1B, &[Idn::VELOCITY_COMMAND], parameters);
+    bench.write(170, Value::Word(3)).unwrap();
+    assert_eq!(bench.number(170) & 0xF, 7, "the command goes on until it is cancelled");
+    bench.write(405, Value::Word(1)).unwrap();
+    bench.write(258, Value::Long(72_000_000)).unwrap();
+    bench.run(Nanoseconds::from_millis(300));
+    let mut edges = Vec::new();
+    for level in [true, false, true, false] {
+        bench.run(Nanoseconds::from_microseconds(33_333));
+        let shift = position_shift(&mut bench);
+        edges.push(degrees(&mut bench) - shift);
+        bench.drive.motor_side.borrow_mut().change_inputs(|inputs| inputs.probe_1 = level);
+    }
+    bench.run(Nanoseconds::from_millis(10));
+    let taken = [130, 131].map(|idn| f64::from(bench.number(idn) as u32 as i32) / 10_000.0);
+    // One increment is 0.0055 degrees.
+    assert!((taken[0] - edges[0]).abs() < 0.01, "{taken:?} {edges:?}");
+    assert!((taken[1] - edges[1]).abs() < 0.01, "{taken:?} {edges:?}");
+    assert_eq!((bench.number(179), bench.number(409), bench.number(410), bench.number(411)), (3, 1, 1, 0));
+    bench.write(170, Value::Word(0)).unwrap();
+    assert_eq!(bench.number(170) & 0xF, 0);
+}
+
+/// What the drive's position is behind the motor's angle, in degrees; the motor may turn meanwhile.
+fn position_shift(_bench: &mut Bench) -> f64 {
+    // The encoder starts at zero with the motor, and nothing has homed the axis.
+    0.0
+}
