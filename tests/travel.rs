@@ -4,10 +4,10 @@
 mod running;
 
 use bench::DriveSetup;
-use running::{ADDRESS, Bench, script};
 use ring::Nanoseconds;
 use ring::ident::{Idn, Value};
 use ring::master::{CommandValues, MasterScript, Motion, Telegram};
+use running::{ADDRESS, Bench, script};
 
 /// Where the press axis has its index, in degrees, and where these tests put the home switch.
 const INDEX: f64 = 0.250_007 * 360.0;
@@ -18,7 +18,9 @@ const SWITCH_ENDS: f64 = 400.0;
 fn in_operation(mode: u16, mdt: &[Idn], parameters: Vec<(Idn, Value)>) -> Bench {
     let mut drive = script().drives.remove(0).with(Idn::OPERATION_MODE, Value::Word(mode)).with_all(parameters);
     drive.telegram = Telegram::application(&[Idn(51), Idn(40)], mdt);
-    let motion = Motion::new(1_000_000, |point| CommandValues::at_position(point.start));
+    // Homing takes its time, and commands are not followed meanwhile.
+    let motion =
+        Motion { patience: 100_000, ..Motion::new(1_000_000, |point| CommandValues::at_position(point.start)) };
     let script = MasterScript { motion: Some(motion), stops_at_refusals: false, ..MasterScript::new(vec![drive]) };
     let mut bench = Bench::new(DriveSetup::new(ADDRESS), script);
     for _ in 0..1_000 {
@@ -183,7 +185,8 @@ fn a_feedrate_override_slows_positioning_down_and_zero_stops_it() {
 
 #[test]
 fn a_probe_takes_the_position_of_its_edge_once_for_each_arming() {
-    let parameters = vec![(Idn(259), Value::Long(600_000)), (Idn(260), Value::Long(200_000)), (Idn(169), Value::Word(3))];
+    let parameters =
+        vec![(Idn(259), Value::Long(600_000)), (Idn(260), Value::Long(200_000)), (Idn(169), Value::Word(3))];
     let mut bench = in_operation(0x1B, &[Idn::VELOCITY_COMMAND], parameters);
     bench.write(170, Value::Word(3)).unwrap();
     assert_eq!(bench.number(170) & 0xF, 7, "the command goes on until it is cancelled");

@@ -129,7 +129,7 @@ impl<P: PowerStage> CurrentControl<P> {
         if self.was_on {
             self.was_on = false;
             self.trip = None;
-            self.current_loop = CurrentLoop::new();
+            self.current_loop.reset();
             self.phases = [0; 3];
             self.stage.set_compare([self.settings.frequency.reload() / 2; 3]);
         }

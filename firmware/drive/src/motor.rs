@@ -297,8 +297,9 @@ impl Motor {
             direct_command: self.direct_command,
             direct: CurrentReadings::fraction(readings.direct),
             phases: [phase(phases), phase(phases >> 16), phase(last)],
-            quadrature_voltage: readings.quadrature_voltage,
-            direct_voltage: readings.direct_voltage,
+            // A bridge that is off keeps its last voltages in the readings.
+            quadrature_voltage: if self.bridge_on { readings.quadrature_voltage } else { 0 },
+            direct_voltage: if self.bridge_on { readings.direct_voltage } else { 0 },
             angle: (last >> 16) as u16,
             // At most 4 000 V.
             bus_voltage: self.settings.bus_millivolts.apply(get(&cycle.bus).into()) as i32,

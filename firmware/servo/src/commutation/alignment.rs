@@ -22,6 +22,7 @@ use core::fmt;
 use controller::{Controller, Counted, Means, Sums};
 
 use super::{CommutationError, CommutationSettings, DEGREE, arctangent::arctangent};
+use crate::units::limited;
 use crate::{CurrentFraction, Position};
 
 /// Why the angle was not found.
@@ -353,6 +354,7 @@ impl Alignment {
             self.enter(if stands { Stage::Done } else { Stage::Failed(AlignmentError::NotSettled) });
         }
         let peak = self.peak();
-        (turn.wrapping_mul(i64::from(peak)) >> 29).clamp(i64::from(peak).wrapping_neg(), i64::from(peak)) as i32
+        // Not `clamp`, which can panic: the compiler does not know that the peak is positive.
+        limited(turn.wrapping_mul(i64::from(peak)) >> 29, i64::from(peak)) as i32
     }
 }

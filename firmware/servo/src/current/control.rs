@@ -57,6 +57,15 @@ impl CurrentLoop {
         Self::default()
     }
 
+    /// The bridge is off: no integral parts, no current. The compare values of the last cycle do not matter.
+    #[inline]
+    pub fn reset(&mut self) {
+        self.direct_integral = 0;
+        self.quadrature_integral = 0;
+        self.readings.direct = 0;
+        self.readings.quadrature = 0;
+    }
+
     /// What the last cycle measured and gave.
     #[inline]
     #[must_use]
@@ -74,7 +83,9 @@ impl CurrentLoop {
         currents: [i32; 3],
         angle: u32,
     ) -> [u16; 3] {
-        self.current_loop_core(settings, command, &Measurement { currents, angle });
+        // With a drive that is a static the compiler would know the address, and load it anew, two instructions each, wherever it lacks a register.
+        let state = core::hint::black_box(&mut *self);
+        state.current_loop_core(settings, command, &Measurement { currents, angle });
         let [a, b, c] = self.counts;
         let [current_a, current_b, current_c] = currents;
         let dead_time = settings.dead_time;

@@ -6,8 +6,8 @@ use core::cell::UnsafeCell;
 use crate::link::Link;
 use crate::machine;
 use crate::protocol::{
-    self, EXTERNAL_BUS, EXTERNAL_BUS_END, MEMORY_WORDS, MESSAGE_WORDS, command, fault, header, message, post, prefetched,
-    resume,
+    self, EXTERNAL_BUS, EXTERNAL_BUS_END, MEMORY_WORDS, MESSAGE_WORDS, command, fault, header, message, post,
+    prefetched, resume,
 };
 use crate::thumb::{self, Access, Direction, Transfer, Width};
 
