@@ -39,7 +39,7 @@ mod app {
     use board::watchdog::{Progress, Watchdog};
     use board::{Inverter, MotorSide, chip_control, switches};
     use drive::{Communication, CurrentControl, CurrentLink, Drive, DriveAddress};
-    use drive::{Identity, Interrupts, Motion, ResetCause, Work};
+    use drive::{Identity, Interrupts, Motion, ResetCause, Scope, Work};
 
     /// What the tasks report to the watchdog.
     static PROGRESS: Progress = Progress::new();
@@ -66,7 +66,7 @@ mod app {
     /// Sets up board and chip with interrupts disabled; they arrive as soon as this returns.
     ///
     /// Takes about 2 ms, nearly all of it the start of the chip. In that time the ring is open at this station.
-    #[init]
+    #[init(local = [scope: Scope = Scope::new()])]
     fn init(context: init::Context) -> (Shared, Local) {
         let Board { bus, motor_side, inverter, int0, int1, mut watchdog, settings, .. } = Board::new(context.device);
         match watchdog.reset_cause() {
@@ -77,7 +77,7 @@ mod app {
             defmt::error!("{=u8} on the address switches is no drive address", settings.address);
             remain_a_repeater()
         };
-        let drive = drive::new(bus, motor_side, inverter, &LINK, identity);
+        let drive = drive::new(bus, motor_side, inverter, &LINK, context.local.scope, identity);
         let Drive { current, mut interrupts, mut communication, mut motion } = match drive {
             Ok(drive) => drive,
             Err(error) => {

@@ -12,6 +12,7 @@ use sercos::transition::OPERATION_MODES;
 use sercos::{Idn, Phase, PhaseMachine};
 
 use crate::access::Access;
+use crate::commissioning::Commissioning;
 use crate::diagnosis::{Diagnosis, Manufacturer1, diagnose, drive_errors, of_phase_error};
 use crate::error_memory::{ErrorMemory, ErrorRecord};
 use crate::hardware::Hardware;
@@ -62,6 +63,7 @@ pub struct Communication<B> {
     server: Server,
     parameters: Parameters,
     checks: Checks,
+    commissioning: Commissioning,
     access: Access,
     errors: ErrorMemory,
     /// The bits of C1D that the error memory has already.
@@ -79,6 +81,7 @@ impl<B: Bus + Clone> Communication<B> {
             server: Server::new(),
             parameters: Parameters::new(),
             checks: Checks::default(),
+            commissioning: Commissioning::default(),
             access: Access::default(),
             errors: ErrorMemory::new(),
             remembered: (Class1::empty(), Manufacturer1::empty()),
@@ -166,6 +169,7 @@ impl<B: Bus + Clone> Communication<B> {
             slave: &mut self.slave,
             phases: &mut self.phases,
             checks: &mut self.checks,
+            commissioning: &mut self.commissioning,
             identity: &self.identity,
             access: &mut self.access,
             errors: &self.errors,
@@ -175,6 +179,10 @@ impl<B: Bus + Clone> Communication<B> {
         if context.checks.waits_for_lock && !context.motion.lock(|motion| motion.waits_for_lock()) {
             let state = context.check_cp4(&self.parameters, false);
             self.server.command_progress(Idn::CP4_TRANSITION_CHECK, state);
+            self.service.set_command_change(self.server.command_change());
+        }
+        if let Some((idn, state)) = context.conclude_identification(&mut self.parameters) {
+            self.server.command_progress(idn, state);
             self.service.set_command_change(self.server.command_change());
         }
         if let Some(state) = context.motion.lock(|motion| motion.take_homing_result()) {
@@ -192,7 +200,7 @@ impl<B: Bus + Clone> Communication<B> {
             let reply = self.server.step(protocol_step(&step), &mut self.parameters, &mut context);
             self.service.set_command_change(self.server.command_change());
             self.service.release(answer(&step, &reply));
-            if let Some((idn, state)) = context.carry_out(&self.parameters) {
+            if let Some((idn, state)) = context.carry_out(&mut self.parameters) {
                 self.server.command_progress(idn, state);
                 self.service.set_command_change(self.server.command_change());
             }
@@ -232,6 +240,7 @@ impl<B: Bus + Clone> Communication<B> {
         }
         self.checks.waits_for_lock = false;
         self.checks.started = None;
+        self.commissioning.identifying = None;
         self.server.phase_changed(phase);
         self.service.set_command_change(self.server.command_change());
     }

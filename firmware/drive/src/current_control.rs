@@ -2,8 +2,7 @@
 
 use servo::Rotation;
 use servo::current::{
-    BusScale, CurrentCommand, CurrentLoop, CurrentLoopSettings, CurrentReadings, Offsets, Protection, PwmFrequency,
-    Trip,
+    BusScale, CurrentCommand, CurrentLoop, CurrentLoopSettings, Offsets, Protection, PwmFrequency, Trip,
 };
 
 use crate::hardware::{PowerStage, Samples};
@@ -47,6 +46,10 @@ pub struct CurrentControl<P: 'static> {
     was_on: bool,
     was_late: bool,
     late: u32,
+    /// Phase currents of this cycle, counts 2^-3; nothing while the bridge is off.
+    phases: [i32; 3],
+    /// Electrical angle of this cycle, 2^-32 revolution.
+    angle: u32,
 }
 
 impl<P: PowerStage> CurrentControl<P> {
@@ -67,6 +70,8 @@ impl<P: PowerStage> CurrentControl<P> {
             was_on: false,
             was_late: false,
             late: 0,
+            phases: [0; 3],
+            angle: 0,
         }
     }
 
@@ -84,6 +89,7 @@ impl<P: PowerStage> CurrentControl<P> {
         self.take_settings();
         let order = CurrentOrder::from_words(self.link.command.read());
         self.stage.trim(order.trim);
+        self.angle = order.command.angle_at(count);
         if order.on {
             self.regulate(&order.command, &samples, moved, cycle.late);
         } else {
@@ -101,10 +107,11 @@ impl<P: PowerStage> CurrentControl<P> {
             self.was_on = true;
             self.offsets.interrupt();
         }
+        let currents = self.offsets.remove(samples.currents);
+        self.phases = currents;
         if self.trip.is_some() {
             return;
         }
-        let currents = self.offsets.remove(samples.currents);
         self.trip = self.settings.protection.check(currents, samples.bus, moved);
         // A single late cycle repeats the voltage of the one before, two in a row would be no control any more.
         if self.trip.is_none() && late && self.was_late {
@@ -114,8 +121,7 @@ impl<P: PowerStage> CurrentControl<P> {
             self.stage.switch_off();
             return;
         }
-        let counts =
-            self.current_loop.cycle(&self.settings.current_loop, command, currents, command.angle_at(self.count));
+        let counts = self.current_loop.cycle(&self.settings.current_loop, command, currents, self.angle);
         self.stage.set_compare(counts);
     }
 
@@ -124,6 +130,7 @@ impl<P: PowerStage> CurrentControl<P> {
             self.was_on = false;
             self.trip = None;
             self.current_loop.reset();
+            self.phases = [0; 3];
             self.stage.set_compare([self.settings.frequency.reload() / 2; 3]);
         }
         self.offsets.calibrate(samples.currents);
@@ -142,11 +149,17 @@ impl<P: PowerStage> CurrentControl<P> {
     fn report(&mut self, samples: &Samples, first: bool) {
         let report = &self.link.report;
         let readings = self.current_loop.readings();
-        let word = |current| u32::from(CurrentReadings::fraction(current).to_bits().cast_unsigned());
-        set(&report.currents, word(readings.quadrature) | word(readings.direct) << 16);
-        set(&report.direct_voltage, readings.direct_voltage.cast_unsigned());
-        set(&report.quadrature_voltage, readings.quadrature_voltage.cast_unsigned());
-        set(&report.bus, samples.bus.into());
+        let [first_cycle, second_cycle] = &report.cycles;
+        let cycle = if first { first_cycle } else { second_cycle };
+        set(&cycle.direct, readings.direct.cast_unsigned());
+        set(&cycle.quadrature, readings.quadrature.cast_unsigned());
+        set(&cycle.direct_voltage, readings.direct_voltage.cast_unsigned());
+        set(&cycle.quadrature_voltage, readings.quadrature_voltage.cast_unsigned());
+        // Twelve bits and three of fraction.
+        let [phase_u, phase_v, phase_w] = self.phases.map(|current| u32::from((current as i16).cast_unsigned()));
+        set(&cycle.phases, phase_u | phase_v << 16);
+        set(&cycle.phase_and_angle, phase_w | self.angle & 0xFFFF_0000);
+        set(&cycle.bus, samples.bus.into());
         set(&report.temperatures, u32::from(samples.heat_sink) | u32::from(samples.motor) << 16);
         set(&report.trip, self.trip.map_or(0, Trip::code));
         set(&report.calibrated, self.offsets.is_calibrated().into());

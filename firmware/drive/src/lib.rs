@@ -27,12 +27,14 @@ extern crate std;
 
 mod access;
 mod bits;
+mod commissioning;
 mod communication;
 mod current_control;
 mod diagnosis;
 mod error_memory;
 mod feedback;
 mod hardware;
+mod identification;
 mod identity;
 mod interrupts;
 mod link;
@@ -69,6 +71,8 @@ pub use snapshot::Snapshot;
 pub use state::{Conditions, DriveState, StateMachine, Switches, status_bits};
 pub use work::Work;
 
+pub use servo::Scope;
+
 use sercon816::Bus;
 use sercos::parameters::Parameters;
 
@@ -86,7 +90,7 @@ pub struct Drive<B, H, P: 'static> {
 }
 
 /// A drive with the default parameters, torque-free; the chip is not touched before [`Communication::start`]. `link` is its own, for the
-/// current loop.
+/// current loop, and so is `scope`, the memory of its oscilloscope.
 ///
 /// # Errors
 /// The defaults do not make a drive with this board's loop timer (a mistake in the table or the board, found by tests).
@@ -95,6 +99,7 @@ pub fn new<B: Bus + Clone, H: Hardware, P: PowerStage>(
     hardware: H,
     stage: P,
     link: &'static CurrentLink,
+    scope: &'static mut Scope,
     identity: Identity,
 ) -> Result<Drive<B, H, P>, InvalidSetting> {
     let settings = MotionSettings::new(&Parameters::new(), H::LOOP_TIMER_COUNTS)?;
@@ -102,6 +107,6 @@ pub fn new<B: Bus + Clone, H: Hardware, P: PowerStage>(
         current: CurrentControl::new(stage, link, settings.motor.current),
         interrupts: Interrupts::new(bus.clone()),
         communication: Communication::new(bus.clone(), identity),
-        motion: Motion::new(bus, identity.address.get(), hardware, link, settings),
+        motion: Motion::new(bus, identity.address.get(), hardware, link, scope, settings),
     })
 }

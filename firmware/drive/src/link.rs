@@ -5,7 +5,9 @@
 //!
 //! * Downwards ([`Mailbox`]): the lower side fills the buffer that is not in use, then switches over with one store. The current loop never
 //!   sees half of it.
-//! * Upwards ([`Report`]): the current loop writes words; the lower side reads each of them whole. What must belong together is packed into one word.
+//! * Upwards ([`Report`]): the current loop writes words; the lower side reads each of them whole. What must belong together is packed into
+//!   one word, or written only once in a tick ([`CycleReport`]): the first cycle's readings stand for a tick from then on, which is when the
+//!   lower side is started; the second cycle's come half a tick later, when it has long read those of the tick before.
 
 use core::sync::atomic::{AtomicU32, Ordering, compiler_fence};
 
@@ -86,14 +88,8 @@ impl<const N: usize> Mailbox<N> {
 pub(crate) struct Report {
     /// Encoder count in the first cycle of the tick.
     pub(crate) count: AtomicU32,
-    /// Torque-producing (low half) and flux-producing current in 2^-15 of peak.
-    pub(crate) currents: AtomicU32,
-    /// d voltage, volt 2^-14.
-    pub(crate) direct_voltage: AtomicU32,
-    /// q voltage, volt 2^-14.
-    pub(crate) quadrature_voltage: AtomicU32,
-    /// Bus voltage in counts.
-    pub(crate) bus: AtomicU32,
+    /// What the first and the second cycle of a tick have read.
+    pub(crate) cycles: [CycleReport; 2],
     /// Heat sink (low half) and motor temperature in counts.
     pub(crate) temperatures: AtomicU32,
     /// [`servo::current::Trip::code`], 0: none.
@@ -108,14 +104,44 @@ impl Report {
     const fn new() -> Self {
         Self {
             count: AtomicU32::new(0),
-            currents: AtomicU32::new(0),
-            direct_voltage: AtomicU32::new(0),
-            quadrature_voltage: AtomicU32::new(0),
-            bus: AtomicU32::new(0),
+            cycles: [const { CycleReport::new() }; 2],
             temperatures: AtomicU32::new(0),
             trip: AtomicU32::new(0),
             calibrated: AtomicU32::new(0),
             late: AtomicU32::new(0),
+        }
+    }
+}
+
+/// Readings of one cycle of the current loop.
+#[derive(Debug)]
+pub(crate) struct CycleReport {
+    /// Flux-producing current, 2^-26 of peak.
+    pub(crate) direct: AtomicU32,
+    /// Torque-producing current, 2^-26 of peak.
+    pub(crate) quadrature: AtomicU32,
+    /// d voltage, volt 2^-14.
+    pub(crate) direct_voltage: AtomicU32,
+    /// q voltage, volt 2^-14.
+    pub(crate) quadrature_voltage: AtomicU32,
+    /// Currents of phase U (low half) and V, counts 2^-3 without offset.
+    pub(crate) phases: AtomicU32,
+    /// Current of phase W (low half), and electrical angle in 2^-16 revolution.
+    pub(crate) phase_and_angle: AtomicU32,
+    /// Bus voltage in counts.
+    pub(crate) bus: AtomicU32,
+}
+
+impl CycleReport {
+    const fn new() -> Self {
+        Self {
+            direct: AtomicU32::new(0),
+            quadrature: AtomicU32::new(0),
+            direct_voltage: AtomicU32::new(0),
+            quadrature_voltage: AtomicU32::new(0),
+            phases: AtomicU32::new(0),
+            phase_and_angle: AtomicU32::new(0),
+            bus: AtomicU32::new(0),
         }
     }
 }

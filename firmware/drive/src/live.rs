@@ -15,16 +15,22 @@ use servo::ProbeSettings;
 
 use crate::access::Access;
 use crate::bits::{Source, enable_bit};
+use crate::commissioning::{self, COMPUTE_GAINS, Commissioning, Finding as CommissioningFinding, is_identification};
 use crate::diagnosis::{Diagnosis, diagnose};
 use crate::error_memory::ErrorMemory;
-use crate::hardware::Hardware;
+use crate::hardware::{Hardware, LOOP_PERIOD_MICROSECONDS};
 use crate::identity::Identity;
 use crate::motion::{HomingFailure, Motion, MotorValue};
+use crate::oscilloscope::{self, Configuration};
 use crate::record::{Command, Feedback, Records};
-use crate::settings::{MotionSettings, OperationMode, homing};
+use crate::settings::motor::FREQUENCY;
+use crate::settings::{InvalidSetting, MotionSettings, OperationMode, homing};
 
 /// So long S-0-0128 waits for the loops to lock to the ring: 200 ms in loop ticks, twice what a lock takes.
 const LOCK_PATIENCE_TICKS: u16 = 1_600;
+
+/// Period of the current loop in 0.1 us.
+const CURRENT_LOOP: u16 = 10 * LOOP_PERIOD_MICROSECONDS / FREQUENCY.cycles_per_tick() as u16;
 
 const CLASS_2: Idn = Idn::standard(12);
 const CLASS_3: Idn = Idn::standard(13);
@@ -62,7 +68,7 @@ pub(crate) struct Checks {
     pub(crate) finding: Option<Finding>,
     /// S-0-0128 waits for the loop clock.
     pub(crate) waits_for_lock: bool,
-    /// A check that was started and is carried out once the step that started it is released.
+    /// A check or computation that was started and is carried out once the step that started it is released.
     pub(crate) started: Option<Idn>,
 }
 
@@ -85,6 +91,7 @@ pub(crate) struct Context<'a, B, M> {
     pub(crate) slave: &'a mut Slave<B>,
     pub(crate) phases: &'a mut PhaseMachine,
     pub(crate) checks: &'a mut Checks,
+    pub(crate) commissioning: &'a mut Commissioning,
     pub(crate) identity: &'a Identity,
     pub(crate) access: &'a mut Access,
     pub(crate) errors: &'a ErrorMemory,
@@ -102,16 +109,51 @@ where
         Capabilities { bit_rate: protocol_bit_rate(self.identity.bit_rate), operation_modes: &OperationMode::SUPPORTED }
     }
 
-    /// Carries out the check that a step has started; `None` if there is none.
+    /// Carries out the check or computation that a step has started; `None` if there is none.
     ///
     /// It takes some 300 us, which no step of the service channel may.
-    pub(crate) fn carry_out(&mut self, parameters: &Parameters) -> Option<(Idn, CommandState)> {
+    pub(crate) fn carry_out(&mut self, parameters: &mut Parameters) -> Option<(Idn, CommandState)> {
         let idn = self.checks.started.take()?;
         let state = match idn {
             Idn::CP3_TRANSITION_CHECK => self.check_cp3(parameters),
-            _ => self.check_cp4(parameters, true),
+            Idn::CP4_TRANSITION_CHECK => self.check_cp4(parameters, true),
+            COMPUTE_GAINS => {
+                let result = commissioning::compute_gains(parameters, loops_accept::<H>);
+                self.found(result)
+            }
+            _ => match self.start_identification(idn, parameters) {
+                Ok(()) => CommandState::Executing,
+                failure => self.found(failure),
+            },
         };
         Some((idn, state))
+    }
+
+    fn start_identification(&mut self, idn: Idn, parameters: &Parameters) -> Result<(), CommissioningFinding> {
+        let plan = commissioning::plan(idn, parameters)?;
+        if !self.motion.lock(|motion| motion.start_identification(&plan)) {
+            return Err(CommissioningFinding::Interrupted);
+        }
+        self.commissioning.identifying = Some(idn);
+        Ok(())
+    }
+
+    /// Takes over what an identification has measured, if one has ended.
+    pub(crate) fn conclude_identification(&mut self, parameters: &mut Parameters) -> Option<(Idn, CommandState)> {
+        let outcome = self.motion.lock(Motion::take_identified)?;
+        let idn = self.commissioning.identifying.take()?;
+        let result = commissioning::take_over(outcome, parameters, loops_accept::<H>);
+        Some((idn, self.found(result)))
+    }
+
+    fn found(&mut self, result: Result<(), CommissioningFinding>) -> CommandState {
+        self.commissioning.finding = result.err();
+        if result.is_ok() {
+            *self.settings_changed = true;
+            CommandState::Executed
+        } else {
+            CommandState::Failed
+        }
     }
 
     fn check_cp3(&mut self, parameters: &Parameters) -> CommandState {
@@ -192,6 +234,9 @@ where
         let at_once = way & (NO_SWITCH_NO_MARKER | STOP_AT_REFERENCE) == NO_SWITCH_NO_MARKER;
         let reference = reference_distance(parameters);
         self.motion.lock(|motion| {
+            if motion.is_identifying() {
+                return Err(ServiceError::CommandNotExecutableNow);
+            }
             if at_once {
                 if !motion.is_standing() {
                     return Err(ServiceError::CommandNotExecutableNow);
@@ -225,9 +270,7 @@ where
     }
 
     fn load_defaults(&mut self, parameters: &mut Parameters) -> Result<CommandState, ServiceError> {
-        if self.access.is_locked() {
-            return Err(ServiceError::ProtectedByPassword);
-        }
+        self.unlocked()?;
         self.without_torque(|context| {
             parameters.load_defaults();
             if context.phases.current() == Phase::Cp3 {
@@ -235,6 +278,10 @@ where
             }
             *context.settings_changed = true;
         })
+    }
+
+    fn unlocked(&self) -> Result<(), ServiceError> {
+        if self.access.is_locked() { Err(ServiceError::ProtectedByPassword) } else { Ok(()) }
     }
 
     fn without_torque(&mut self, act: impl FnOnce(&mut Self)) -> Result<CommandState, ServiceError> {
@@ -263,6 +310,11 @@ where
             RESET_CAUSE => return self.motion.lock(|motion| motion.reset_cause()).code().into(),
             INTERFACE_STATUS => return self.phases.interface_status().raw_value().into(),
             CHECKSUM => return parameters.checksum().into(),
+            oscilloscope::STATE => return self.motion.lock(|motion| motion.oscilloscope().state()).into(),
+            oscilloscope::WINDOW => return self.motion.lock(|motion| motion.oscilloscope().window()).into(),
+            oscilloscope::INTERVAL => {
+                return self.motion.lock(|motion| motion.oscilloscope().interval(CURRENT_LOOP)).into();
+            }
             _ => {}
         }
         if let Some(value) = MotorValue::from_idn(idn) {
@@ -334,6 +386,11 @@ where
             }
             (true, 10) => Some(self.diagnosis().cause),
             (true, 11) => Some(self.diagnosis().remedy),
+            (true, 228) => {
+                // Longer than the longest finding; a test looks.
+                let _ = self.commissioning.finding.map_or(Ok(()), |finding| write!(text, "{finding}"));
+                None
+            }
             _ => None,
         }
     }
@@ -359,7 +416,11 @@ where
                 let histogram = self.motion.lock(|motion| motion.phase_error_histogram());
                 fill(list, histogram.into_iter());
             }
-            _ => {}
+            _ => {
+                if let Some(channel) = oscilloscope::POINTS.iter().position(|&points| points == idn) {
+                    self.motion.lock(|motion| fill(list, motion.oscilloscope().points(channel)));
+                }
+            }
         }
     }
 
@@ -373,6 +434,8 @@ where
             self.motion.lock(|motion| motion.set_commutation_angle(raw.cast_signed()));
         } else if idn == APPLICATION_WORD {
             self.motion.lock(|motion| motion.set_application_word((raw & 0xFFFF) as u16));
+        } else if idn == oscilloscope::WINDOW {
+            self.motion.lock(|motion| motion.oscilloscope().set_window((raw & 0xFFFF) as u16));
         }
     }
 
@@ -386,7 +449,17 @@ where
         Ok(())
     }
 
-    fn written(&mut self, idn: Idn, _parameters: &mut Parameters) {
+    fn written(&mut self, idn: Idn, parameters: &mut Parameters) {
+        if idn == oscilloscope::CONTROL {
+            match (parameters.get_word(idn), scope_configuration(parameters)) {
+                (1, Ok(configuration)) => self.motion.lock(|motion| motion.oscilloscope().arm(configuration)),
+                _ => self.motion.lock(|motion| motion.oscilloscope().stop()),
+            }
+        }
+        if oscilloscope::is_own(idn) {
+            // The loops know nothing of them.
+            return;
+        }
         let needed_for = dictionary::find(idn).map_or(NeededFor::Neither, |block| block.needed_for);
         let checked = match self.phases.current() {
             Phase::Cp2 => needed_for == NeededFor::Cp3,
@@ -418,6 +491,24 @@ where
                 self.checks.waits_for_lock = false;
                 Ok(CommandState::Interrupted)
             }
+            (COMPUTE_GAINS, START) => {
+                self.unlocked()?;
+                self.checks.started = Some(idn);
+                Ok(CommandState::Executing)
+            }
+            (_, START) if is_identification(idn) => {
+                self.unlocked()?;
+                if !self.motion.lock(|motion| motion.may_identify()) {
+                    return Err(ServiceError::CommandNotExecutableNow);
+                }
+                self.checks.started = Some(idn);
+                Ok(CommandState::Executing)
+            }
+            (_, CommandAction::Cancel) if self.commissioning.identifying == Some(idn) => {
+                self.commissioning.identifying = None;
+                self.motion.lock(|motion| motion.cancel_identification());
+                Ok(CommandState::Executed)
+            }
             (PARK_AXIS, CommandAction::Cancel) => {
                 self.motion.lock(|motion| motion.park(false));
                 Ok(CommandState::Executed)
@@ -445,7 +536,13 @@ where
         }
     }
 
-    fn refuses(&mut self, idn: Idn, _value: u64, _parameters: &Parameters) -> Option<ServiceError> {
+    fn refuses(&mut self, idn: Idn, value: u64, parameters: &Parameters) -> Option<ServiceError> {
+        if idn == oscilloscope::CONTROL && value == 1 {
+            return scope_configuration(parameters).err();
+        }
+        if let Some(error) = oscilloscope::refuses_setting(idn, value, parameters) {
+            return Some(error);
+        }
         // An angle that is taken over under torque would throw the motor to it.
         if idn == COMMUTATION_ANGLE {
             let torque = self.motion.lock(|motion| motion.has_torque());
@@ -473,6 +570,15 @@ fn fill<T, const N: usize>(list: &mut Vec<T, N>, entries: impl Iterator<Item = T
             break;
         }
     }
+}
+
+fn scope_configuration(parameters: &Parameters) -> Result<Configuration, ServiceError> {
+    Configuration::new(|idn| parameters.get(idn), parameters).map_err(|invalid| invalid.service_error())
+}
+
+/// Whether the loops can work with the parameters.
+fn loops_accept<H: Hardware>(parameters: &Parameters) -> Result<(), InvalidSetting> {
+    MotionSettings::new(parameters, H::LOOP_TIMER_COUNTS).map(|_| ())
 }
 
 /// S-0-0052, in the weight of the position data.

@@ -9,11 +9,13 @@ use sercos::Phase;
 use sercos::diagnostic::{Class1, Class2, Class3};
 use sercos::phase::PhaseError;
 use sercos::supervision::Supervision;
-use servo::{Axis, CurrentFraction, Encoder, Limiting, LoopClock, Mode, Position, Velocity};
+use servo::{Axis, CurrentFraction, Encoder, Limiting, LoopClock, Mode, Position, Scope, Velocity};
 
 mod background;
 mod clock_monitor;
 mod cycle;
+mod identifying;
+mod recording;
 mod travel;
 mod words;
 
@@ -25,9 +27,11 @@ use travel::{HomingRun, ProbeRun};
 use crate::diagnosis::{Manufacturer1, Manufacturer2, Manufacturer3};
 use crate::feedback::FeedbackValues;
 use crate::hardware::{Hardware, Inputs, InterruptLine};
+use crate::identification::{Identification, Outcome};
 use crate::link::CurrentLink;
 use crate::motor::{Findings, Motor, Progress, Sequence, SequenceInputs, Surroundings};
 use crate::mst::MstMonitor;
+use crate::oscilloscope::Oscilloscope;
 use crate::record::Records;
 use crate::settings::{MotionSettings, OperationMode, Reaction};
 use crate::state::{Conditions, DriveState, StateMachine, Switches};
@@ -112,6 +116,15 @@ pub struct Motion<B, H> {
     class_3_change: bool,
     /// State and diagnostic words that the background has been told of.
     told: (DriveState, Class1, Class2),
+    oscilloscope: Oscilloscope<'static>,
+    /// P-0-0224, P-0-0225 or P-0-0226 is under way.
+    identification: Option<Identification>,
+    /// What came of it, until the background has asked.
+    identified: Option<Outcome>,
+    /// P-0-0227.
+    identification_percent: u8,
+    /// An identification has moved the axis: the first command after HALT is looked at before it is followed.
+    displaced: bool,
     /// P-0-0019 in the low half, the enable bits of S-0-0400 and S-0-0405 to S-0-0407 above.
     controlled: u32,
     homing_run: HomingRun,
@@ -147,7 +160,14 @@ pub struct Motion<B, H> {
 
 impl<B: Bus + Clone, H: Hardware> Motion<B, H> {
     /// A motor side at rest: torque-free, CP0, position zero where the encoder stands.
-    pub fn new(bus: B, address: u8, mut hardware: H, link: &'static CurrentLink, settings: MotionSettings) -> Self {
+    pub fn new(
+        bus: B,
+        address: u8,
+        mut hardware: H,
+        link: &'static CurrentLink,
+        scope: &'static mut Scope,
+        settings: MotionSettings,
+    ) -> Self {
         let encoder = Encoder::new(settings.encoder, hardware.encoder_count());
         hardware.set_bridge(false);
         hardware.set_brake(false);
@@ -190,6 +210,11 @@ impl<B: Bus + Clone, H: Hardware> Motion<B, H> {
             class_2_change: false,
             class_3_change: false,
             told: (DriveState::Off, Class1::empty(), Class2::empty()),
+            oscilloscope: Oscilloscope::new(scope),
+            identification: None,
+            identified: None,
+            identification_percent: 0,
+            displaced: false,
             controlled: 0,
             homing_run: HomingRun::default(),
             probe_run: ProbeRun::default(),
@@ -278,6 +303,7 @@ impl<B: Bus + Clone, H: Hardware> Motion<B, H> {
         if self.is_positioning() {
             self.position_to_target();
         }
+        self.identify(position);
         let output = self.axis.tick(position, self.motor.torque_limits());
         if output.excessive_deviation {
             self.class_1 |= Class1::EXCESSIVE_DEVIATION;
@@ -290,6 +316,7 @@ impl<B: Bus + Clone, H: Hardware> Motion<B, H> {
         self.travelled = output.travelled;
         self.values.take_output(&output, self.motor.torque_current());
         self.refresh_words(&output);
+        self.record(position, &output);
         let homed = if homed { Work::SERVICE_CHANNEL } else { Work::empty() };
         self.flywheel() | self.tell_lock() | self.tell_news() | homed
     }
@@ -447,11 +474,15 @@ impl<B: Bus + Clone, H: Hardware> Motion<B, H> {
         // A homing that is not cancelled holds the drive as HALT does.
         let switches = Switches { run: self.switches.run && !self.homing, ..self.switches };
         let state = self.machine.update(switches, conditions);
+        if state != DriveState::Halted {
+            self.abandon_identification();
+        }
         let mode = match (state, self.mode) {
             (DriveState::Off | DriveState::Fault, _) => Mode::Off,
             // Without an angle there is no torque that a loop could use.
             (DriveState::SwitchingOn, _) if !self.motor.commutates() => Mode::Off,
             (DriveState::SwitchingOff | DriveState::FaultReaction, _) => Mode::Stopping,
+            (DriveState::Halted, _) if self.identification.is_some() => self.identification_mode(),
             (DriveState::Following | DriveState::Halted, _) if self.is_travelling_home() => Mode::Travel,
             (DriveState::Halted | DriveState::SwitchingOn | DriveState::Engaging, _) => Mode::Halt,
             (DriveState::Following, Some(OperationMode::PositioningWithLag | OperationMode::PositioningWithoutLag)) => {
@@ -497,7 +528,7 @@ impl<B: Bus + Clone, H: Hardware> Motion<B, H> {
     /// Asks the background to look at what has become of the drive: its diagnosis and its error memory.
     fn tell_news(&mut self) -> Work {
         let now = (self.machine.state(), self.class_1, self.class_2);
-        if now == self.told {
+        if now == self.told && self.identified.is_none() {
             return Work::empty();
         }
         self.told = now;

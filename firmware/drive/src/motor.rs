@@ -8,6 +8,7 @@ mod sequence;
 mod supervision;
 
 use servo::current::{BusScale, CurrentCommand, CurrentReadings, FieldWeakening, Trip};
+use servo::identification::CurrentRequest;
 use servo::{
     Alignment, BrakeOutput, BrakeSequencer, BusVoltage, CommutationAngle, CurrentFraction, EncoderMonitor,
     IndexCorrection, Limiting, LoadModel, Position, Rotation, Temperature, TorqueLimits, Velocity, VoltageOutput,
@@ -17,7 +18,8 @@ pub(crate) use sequence::{Progress, Sequence, SequenceInputs};
 pub(crate) use supervision::{Findings, Surroundings, Watched};
 
 use crate::current_control::CurrentOrder;
-use crate::link::{CurrentLink, get};
+use crate::link::{CurrentLink, CycleReport, get};
+use crate::oscilloscope::CurrentLoopValues;
 use crate::settings::MotorSettings;
 use crate::settings::motor::FREQUENCY;
 
@@ -30,8 +32,10 @@ pub(crate) struct Measured {
     pub(crate) torque_current: CurrentFraction,
     /// Flux-producing current.
     pub(crate) field_current: CurrentFraction,
-    /// Voltages of the d and q axis.
+    /// Currents and voltages of the d and q axis, of the cycle that began the tick.
     pub(crate) readings: CurrentReadings,
+    /// Bus voltage in counts.
+    pub(crate) bus: u16,
     /// The zero of the current sensors is known.
     pub(crate) calibrated: bool,
     /// Why the current loop has switched the bridge off.
@@ -59,6 +63,10 @@ pub(crate) struct Motor {
     index_armed: bool,
     brake: BrakeSequencer,
     brake_output: BrakeOutput,
+    /// The angle that an identification holds, and what it asks for there.
+    held: Option<(u32, CurrentRequest)>,
+    /// Flux-producing current of the order in force.
+    direct_command: CurrentFraction,
     /// Currents and angle that the alignment asks for.
     aligning: Option<(u32, CurrentFraction, CurrentFraction)>,
     weakening: FieldWeakening,
@@ -103,6 +111,8 @@ impl Motor {
             index_armed: false,
             brake,
             brake_output,
+            held: None,
+            direct_command: CurrentFraction::ZERO,
             aligning: None,
             weakening: FieldWeakening::new(),
             weakened: CurrentFraction::ZERO,
@@ -138,18 +148,14 @@ impl Motor {
     #[inline]
     pub(crate) fn measure(&mut self) -> &Measured {
         let report = &self.link.report;
-        let currents = get(&report.currents);
-        let half = |word: u32| CurrentFraction::from_bits(((word & 0xFFFF) as u16).cast_signed());
+        let [first, _] = &report.cycles;
+        let readings = readings_of(first);
         self.measured = Measured {
             count: get(&report.count),
-            torque_current: half(currents),
-            field_current: half(currents >> 16),
-            readings: CurrentReadings {
-                direct: 0,
-                quadrature: 0,
-                direct_voltage: get(&report.direct_voltage).cast_signed(),
-                quadrature_voltage: get(&report.quadrature_voltage).cast_signed(),
-            },
+            torque_current: CurrentReadings::fraction(readings.quadrature),
+            field_current: CurrentReadings::fraction(readings.direct),
+            readings,
+            bus: (get(&first.bus) & 0xFFFF) as u16,
             calibrated: get(&report.calibrated) != 0,
             trip: Trip::from_code(get(&report.trip)),
             late: get(&report.late),
@@ -210,21 +216,27 @@ impl Motor {
         // 2^-32 of an electrical revolution a tick
         let speed = i64::from(velocity.to_bits()).wrapping_mul(settings.pole_pairs.into()) >> 4;
         // Beyond half an electrical revolution a tick nothing commutates any more, and the overspeed has long been found.
-        let speed = speed as i32;
-        let (angle, direct, quadrature) = match (self.aligning, &self.commutation) {
-            (Some((angle, direct, quadrature)), _) => (angle, direct, quadrature),
-            (None, Some(commutation)) => {
+        // An angle that is held does not turn with the rotor.
+        let speed = if self.held.is_some() { 0 } else { speed as i32 };
+        let (angle, direct, quadrature) = match (self.aligning, self.held, &self.commutation) {
+            (Some((angle, direct, quadrature)), ..) => (angle, direct, quadrature),
+            (None, Some((angle, request)), _) => (angle, request.direct, request.quadrature),
+            (None, None, Some(commutation)) => {
                 // A scale of at most 1, 2^15.
                 let scale = i32::from(self.brake_output.torque_scale.to_bits());
                 let scaled = (i32::from(current.to_bits()).wrapping_mul(scale) >> 15) as i16;
                 let direct = self.brake_output.test_current.saturating_add(self.weakened);
                 (commutation.at(position), direct, CurrentFraction::from_bits(scaled))
             }
-            (None, None) => (0, CurrentFraction::ZERO, CurrentFraction::ZERO),
+            (None, None, None) => (0, CurrentFraction::ZERO, CurrentFraction::ZERO),
         };
         let aged = (i64::from(speed).wrapping_mul(SAMPLE_AGE) >> 16) as i32;
-        let (direct_voltage, quadrature_voltage) = settings.model.induced(speed, direct, quadrature);
-        let per_increment = settings.angle_per_increment;
+        self.direct_command = direct;
+        let (direct_voltage, quadrature_voltage) = match self.held {
+            Some((_, request)) => (request.direct_voltage, request.quadrature_voltage),
+            None => settings.model.induced(speed, direct, quadrature),
+        };
+        let per_increment = if self.held.is_some() { 0 } else { settings.angle_per_increment };
         let order = CurrentOrder {
             on: self.bridge_on,
             trim,
@@ -243,9 +255,70 @@ impl Motor {
         self.link.command.send(order.to_words());
     }
 
+    /// Holds the angle for an identification, or gives it back to the rotor.
+    #[inline]
+    pub(crate) const fn hold(&mut self, held: Option<(u32, CurrentRequest)>) {
+        self.held = held;
+    }
+
+    /// Longest voltage vector of this tick, volt 2^-14.
+    #[inline]
+    pub(crate) const fn longest_voltage(&self) -> i32 {
+        self.bus_scale.longest()
+    }
+
+    /// What the oscilloscope shows of the current loop: the second cycle of the tick before, then the first one of this tick. At 8 kHz a
+    /// tick has only the first.
+    #[inline]
+    pub(crate) fn last_cycles(&self) -> impl Iterator<Item = CurrentLoopValues> {
+        const SKIPPED: usize = if FREQUENCY.cycles_per_tick() < 2 { 1 } else { 0 };
+        let [first, second] = &self.link.report.cycles;
+        [second, first].into_iter().skip(SKIPPED).map(|cycle| self.values_of(cycle))
+    }
+
+    /// What the oscilloscope shows of the cycle that began this tick.
+    #[inline]
+    pub(crate) fn cycle_values(&self) -> CurrentLoopValues {
+        let [first, _] = &self.link.report.cycles;
+        self.values_of(first)
+    }
+
+    #[inline]
+    fn values_of(&self, cycle: &CycleReport) -> CurrentLoopValues {
+        let readings = readings_of(cycle);
+        let (phases, last) = (get(&cycle.phases), get(&cycle.phase_and_angle));
+        let phase = |word: u32| {
+            let counts = ((word & 0xFFFF) as u16).cast_signed();
+            let fraction = self.settings.phase_current.apply(counts.into());
+            CurrentFraction::from_bits(fraction.clamp(i16::MIN.into(), i16::MAX.into()) as i16)
+        };
+        CurrentLoopValues {
+            quadrature: CurrentReadings::fraction(readings.quadrature),
+            direct_command: self.direct_command,
+            direct: CurrentReadings::fraction(readings.direct),
+            phases: [phase(phases), phase(phases >> 16), phase(last)],
+            // A bridge that is off keeps its last voltages in the readings.
+            quadrature_voltage: if self.bridge_on { readings.quadrature_voltage } else { 0 },
+            direct_voltage: if self.bridge_on { readings.direct_voltage } else { 0 },
+            angle: (last >> 16) as u16,
+            // At most 4 000 V.
+            bus_voltage: self.settings.bus_millivolts.apply(get(&cycle.bus).into()) as i32,
+        }
+    }
+
     /// The torque-producing current that flows, for S-0-0084.
     pub(crate) fn torque_current(&self) -> CurrentFraction {
         if self.bridge_on { self.measured.torque_current } else { CurrentFraction::ZERO }
+    }
+}
+
+#[inline]
+fn readings_of(cycle: &CycleReport) -> CurrentReadings {
+    CurrentReadings {
+        direct: get(&cycle.direct).cast_signed(),
+        quadrature: get(&cycle.quadrature).cast_signed(),
+        direct_voltage: get(&cycle.direct_voltage).cast_signed(),
+        quadrature_voltage: get(&cycle.quadrature_voltage).cast_signed(),
     }
 }
 

@@ -346,6 +346,13 @@ impl<'memory> Oscilloscope<'memory> {
         self.scope.state() as u16
     }
 
+    /// Points are being taken, by whichever task.
+    #[inline]
+    #[must_use]
+    pub const fn is_recording(&self) -> bool {
+        self.scope.is_recording()
+    }
+
     /// P-0-0215; `current_loop` as for [`Sampling::interval`].
     #[must_use]
     pub const fn interval(&self, current_loop: u16) -> u32 {

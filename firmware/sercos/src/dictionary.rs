@@ -93,6 +93,7 @@ const IDNS: u32 = 0x0055_0001;
 const HEXES: u32 = 0x0035_0001;
 const NUMBERS: u32 = 0x0015_0001;
 const LONGS: u32 = 0x0016_0001;
+const SIGNED_LONGS: u32 = 0x0026_0001;
 const COMMAND: u32 = 0x0009_0001;
 
 // Phases in which the master may write.
@@ -681,6 +682,62 @@ dictionary! {
     P 176 "Width of current filter 2" [""] U16/0 written ALWAYS (100 to 20_000) = 707 => Parameter, stored;
     /// What the notch leaves of its centre frequency.
     P 177 "Depth of current filter 2" ["%"] U16/2 written ALWAYS (0 to 10_000) = 0 => Parameter, stored;
+    /// Oscilloscope: 0 idle, 1 fills the points before the trigger, 2 waits for the trigger, 3 fills those behind it, 4 done.
+    P 200 "Oscilloscope state" [""] U16/0 written NEVER () = 0 => Live;
+    /// What channel 1 records: the IDN of a parameter of two or four bytes, of a command or feedback value or of a word of bits, or a signal inside the loops (F000H up); 0: nothing. All settings count from the next arming on.
+    P 201 "Oscilloscope signal 1" [""] HEX/0 written ALWAYS (0 to 65_535) = 0xF004 => Parameter, restricted;
+    /// As P-0-0201, for channel 2.
+    P 202 "Oscilloscope signal 2" [""] HEX/0 written ALWAYS (0 to 65_535) = 0xF003 => Parameter, restricted;
+    /// As P-0-0201, for channel 3.
+    P 203 "Oscilloscope signal 3" [""] HEX/0 written ALWAYS (0 to 65_535) = 0xF006 => Parameter, restricted;
+    /// As P-0-0201, for channel 4.
+    P 204 "Oscilloscope signal 4" [""] HEX/0 written ALWAYS (0 to 65_535) = 0 => Parameter, restricted;
+    /// Bits 7 to 0: the channel that triggers, 0 to 3 for channel 1 to 4. Bits 15 to 8: 0 at once, 1 it rises to P-0-0206, 2 it falls to P-0-0206.
+    P 205 "Oscilloscope trigger" [""] HEX/0 written ALWAYS (0 to 65_535) = 0 => Parameter, restricted;
+    /// In the weight of the signal that triggers.
+    P 206 "Oscilloscope trigger level" [""] I32/0 written ALWAYS (-2_147_483_648 to 2_147_483_647) = 0 => Parameter;
+    /// How many of the 2048 points lie before the trigger.
+    P 207 "Oscilloscope pre-trigger" [""] U16/0 written ALWAYS (0 to 2_047) = 128 => Parameter;
+    /// 0: a point every current loop (62.5 us); n: a point every n loop ticks of 125 us.
+    P 208 "Oscilloscope sampling" [""] U16/0 written ALWAYS (0 to 65_535) = 1 => Parameter;
+    /// Writing 1 arms with P-0-0201 to P-0-0208, or is refused if they do not go together; 0 stops. Reads what was written last.
+    P 209 "Oscilloscope control" [""] U16/0 written ALWAYS (0 to 1) = 0 => Parameter, restricted;
+    /// Points of channel 1 from P-0-0214 on, in order of time, at most 32: the trigger is point P-0-0207. Empty unless P-0-0200 is 4.
+    P 210 "Oscilloscope points 1" [""] SIGNED_LONGS/0 written NEVER () = 0 => Live;
+    /// As P-0-0210, for channel 2.
+    P 211 "Oscilloscope points 2" [""] SIGNED_LONGS/0 written NEVER () = 0 => Live;
+    /// As P-0-0210, for channel 3.
+    P 212 "Oscilloscope points 3" [""] SIGNED_LONGS/0 written NEVER () = 0 => Live;
+    /// As P-0-0210, for channel 4.
+    P 213 "Oscilloscope points 4" [""] SIGNED_LONGS/0 written NEVER () = 0 => Live;
+    /// First point that P-0-0210 to P-0-0213 show; 0 after arming.
+    P 214 "Oscilloscope window" [""] U16/0 written ALWAYS (0 to 2_047) = 0 => Live;
+    /// Time between two points of the recording.
+    P 215 "Oscilloscope interval" ["us"] U32/1 written NEVER () = 0 => Live;
+    /// Highest velocity of P-0-0225 and P-0-0226, and by its sign their direction; half of it is used too.
+    P 218 "Velocity of the identification" ["rpm"] I32/4 written ALWAYS (-2_147_483_647 to 2_147_483_647) = 3_000_000 => Parameter, stored;
+    /// Ramps of P-0-0225 and P-0-0226; where S-0-0136 and S-0-0137 are set, not above them. For P-0-0226 it should take some times the current of the friction.
+    P 219 "Acceleration of the identification" ["rad/s^2"] U32/3 written ALWAYS (1 to 2_147_483_647) = 100_000 => Parameter, stored;
+    /// Works out S-0-0100, 0101, 0104, 0106 and 0107 from P-0-0110 to P-0-0114 and P-0-0221 to P-0-0223. All of them or, with the reason in P-0-0228, none.
+    P 220 "Compute gains" [""] COMMAND/0 written ALWAYS () = 0 => Command;
+    /// Motor and load at the motor's shaft.
+    P 221 "Moment of inertia" ["kg cm^2"] U32/3 written ALWAYS (1 to 1_000_000_000) = 10_000 => Parameter, stored;
+    /// At -3 dB, for P-0-0220.
+    P 222 "Bandwidth of the current loop" ["Hz"] U16/0 written ALWAYS (10 to 2_716) = 1_000 => Parameter, stored;
+    /// Where its open loop crosses, for P-0-0220.
+    P 223 "Bandwidth of the velocity loop" ["Hz"] U16/0 written ALWAYS (1 to 444) = 40 => Parameter, stored;
+    /// Measures P-0-0111 to P-0-0113 with direct current up to S-0-0111. Needs torque, drive HALT and standstill (7012H); the motor turns by up to 30 electrical degrees. Ends with an error when HALT ends.
+    P 224 "Identify resistance and inductances" [""] COMMAND/0 written IN_CP4 () = 0 => Command;
+    /// Measures P-0-0114 at P-0-0218 and half of it; the motor turns. Conditions as for P-0-0224.
+    P 225 "Identify flux linkage" [""] COMMAND/0 written IN_CP4 () = 0 => Command;
+    /// Measures P-0-0221 with ramps P-0-0219 between P-0-0218 and half of it; the motor turns. Conditions as for P-0-0224.
+    P 226 "Identify moment of inertia" [""] COMMAND/0 written IN_CP4 () = 0 => Command;
+    /// How far P-0-0224, P-0-0225 or P-0-0226 has come; 100 when it is done.
+    P 227 "Progress of the identification" ["%"] U16/0 written NEVER () = 0 => Live;
+    /// Why P-0-0220, P-0-0224, P-0-0225 or P-0-0226 has failed last, in plain words; empty after a success.
+    P 228 "Finding of the identification" [""] TEXT/0 written NEVER () = 0 => Live;
+    /// How far P-0-0225 and P-0-0226 may turn the motor from where it stands; they fail and HALT stops the motor when it is further.
+    P 229 "Movement of the identification" ["rev"] U32/2 written ALWAYS (1 to 104_857_600) = 1_500 => Parameter, stored;
 }
 
 const fn is_ascending(rows: &[DataBlock]) -> bool {

@@ -3,7 +3,9 @@
 //! What this file stands for is `firmware/app/src/main.rs` and the board: edges of the interrupt pins, the end of
 //! conversion, the order of priorities. Everything else is the product.
 
-use drive::{Communication, CurrentControl, CurrentLink, Drive, Identity, InterruptLine, Interrupts, Motion, Work};
+use drive::{
+    Communication, CurrentControl, CurrentLink, Drive, Identity, InterruptLine, Interrupts, Motion, Scope, Work,
+};
 use ring::Nanoseconds;
 use ring::chip::{ChipBus, InterruptPin, SharedChip};
 use ring::time::SharedClock;
@@ -59,13 +61,15 @@ impl HostDrive {
         let bus = ChipBus::new(chip.clone(), clock.clone());
         let address = identity.address.get();
         let refused = |cause: &dyn std::fmt::Debug| ProcessorError { address, cause: format!("{cause:?}") };
-        // As in the application: the link lives as long as the drive, which is for ever.
+        // As in the application: link and oscilloscope live as long as the drive, which is for ever.
         let link = Box::leak(Box::new(CurrentLink::new()));
+        let scope = Box::leak(Box::new(Scope::new()));
         let Drive { current, mut interrupts, mut communication, mut motion } = drive::new(
             bus,
             MotorSide::new(motor_side.clone()),
             SimulatedStage::new(motor_side.clone()),
             link,
+            scope,
             identity,
         )
         .map_err(|error| refused(&error))?;

@@ -33,6 +33,8 @@ pub enum MotorValue {
     LargestPhaseError,
     /// P-0-0153.
     LateCycles,
+    /// P-0-0227 in %.
+    IdentificationProgress,
 }
 
 impl MotorValue {
@@ -50,6 +52,7 @@ impl MotorValue {
             150 => Self::PhaseError,
             151 => Self::LargestPhaseError,
             153 => Self::LateCycles,
+            227 => Self::IdentificationProgress,
             _ => return None,
         })
     }
@@ -286,6 +289,7 @@ impl<B: Bus + Clone, H: Hardware> Motion<B, H> {
             MotorValue::PhaseError => self.clock_monitor.last().cast_unsigned(),
             MotorValue::LargestPhaseError => self.clock_monitor.largest(),
             MotorValue::LateCycles => self.motor.measured().late,
+            MotorValue::IdentificationProgress => self.identification_percent.into(),
         }
     }
 

@@ -165,7 +165,8 @@ impl<B: Bus + Clone, H: Hardware> Motion<B, H> {
     /// A drive that is switched on far from its command, or goes on there after homing, would jump: the deviation is a fault before it
     /// moves.
     fn refuse_a_jump(&mut self) {
-        let resuming = core::mem::take(&mut self.resuming);
+        let displaced = self.switches.run && core::mem::take(&mut self.displaced);
+        let resuming = core::mem::take(&mut self.resuming) || displaced;
         let starting = (resuming || !self.has_torque()) && self.switches.on && self.switches.enable;
         let window = self.settings.monitoring_window;
         // A movement of the drive's own begins where the axis stands.

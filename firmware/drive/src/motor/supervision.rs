@@ -156,7 +156,7 @@ impl Motor {
     }
 
     fn watch_bus(&mut self, torque: bool, findings: &mut Findings) {
-        let sample = (get(&self.link.report.bus) & 0xFFFF) as u16;
+        let sample = self.measured.bus;
         self.bus = self.voltage.tick(&self.settings.voltage, sample);
         let VoltageOutput { voltage, reciprocal, error, .. } = self.bus;
         // From 2^-16 V to 2^-14 V.

@@ -13,7 +13,7 @@ pub struct LoopValues {
     pub output: AxisOutput,
 }
 
-/// What the current loop had in its last tick (62.5 us).
+/// What the current loop had in one of its cycles (62.5 us).
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct CurrentLoopValues {
     /// Torque-producing current, measured.
@@ -24,10 +24,10 @@ pub struct CurrentLoopValues {
     pub direct: CurrentFraction,
     /// Phase currents U, V and W, positive into the motor.
     pub phases: [CurrentFraction; 3],
-    /// Voltage command in the direction of the torque-producing current, 2^-15 of the bus voltage.
-    pub quadrature_voltage: i16,
-    /// Voltage command in the direction of the flux, 2^-15 of the bus voltage.
-    pub direct_voltage: i16,
+    /// Voltage command in the direction of the torque-producing current, volt 2^-14.
+    pub quadrature_voltage: i32,
+    /// Voltage command in the direction of the flux, volt 2^-14.
+    pub direct_voltage: i32,
     /// Electrical angle of the rotor, 2^-16 of a turn.
     pub angle: u16,
     /// Bus voltage in mV.
@@ -92,10 +92,10 @@ internal_signals! {
     /// Current into phase W.
     PhaseCurrentW = 0xF015 "phase current W" ["of S-0-0110"] 15;
     /// Voltage command in the direction of the torque-producing current.
-    QuadratureVoltage = 0xF016 "torque-producing voltage" ["of the bus voltage"] 15;
+    QuadratureVoltage = 0xF016 "torque-producing voltage" ["V"] 14;
     /// Voltage command in the direction of the flux.
-    DirectVoltage = 0xF017 "flux-producing voltage" ["of the bus voltage"] 15;
-    /// Electrical angle of the rotor, 0 up to one turn.
+    DirectVoltage = 0xF017 "flux-producing voltage" ["V"] 14;
+    /// Electrical angle that the current loop works with, 0 up to one turn; that of the rotor once the commutation angle is known.
     ElectricalAngle = 0xF018 "electrical angle" ["turn"] 16;
     /// Bus voltage.
     BusVoltage = 0xF019 "bus voltage" ["mV"] 0;
@@ -135,8 +135,8 @@ impl Internal {
             Self::PhaseCurrentU => fraction(phase_u),
             Self::PhaseCurrentV => fraction(phase_v),
             Self::PhaseCurrentW => fraction(phase_w),
-            Self::QuadratureVoltage => current_loop.quadrature_voltage.into(),
-            Self::DirectVoltage => current_loop.direct_voltage.into(),
+            Self::QuadratureVoltage => current_loop.quadrature_voltage,
+            Self::DirectVoltage => current_loop.direct_voltage,
             Self::ElectricalAngle => current_loop.angle.into(),
             Self::BusVoltage => current_loop.bus_voltage,
         }

@@ -8,7 +8,7 @@ use servo::current::{
 };
 use servo::{
     AlignmentSettings, BrakeParameters, BrakeSettings, CommutationSettings, CurrentFraction, EncoderMonitorParameters,
-    EncoderMonitorSettings, LoadParameters, LoadSettings, Position, SettingsError, TemperatureParameters,
+    EncoderMonitorSettings, Gain, LoadParameters, LoadSettings, Position, SettingsError, TemperatureParameters,
     TemperatureSettings, TorqueLimitParameters, TorqueLimitSettings, Velocity, VoltageParameters, VoltageSettings,
 };
 
@@ -55,6 +55,10 @@ pub struct MotorSettings {
     pub torque_limits: TorqueLimitSettings,
     /// Field weakening.
     pub weakening: FieldWeakeningSettings,
+    /// From a phase current in counts 2^-3 to a fraction of the peak current (2^-15).
+    pub phase_current: Gain,
+    /// From a sample of the bus voltage to mV.
+    pub bus_millivolts: Gain,
 }
 
 /// Slow supervision looks at one of so many quantities in a tick; its times are scaled by it.
@@ -201,6 +205,11 @@ impl MotorSettings {
                 integral_time: 100,
             })
             .map_err(of(P(107)))?,
+            // 2 048 counts are the range, 2^15 is the peak.
+            phase_current: Gain::from_ratio(u128::from(range).saturating_mul(2), peak.into())
+                .ok_or(InvalidSetting { idn: P(100), reason: None })?,
+            bus_millivolts: Gain::from_ratio(u128::from(full_scale).saturating_mul(1_000), 4_096)
+                .ok_or(InvalidSetting { idn: P(101), reason: None })?,
         })
     }
 }

@@ -55,7 +55,8 @@ impl ScriptedMaster {
             }
             Stage::Run { cycle } => {
                 self.command_profile(cycle);
-                (FOLLOW, Some(cycle))
+                let halt = self.drives.iter().any(|drive| drive.commands.halt);
+                (if halt { FOLLOW & !control::NO_HALT } else { FOLLOW }, Some(cycle))
             }
             Stage::Stop { .. } => (control::ENABLE | control::NO_HALT, None),
         };

@@ -162,17 +162,19 @@ pub struct CommandValues {
     pub velocity: i32,
     /// S-0-0080.
     pub torque: i16,
+    /// Drive HALT, control word bit 13 = 0: of all drives, if one of them asks for it.
+    pub halt: bool,
 }
 
 impl CommandValues {
     /// A position; velocity and torque stay 0.
     pub const fn at_position(position: i32) -> Self {
-        Self { position, velocity: 0, torque: 0 }
+        Self { position, velocity: 0, torque: 0, halt: false }
     }
 
     /// A velocity; position and torque stay 0.
     pub const fn at_velocity(velocity: i32) -> Self {
-        Self { position: 0, velocity, torque: 0 }
+        Self { position: 0, velocity, torque: 0, halt: false }
     }
 
     pub(super) fn bytes_of(self, idn: Idn, length: usize) -> Vec<u8> {

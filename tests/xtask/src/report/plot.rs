@@ -148,17 +148,21 @@ impl Plot<'_> {
     }
 }
 
-/// Vertical grid lines with the time below.
+/// Vertical grid lines with the time below, in milliseconds where all of it is less than a second.
 pub(super) fn time_ticks(time: &Axis, top: f64, bottom: f64) -> String {
     let mut svg = String::new();
     let (ticks, places) = time.ticks(9.0);
+    let is_short = time.to - time.from < 1.0;
+    let (factor, unit, places) = if is_short { (1e3, "ms", places.saturating_sub(3)) } else { (1.0, "s", places) };
     for tick in ticks {
         let x = time.place(tick);
         let _ = write!(svg, "<path class=\"grid\" d=\"M{x:.1} {top}V{bottom}\"/>");
         let _ = write!(
             svg,
-            "<text class=\"tick\" x=\"{x:.1}\" y=\"{:.1}\" text-anchor=\"middle\">{tick:.places$} s</text>",
-            bottom + 17.0
+            "<text class=\"tick\" x=\"{x:.1}\" y=\"{:.1}\" text-anchor=\"middle\">{} {unit}</text>",
+            bottom + 17.0,
+            // As above.
+            format!("{:.places$}", tick * factor + 0.0).replace('-', "−")
         );
     }
     svg

@@ -93,7 +93,8 @@ pub(crate) fn html(recording: &Recording) -> String {
         let points = channel.points.iter().enumerate();
         let plot = Plot {
             id,
-            unit: channel.signal.unit,
+            // Beside the axis there is room for no more; the heading has it too.
+            unit: if channel.signal.unit.len() <= 6 { channel.signal.unit } else { "" },
             height: 200.0,
             curves: vec![Curve {
                 class,
@@ -106,9 +107,10 @@ pub(crate) fn html(recording: &Recording) -> String {
         let legend = if limits.is_empty() { "" } else { "<i class=\"limit\"></i>trigger level" };
         let _ = write!(
             plots,
-            "<h2>{} {}<span class=\"legend\"><i class=\"{class}\"></i>{name}{legend}</span></h2>{}",
+            "<h2>{} {}{}<span class=\"legend\"><i class=\"{class}\"></i>{name}{legend}</span></h2>{}",
             channel.signal,
             escape(channel.signal.name),
+            if channel.signal.unit.is_empty() { String::new() } else { format!(" [{}]", escape(channel.signal.unit)) },
             plot.svg(&time)
         );
     }

@@ -2,7 +2,7 @@
 
 use super::channel::{ChannelError, ServiceChannel};
 use crate::report::data::Progress;
-use bench::{DriveSetup, World, ring_of_drives};
+use bench::{DriveSetup, World, parameters_of, ring_of_drives};
 use ring::ident::{Idn, Value};
 use ring::master::{Activity, CommandValues, DriveScript, MasterScript, Motion, ScriptedMaster, Telegram};
 use ring::service_client::{Reply, Request, ServiceError};
@@ -136,18 +136,9 @@ pub(crate) fn progress(time_us: u64, what: &str, done: u64, of: u64) -> Progress
 
 /// A drive in velocity mode that is told to stand; the MDT leaves S-0-0037 to the service channel.
 fn script(setup: &DriveSetup) -> MasterScript {
-    let axis = &setup.axis;
-    let gains = &axis.gains;
     let drive = DriveScript::new(ADDRESS, Telegram::application(&[Idn::VELOCITY_FEEDBACK], &[Idn::VELOCITY_COMMAND]))
         .with(Idn::OPERATION_MODE, Value::Word(2))
-        .with(Idn(100), Value::Word(gains.velocity_gain * 100))
-        .with(Idn(101), Value::Word(gains.integral_time))
-        .with(Idn(104), Value::Word(gains.position_gain))
-        .with(Idn(109), Value::Long(axis.peak_current))
-        .with(Idn(110), Value::Long(axis.peak_current))
-        .with(Idn(111), Value::Long(axis.standstill_current))
-        .with(Idn(116), Value::Long(axis.motor.increments_per_revolution / 4))
-        .with(Idn(138), Value::Long(gains.acceleration_limit));
+        .with_all(parameters_of(&setup.axis));
     let motion = Motion::new(CYCLES, |_| CommandValues::at_velocity(0));
     MasterScript { motion: Some(motion), stops_at_refusals: false, ..MasterScript::new(vec![drive]) }
 }

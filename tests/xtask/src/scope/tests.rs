@@ -119,3 +119,76 @@ fn an_access_to_the_fake_drive_takes_time() {
     drive.write(37, 3_000_000).unwrap();
     assert!(matches!(drive.read(40), Err(ChannelError::Refused { idn: 40, code: 0x1001 })));
 }
+
+/// The press drive on the ring, with the oscilloscope in its own firmware.
+#[test]
+fn a_velocity_step_of_a_drive_on_the_ring_is_recorded_and_read() {
+    let mut channel = RingChannel::run_up(&mut |_| {}).unwrap();
+    let order = Settings { points: 256, ..settings(&["F004", "F003", "F006", "S-0-0104"]) };
+    let recording = recorder::record(&mut channel, &order, |channel| step(channel, 300.0), &mut |_, _, _| {}).unwrap();
+    let scaled = |channel: usize, index: usize| {
+        let channel = &recording.channels[channel];
+        channel.signal.scaled(channel.points[index])
+    };
+    assert_eq!((recording.len(), recording.interval), (256, 1_250));
+    assert!((0..128).all(|index| scaled(0, index).abs() < 1e-6), "the command is zero up to the trigger");
+    // The command goes to 300 rpm within a cycle of 16 ticks; the motor needs 800 rad/s^2 at most, 39 ms.
+    assert!((18.7..18.8).contains(&scaled(0, 128)), "{}", scaled(0, 128));
+    assert!((128 + 15..256).all(|index| (scaled(0, index) - 300.0).abs() < 1e-3));
+    assert!((50.0..150.0).contains(&scaled(1, 255)), "{} rpm after 16 ms", scaled(1, 255));
+    assert!((0.8..0.9).contains(&scaled(2, 200)), "at the current limit: {}", scaled(2, 200));
+    let gain = channel.read(104).unwrap() as f64 / 100.0;
+    assert!((0..256).all(|index| (scaled(3, index) - gain).abs() < 1e-9), "a parameter does not move");
+}
+
+/// Both cycles of each tick, in their order: the currents, the angle that goes on with them, and what the currents and voltages must add up to.
+#[test]
+fn every_cycle_of_the_current_loop_is_recorded_in_its_order() {
+    let mut channel = RingChannel::run_up(&mut |_| {}).unwrap();
+    step(&mut channel, 300.0).unwrap();
+    channel.wait(600_000).unwrap();
+    let order =
+        Settings { points: 512, sampling: 0, edge: Edge::Immediate, ..settings(&["F018", "F010", "F016", "F019"]) };
+    let recording = recorder::record(&mut channel, &order, |_| Ok(()), &mut |_, _, _| {}).unwrap();
+    assert_eq!((recording.len(), recording.interval), (512, 625));
+    let scaled = |channel: usize| {
+        let channel = &recording.channels[channel];
+        channel.points.iter().map(|&point| channel.signal.scaled(point))
+    };
+    // 300 rpm and 4 pole pairs: 20 turns a second, 1/800 turn a cycle.
+    let angles: Vec<f64> = scaled(0).collect();
+    for pair in angles.windows(2) {
+        let turned = (pair[1] - pair[0]).rem_euclid(1.0);
+        assert!((0.9 / 800.0..1.1 / 800.0).contains(&turned), "{turned} of a turn in a cycle");
+    }
+    let mean = |values: Vec<f64>| values.iter().sum::<f64>() / values.len() as f64;
+    // 6 Nm and 0.05 Nm s/rad of friction at 2 Nm/A, of 60 A.
+    let current = mean(scaled(1).collect());
+    assert!((0.060..0.067).contains(&current), "{current}");
+    // 0.333 Vs at 125.7 rad/s and 0.35 Ohm with 3.8 A, and what dead time and transistors take.
+    let voltage = mean(scaled(2).collect());
+    assert!((42.0..47.0).contains(&voltage), "{voltage} V");
+    let bus = mean(scaled(3).collect());
+    assert!((555.0..565.0).contains(&bus), "{bus} V");
+
+    let order = Settings { signals: settings(&["F013", "F014", "F015", "F010"]).signals, ..order };
+    let phases = recorder::record(&mut channel, &order, |_| Ok(()), &mut |_, _, _| {}).unwrap();
+    let order = Settings { signals: settings(&["F011", "F012"]).signals, points: 64, ..order };
+    let direct = recorder::record(&mut channel, &order, |_| Ok(()), &mut |_, _, _| {}).unwrap();
+    let scaled = |recording: &Recording, channel: usize, index: usize| {
+        let channel = &recording.channels[channel];
+        channel.signal.scaled(channel.points[index])
+    };
+    for index in 0..512 {
+        let currents = [0, 1, 2].map(|phase| scaled(&phases, phase, index));
+        assert!(currents.iter().sum::<f64>().abs() < 0.01, "{currents:?} at {index}");
+        // Three sines with the amplitude of the torque-producing current: nothing flows along the flux.
+        let amplitude = (currents.iter().map(|current| current * current).sum::<f64>() / 1.5).sqrt();
+        let quadrature = scaled(&phases, 3, index);
+        assert!((amplitude - quadrature.abs()).abs() < 0.008, "{amplitude} and {quadrature} at {index}");
+    }
+    for index in 0..64 {
+        assert!(scaled(&direct, 0, index).abs() < 1e-9, "nothing weakens the field");
+        assert!(scaled(&direct, 1, index).abs() < 0.02, "{}", scaled(&direct, 1, index));
+    }
+}

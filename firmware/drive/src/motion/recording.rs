@@ -1,0 +1,87 @@
+//! What the oscilloscope records of the motor side.
+
+use sercon816::Bus;
+use servo::{AxisOutput, Position, SCOPE_CHANNELS};
+
+use super::Motion;
+use crate::bits::Source;
+use crate::hardware::Hardware;
+use crate::oscilloscope::{CurrentLoopValues, LoopValues, Oscilloscope, Signal, SignalValues, Task, sample_source};
+use crate::record::{Command, Feedback};
+
+/// All values of one instant.
+struct Values<'a, B, H> {
+    motion: &'a Motion<B, H>,
+    loops: LoopValues,
+    current_loop: CurrentLoopValues,
+}
+
+impl<B: Bus + Clone, H: Hardware> Motion<B, H> {
+    /// The oscilloscope, to be set, armed and read.
+    pub const fn oscilloscope(&mut self) -> &mut Oscilloscope<'static> {
+        &mut self.oscilloscope
+    }
+
+    /// Gives the oscilloscope the values of this tick, if it wants any. A recording of the current loop takes both cycles since the last
+    /// tick, with the values of this tick's loops.
+    #[inline]
+    pub(super) fn record(&mut self, position: Position, output: &AxisOutput) {
+        if !self.oscilloscope.is_recording() {
+            return;
+        }
+        let loops = LoopValues { position, output: *output };
+        if let Some(signals) = self.oscilloscope.wanted(Task::ControlLoop) {
+            let points = self.points(signals, loops, self.motor.cycle_values());
+            self.oscilloscope.record(&points);
+        }
+        if let Some(signals) = self.oscilloscope.wanted(Task::CurrentLoop) {
+            for current_loop in self.motor.last_cycles() {
+                let points = self.points(signals, loops, current_loop);
+                self.oscilloscope.record(&points);
+            }
+        }
+    }
+
+    #[inline]
+    fn points(
+        &self,
+        signals: [Signal; SCOPE_CHANNELS],
+        loops: LoopValues,
+        current_loop: CurrentLoopValues,
+    ) -> [i32; SCOPE_CHANNELS] {
+        let values = Values { motion: self, loops, current_loop };
+        signals.map(|signal| sample_source(signal, &values))
+    }
+}
+
+impl<B: Bus + Clone, H: Hardware> SignalValues for Values<'_, B, H> {
+    fn command(&self, command: Command) -> u32 {
+        let commands = &self.motion.commands;
+        match command {
+            Command::Velocity => commands.velocity.cast_unsigned(),
+            Command::AdditiveVelocity => commands.additive_velocity.cast_unsigned(),
+            Command::Position => commands.position.cast_unsigned(),
+            Command::AdditivePosition => commands.additive_position.cast_unsigned(),
+            Command::Torque => commands.torque.cast_unsigned().into(),
+            Command::AdditiveTorque => commands.additive_torque.cast_unsigned().into(),
+            Command::SignalControl => commands.signal_control.into(),
+            Command::TargetPosition => commands.target_position.cast_unsigned(),
+        }
+    }
+
+    fn feedback(&self, feedback: Feedback) -> u32 {
+        self.motion.signal(feedback)
+    }
+
+    fn bits(&self, source: Source) -> u16 {
+        self.motion.source_value(source)
+    }
+
+    fn loops(&self) -> &LoopValues {
+        &self.loops
+    }
+
+    fn current_loop(&self) -> &CurrentLoopValues {
+        &self.current_loop
+    }
+}
