@@ -9,7 +9,7 @@ use servo::*;
 
 #[test]
 fn explore() {
-    for (name, kp, tn, kv, filter, notch, dt, band, exact) in [("base", 1900, 42, 1400, 100, true, 1000, 200, 0), ("b100", 1900, 42, 1400, 100, true, 1000, 100, 0), ("f200", 1900, 42, 1400, 200, true, 1000, 100, 0), ("f200k22", 2200, 42, 1600, 200, true, 1000, 100, 0), ("f100k24", 2400, 42, 1600, 100, true, 1000, 100, 0), ("f150k24b200", 2400, 42, 1800, 150, true, 1000, 200, 0)] {
+    for (name, kp, tn, kv, filter, notch, dt, band, exact) in [("f100k24", 2400, 42, 1600, 100, true, 1290, 100, 0), ("f100k26", 2600, 36, 2000, 100, true, 1290, 100, 0), ("f100k26b200", 2600, 36, 2000, 100, true, 1290, 200, 0), ("f150k30b200", 3000, 36, 2000, 150, true, 1290, 200, 0), ("f150k30b200 nonoise", 3000, 36, 2000, 150, true, 1290, 200, 2), ("f250k30b150", 3000, 36, 2000, 250, true, 1290, 150, 0)] {
         let mut setup = Setup::of(ReferenceAxis::precise()).with_friction_compensation().with_acceleration_feed_forward();
         setup.axis.velocity_gain = kp; setup.axis.integral_time = tn; setup.axis.velocity_filter = filter; setup.axis.position_gain = kv;
         setup.current.dead_time = dt; setup.current.dead_time_band = band;

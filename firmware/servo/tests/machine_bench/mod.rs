@@ -204,6 +204,16 @@ impl Bench {
         flowing
     }
 
+    /// Cycles of the current loop with one reference; gives the currents at their samples.
+    pub(crate) fn current_cycles(&mut self, reference: [f64; 2], number: usize) -> Vec<[f64; 2]> {
+        (0..number).map(|_| self.current_cycle(reference)).collect()
+    }
+
+    /// Believes the sensors to be without offset, whatever they are.
+    pub(crate) fn forget_offsets(&mut self) {
+        self.offsets = Offsets::default();
+    }
+
     /// Lets the axis follow a mode after it has seen where it is.
     pub(crate) fn start(&mut self, mode: Mode) {
         self.ticks(8);
