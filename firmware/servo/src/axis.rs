@@ -1,9 +1,9 @@
 //! One axis: modes, loops and their bumpless hand-over.
 
 use crate::{
-    AxisSettings, CommandSource, CurrentFilter, CurrentFraction, ExpectedVelocity, Interpolator, Limiting, ModuloCounter, MotionLimits,
-    Position, PositionLoop, Ramp, Setpoint, SignedAcceleration, TorqueLimits, Trajectory, Velocity, VelocityEstimate,
-    VelocityFilter, VelocityInterpolator, VelocityLoop,
+    AxisSettings, CommandSource, CurrentFilter, CurrentFraction, ExpectedVelocity, Interpolator, Limiting,
+    ModuloCounter, MotionLimits, Position, PositionLoop, Ramp, Setpoint, SignedAcceleration, TorqueLimits, Trajectory,
+    Velocity, VelocityEstimate, VelocityFilter, VelocityInterpolator, VelocityLoop,
 };
 
 /// What the axis does.

@@ -62,25 +62,25 @@ fn keeps_its_place(speed: f64, shown: std::ops::Range<f64>, of_shaft: std::ops::
         within("mean following error in counts", mean(&errors), -0.02..0.02);
         within("largest following error in counts", largest(errors), shown.clone());
         // The encoder is read 2.2 us after the sample of the currents.
-        within("lag of the shaft in counts", mean_lag - speed / 60.0 * 1_048_576.0 * 2.2e-6, -0.1..0.1);
-        within("shaft rms in counts", deviation(&behind), 0.05..0.3);
+        within("lag of the shaft in counts", mean_lag - speed / 60.0 * 1_048_576.0 * 2.2e-6, -0.03..0.03);
+        within("shaft rms in counts", deviation(&behind), 0.09..0.27);
         within("shaft peak in counts", largest(behind.iter().map(|behind| behind - mean_lag)), of_shaft.clone());
     }
 }
 
 #[test]
-fn at_10_rpm_the_axis_follows_within_one_count_of_a_million() {
-    keeps_its_place(10.0, 0.7..1.0, 0.25..0.75);
+fn at_10_rpm_the_shaft_follows_within_one_count_of_a_million() {
+    keeps_its_place(10.0, 0.8..1.25, 0.4..0.85);
 }
 
 #[test]
 fn at_100_rpm_the_shaft_follows_within_one_count_of_a_million() {
-    keeps_its_place(100.0, 0.8..1.3, 0.4..1.0);
+    keeps_its_place(100.0, 0.9..1.4, 0.5..1.0);
 }
 
 #[test]
 fn at_1000_rpm_the_shaft_follows_within_one_count_of_a_million() {
-    keeps_its_place(1_000.0, 0.8..1.4, 0.4..1.0);
+    keeps_its_place(1_000.0, 0.95..1.45, 0.55..1.0);
 }
 
 #[test]
@@ -88,8 +88,8 @@ fn the_current_sensors_are_what_limits_the_place_at_slow_speed() {
     let rms = |setup: &Setup| deviation(&behind(&at_speed(setup, 10.0, 1.0).2));
     let noisy = rms(&precise());
     let exact = rms(&precise().with_exact_sensors());
-    within("shaft rms with exact sensors in counts", exact, 0.03..0.1);
-    within("ratio", noisy / exact, 1.2..4.0);
+    within("shaft rms with exact sensors in counts", exact, 0.05..0.1);
+    within("ratio", noisy / exact, 1.4..2.6);
 }
 
 #[test]
@@ -100,8 +100,8 @@ fn the_compensation_of_the_dead_time_is_needed_for_it() {
         deviation(&behind(&at_speed(&setup, 100.0, 1.0).2))
     };
     let (with, without) = (rms(1_000), rms(0));
-    within("rms without in counts", without, 0.25..0.6);
-    within("ratio", without / with, 1.2..3.0);
+    within("rms without in counts", without, 0.22..0.4);
+    within("ratio", without / with, 1.15..2.0);
 }
 
 #[test]
@@ -127,9 +127,9 @@ fn a_step_of_the_command_is_limited_by_kv_and_hardly_overshoots() {
     let seen = (0..50).flat_map(|_| bench.position_cycle(revolutions(0.001)));
     let places: Vec<f64> = seen.map(|seen| seen.angle).collect();
     let step = Step::of(&places, 0.0, 0.001);
-    within("rise in ms", step.rise / 8.0, 2.0..9.0);
-    within("overshoot", step.overshoot, 0.0..0.35);
-    within("settling in ms", step.settling / 8.0, 5.0..35.0);
+    within("rise in ms", step.rise / 8.0, 5.0..7.5);
+    within("overshoot", step.overshoot, -0.01..0.02);
+    within("settling in ms", step.settling / 8.0, 9.0..16.0);
 }
 
 /// Amplitude of the following error as a share of that of a sine of 2 Hz.
@@ -153,11 +153,11 @@ fn a_sine_is_followed_and_the_feed_forwards_are_what_makes_it_exact() {
     let without_acceleration = sine(&setup);
     setup.axis.feed_forward = 0;
     let with_lag = sine(&setup);
-    within("error in ppm, everything fed forward", full * 1e6, 0.1..25.0);
-    within("in ppm, without acceleration", without_acceleration * 1e6, 5.0..400.0);
+    within("error in ppm, everything fed forward", full * 1e6, 0.05..1.0);
+    within("in ppm, without acceleration", without_acceleration * 1e6, 12.0..25.0);
     // 2 pi 2 Hz / 300 1/s
     within("with lag in %", with_lag * 100.0, 4.1..4.3);
-    within("what the acceleration feed-forward gives", without_acceleration / full, 2.0..400.0);
+    within("what the acceleration feed-forward gives", without_acceleration / full, 20.0..400.0);
 }
 
 /// Rise in ms and overshoot of a small position step with a Kv in 1/s.
@@ -185,16 +185,16 @@ fn every_axis_bears_two_metres_per_minute_and_millimetre_and_twice_that() {
     {
         // 2 (m/min)/mm are 33.3 1/s: 2.2 / 33.3 s from 10 % to 90 %.
         let (rise, overshoot) = step_with_kv(axis, 33.3);
-        within("rise in ms", rise, 40.0..85.0);
-        within("overshoot", overshoot, -0.01..0.1);
+        within("rise in ms", rise, 60.0..72.0);
+        within("overshoot", overshoot, -0.01..0.02);
         let (rise, overshoot) = step_with_kv(axis, 66.7);
-        within("rise in ms", rise, 15.0..42.0);
-        within("overshoot", overshoot, -0.01..0.3);
+        within("rise in ms", rise, 27.0..40.0);
+        within("overshoot", overshoot, -0.01..0.02);
     }
 }
 
 #[test]
-fn a_load_step_yields_less_than_a_hundred_counts_and_is_taken_back() {
+fn a_load_step_yields_less_than_two_hundred_counts_and_is_taken_back() {
     let mut bench = in_position_mode(&precise());
     bench.position_cycle(Position::ZERO);
     bench.run(0.1);
@@ -202,9 +202,9 @@ fn a_load_step_yields_less_than_a_hundred_counts_and_is_taken_back() {
     let errors = following_errors(&bench.run(0.2));
     let worst = largest(errors.iter().copied());
     let last = errors.iter().rposition(|error| error.abs() > 0.1 * worst).unwrap();
-    within("largest deviation in counts for 2 Nm", worst, 60.0..400.0);
-    within("recovery in ms", last as f64 / 8.0, 4.0..30.0);
-    within("rest in counts", mean(&errors[1_200..]), -1.5..1.5);
+    within("largest deviation in counts for 2 Nm", worst, 150.0..195.0);
+    within("recovery in ms", last as f64 / 8.0, 11.0..19.0);
+    within("rest in counts", mean(&errors[1_200..]), -0.6..0.6);
 }
 
 #[test]
@@ -219,7 +219,7 @@ fn one_missing_command_is_extrapolated_and_hardly_seen() {
         assert!(after.iter().all(|seen| seen.output.command_source == CommandSource::Interpolated));
         worst = worst.max(largest(following_errors(&alone))).max(largest(following_errors(&after)));
     }
-    within("largest following error in counts", worst, 0.5..1.5);
+    within("largest following error in counts", worst, 0.6..1.3);
 }
 
 #[test]
@@ -234,8 +234,8 @@ fn one_missing_command_while_accelerating_costs_the_change_of_velocity_in_a_cycl
     let after: Vec<Seen> = (0..20).flat_map(|_| bench.position_cycle(master.next(100.0, 20.0))).collect();
     let errors = following_errors(&after);
     // The set-point is 20 rev/s^2 * (2 ms)^2 = 84 counts behind and takes that back in the next cycle.
-    within("largest following error in counts", largest(errors.iter().copied()), 5.0..84.0);
-    within("20 ms later", largest(errors[160..].iter().copied()), 0.3..4.0);
+    within("largest following error in counts", largest(errors.iter().copied()), 18.0..40.0);
+    within("20 ms later", largest(errors[160..].iter().copied()), 0.8..3.0);
 }
 
 #[test]
@@ -246,7 +246,7 @@ fn the_encoder_count_wraps_without_a_trace() {
     let (mut bench, _, seen) = at_speed(&setup, 600.0, 0.2);
     let count = bench.machine.encoder_count(bench.time);
     assert!(count < 1 << 24, "the counter went through zero: {count}");
-    within("largest following error in counts", largest(following_errors(&seen)), 0.7..1.6);
+    within("largest following error in counts", largest(following_errors(&seen)), 0.7..1.4);
 }
 
 #[test]
@@ -262,7 +262,7 @@ fn a_position_after_149_days_of_turning_wraps_without_a_trace() {
     };
     let seen: Vec<Seen> = (0..250).flat_map(|_| bench.position_cycle(command())).collect();
     assert!(turns(seen[3_999].output.position_command) < -2_147_483_640.0, "it has wrapped");
-    within("largest following error in counts", largest(following_errors(&seen[1_600..])), 0.7..1.6);
+    within("largest following error in counts", largest(following_errors(&seen[1_600..])), 0.7..1.4);
 }
 
 #[test]
@@ -285,7 +285,7 @@ fn modulo_commands_go_on_through_the_wrap_after_days_of_turning() {
             let cyclic = turns(bench.axis.cyclic_position(bench.encoder.position()));
             assert!((0.0..7.0 / 3.0).contains(&cyclic), "{cyclic}");
         }
-        within("largest following error in counts", worst, 0.7..1.7);
+        within("largest following error in counts", worst, 0.8..1.5);
     }
 }
 
@@ -304,31 +304,31 @@ fn accelerating(interpolation: Interpolation, ticks: u16) -> (f64, f64) {
 fn a_cubic_between_commands_accelerates_smoothly_where_a_line_jerks() {
     let (cubic_error, cubic) = accelerating(Interpolation::Cubic, 16);
     let (linear_error, linear) = accelerating(Interpolation::Linear, 16);
-    within("following error in counts, cubic", cubic_error, 0.8..5.0);
-    within("following error in counts, linear", linear_error, 4.0..60.0);
-    within("ripple of the current in % of peak, cubic", cubic, 0.05..0.4);
-    within("ripple of the current in % of peak, linear", linear, 2.0..20.0);
+    within("following error in counts, cubic", cubic_error, 0.8..2.0);
+    within("following error in counts, linear", linear_error, 18.0..32.0);
+    within("ripple of the current in % of peak, cubic", cubic, 0.06..0.13);
+    within("ripple of the current in % of peak, linear", linear, 2.0..3.2);
 }
 
 #[test]
 fn a_line_between_commands_is_the_smoother_the_shorter_the_cycle() {
     let (_, long) = accelerating(Interpolation::Linear, 16);
     let (_, short) = accelerating(Interpolation::Linear, 4);
-    within("ripple at 2 ms over ripple at 500 us", long / short, 2.0..12.0);
+    within("ripple at 2 ms over ripple at 500 us", long / short, 7.0..16.0);
 }
 
 #[test]
 fn the_press_follows_constant_speed_within_a_hundredth_of_a_degree() {
     let (_, _, seen) = at_speed(&Setup::of(ReferenceAxis::press()).with_acceleration_feed_forward(), 600.0, 0.5);
     let worst = largest(seen.iter().map(|seen| turns(seen.output.following_error) * 360.0));
-    within("largest following error in degrees", worst, 0.002..0.01);
+    within("largest following error in degrees", worst, 0.002..0.006);
 }
 
 #[test]
 fn the_small_machine_tool_follows_within_one_increment_of_its_encoder() {
     let (_, _, seen) = at_speed(&Setup::of(ReferenceAxis::small_cnc()).with_acceleration_feed_forward(), 600.0, 0.5);
     let worst = largest(seen.iter().map(|seen| turns(seen.output.following_error) * 10_000.0));
-    within("largest following error in increments", worst, 0.4..1.3);
+    within("largest following error in increments", worst, 0.45..0.55);
 }
 
 #[test]
@@ -336,8 +336,7 @@ fn travel_goes_to_its_target_within_its_limits_and_holds_it() {
     let mut bench = Bench::new(&precise());
     bench.start(Mode::Travel);
     let jerk = Jerk::from_milliradians_per_second_cubed(1_000_000_000);
-    let limits =
-        MotionLimits::new(rpm(600.0), acceleration(1_000.0), acceleration(1_000.0), Some(jerk)).unwrap();
+    let limits = MotionLimits::new(rpm(600.0), acceleration(1_000.0), acceleration(1_000.0), Some(jerk)).unwrap();
     let mut seen = Vec::new();
     for _ in 0..4_000 {
         bench.axis.travel(limits, Travel::To(revolutions(3.25)));
@@ -346,9 +345,9 @@ fn travel_goes_to_its_target_within_its_limits_and_holds_it() {
     let arrived = seen.iter().position(|seen| seen.output.travelled).unwrap() as f64 / 8.0;
     // 3.25 rev at 10 rev/s: 325 ms, 62.8 ms for the two ramps, 1 ms for the jerk.
     within("arrives after ms", arrived, 388.0..392.0);
-    within("fastest in rpm", highest(seen.iter().map(|seen| of_radians(seen.velocity))), 599.5..606.0);
-    within("largest following error in counts", largest(following_errors(&seen)), 1.0..60.0);
-    within("overshoot in counts", (highest(seen.iter().map(|seen| seen.angle)) - 3.25) * 1_048_576.0, -1.0..15.0);
+    within("fastest in rpm", highest(seen.iter().map(|seen| of_radians(seen.velocity))), 600.0..603.0);
+    within("largest following error in counts", largest(following_errors(&seen)), 30.0..65.0);
+    within("overshoot in counts", (highest(seen.iter().map(|seen| seen.angle)) - 3.25) * 1_048_576.0, 2.0..10.0);
     within("rest in counts", (seen[3_999].angle - 3.25) * 1_048_576.0, -1.0..1.0);
 }
 
@@ -362,15 +361,15 @@ fn halt_brakes_with_limited_jerk_and_holds_the_place_where_it_ends() {
     bench.axis.set_mode(Mode::Halt);
     let seen = bench.run(0.3);
     let way = (seen[2_399].angle - start) * TAU;
-    // v^2 / 2a + v a / 2j: 3.948 rad and 0.314 rad.
-    within("way in rad", way, 4.24..4.29);
+    // v^2 / 2a + v a / 2j = 3.948 rad + 0.314 rad.
+    within("way in rad", way, 4.24..4.26);
     let commands: Vec<f64> = seen.iter().map(|seen| to_rpm(seen.output.velocity_command) * TAU / 60.0).collect();
     let slope = lowest(commands.windows(9).map(|v| (v[8] - v[0]) * TICKS_PER_SECOND / 8.0));
-    within("deceleration in rad/s^2", slope, -520.0..-490.0);
-    within("largest following error in counts", largest(following_errors(&seen)), 1.0..30.0);
+    within("deceleration in rad/s^2", slope, -510.0..-496.0);
+    within("largest following error in counts", largest(following_errors(&seen)), 10.0..28.0);
     bench.machine.set_load_torque(3.0, bench.time);
     let held = bench.run(0.2);
-    within("yields to 3 Nm in the end by counts", (held[1_599].angle - seen[2_399].angle) * 1_048_576.0, -1.5..1.5);
+    within("yields to 3 Nm in the end by counts", (held[1_599].angle - seen[2_399].angle) * 1_048_576.0, -1.0..1.0);
     assert!(held[1_599].output.standstill);
 }
 
@@ -383,17 +382,17 @@ fn stopping_brakes_on_its_ramp_from_position_control() {
     bench.axis.set_mode(Mode::Stopping);
     let seen = bench.run(0.2);
     let stands = seen.iter().position(|seen| seen.output.standstill).unwrap() as f64 / 8.0;
-    within("standstill after ms", stands, 62.0..69.0);
+    within("standstill after ms", stands, 62.8..65.0);
     // 62.8 rad/s at 1 000 rad/s^2.
-    within("way in rad", (seen[1_599].angle - start) * TAU, 1.96..2.03);
-    within("fastest backwards in rpm", lowest(seen.iter().map(|seen| of_radians(seen.velocity))), -8.0..-0.0);
+    within("way in rad", (seen[1_599].angle - start) * TAU, 1.95..1.975);
+    within("fastest backwards in rpm", lowest(seen.iter().map(|seen| of_radians(seen.velocity))), -6.0..-1.0);
 }
 
 #[test]
 fn modes_change_at_speed_without_a_bump_of_the_current() {
     let (mut bench, _, seen) = at_speed(&precise(), 300.0, 0.05);
     let usual = largest(seen.windows(2).map(|pair| (pair[1].output.current - pair[0].output.current).to_num::<f64>()));
-    within("usual change of the current in a tick, share of peak", usual, 0.001..0.03);
+    within("usual change of the current in a tick, share of peak", usual, 0.002..0.006);
     let mut last = seen[seen.len() - 1].output.current;
     for mode in [Mode::Velocity, Mode::Position, Mode::Travel, Mode::Position, Mode::Velocity] {
         bench.axis.set_mode(mode);
@@ -404,7 +403,7 @@ fn modes_change_at_speed_without_a_bump_of_the_current() {
             bench.axis.travel(limits, Travel::AtVelocity(rpm(300.0)));
         }
         let first = bench.tick().output.current;
-        within("bump as share of peak", (first - last).to_num::<f64>().abs(), 0.0..0.02);
+        within("bump as share of peak", (first - last).to_num::<f64>().abs(), 0.0..0.006);
         last = bench.ticks(7)[6].output.current;
     }
 }
@@ -422,7 +421,7 @@ fn a_seized_shaft_leaves_the_monitoring_window_at_the_peak_current() {
     let last = seen[seen.len() - 1];
     assert_eq!(last.output.current, CurrentFraction::MAX);
     assert!(last.limiting.contains(Limiting::AMPLIFIER_PEAK));
-    within("current as share of peak", last.current[1], 0.99..1.01);
+    within("current as share of peak", last.current[1], 0.995..1.005);
 }
 
 #[test]
@@ -444,5 +443,5 @@ fn new_gains_are_taken_over_in_motion_without_a_bump() {
     let axis: &mut Axis = &mut bench.axis;
     axis.apply_settings(AxisSettings::new(&parameters).unwrap());
     let seen: Vec<Seen> = (0..50).flat_map(|_| bench.position_cycle(master.next(5.0, 0.0))).collect();
-    within("largest following error in counts", largest(following_errors(&seen)), 0.8..4.0);
+    within("largest following error in counts", largest(following_errors(&seen)), 0.9..2.2);
 }

@@ -111,6 +111,5 @@ fn mean_square(values: impl ExactSizeIterator<Item = f64>) -> f64 {
 #[track_caller]
 pub(crate) fn within(what: &str, value: f64, range: std::ops::Range<f64>) {
     println!("{what}: {value:.4}");
-    if std::env::var("EXPLORE").is_ok() { if !range.contains(&value) { println!("  RED {what} {value} {range:?}") } return }
     assert!(range.contains(&value), "{what}: {value}, expected {range:?}");
 }

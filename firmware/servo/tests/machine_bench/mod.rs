@@ -257,8 +257,7 @@ impl Bench {
         let sample = self.machine.bus_sample(self.time);
         let bus = self.bus.tick(&self.voltage, sample);
         self.bus_scale = BusScale::new(bus.voltage.to_bits() >> 2, bus.reciprocal.of_fine_volts(), RELOAD);
-        let weakened =
-            self.weakening.tick(&self.weakening_settings, self.current_loop.readings(), &self.bus_scale);
+        let weakened = self.weakening.tick(&self.weakening_settings, self.current_loop.readings(), &self.bus_scale);
         self.limiting.set(Limiting::FIELD_WEAKENING, weakened.active);
         let limits = if weakened.active {
             self.limits.narrowed(weakened.quadrature_limit, Limiting::FIELD_WEAKENING)
