@@ -233,6 +233,13 @@ fn offsets_of_the_sensors_are_measured_and_taken_out() {
 }
 
 #[test]
+fn rounding_leaves_no_voltage_that_stands_in_the_stator() {
+    // A compare value that is half a count off stands for 30 mV, which make 0.8 mA through the loop at 25 Hz.
+    let ripple = harmonic(turning(Setup::of(ReferenceAxis::precise()).with_exact_sensors(), 300.0), 0.3, 1.0);
+    within("ripple once per electrical revolution in mA", ripple * 20.0 * 1e3, 0.0..0.3);
+}
+
+#[test]
 fn gain_errors_of_the_sensors_make_their_ripple_twice_per_electrical_revolution_and_no_more() {
     let mut setup = Setup::of(ReferenceAxis::precise());
     let errors = [0.02, -0.01, -0.01];

@@ -109,6 +109,12 @@ impl Simulation {
         place * COUNT / 1_000.0
     }
 
+    fn settle(&mut self, cycles: u32) {
+        for _ in 0..cycles {
+            self.cycle();
+        }
+    }
+
     /// Until the lock; gives milliseconds since the first event.
     fn lock(&mut self) -> f64 {
         while !self.clock.is_locked() {
@@ -126,7 +132,7 @@ fn holds_for_ten_million_cycles(ticks_per_cycle: u16, peak: std::ops::Range<f64>
         let mut simulation = Simulation::new(ticks_per_cycle, crystals, 1_000.0, 40_000.0).losing(1_000);
         simulation.lock();
         // The filter's memory of the beginning fades within 32 events.
-        (0..40).for_each(|_| drop(simulation.cycle()));
+        simulation.settle(40);
         let (ticks, cycles) = (simulation.ticks, simulation.cycles);
         let mut worst = 0.0_f64;
         for _ in 0..CYCLES {
@@ -183,7 +189,7 @@ fn every_one_of_a_hundred_random_starts_ends_at_the_same_phase() {
             let crystals = Crystals { difference: (random >> 20) as f64 % 200.0 - 100.0, ..CALM };
             let mut simulation = Simulation::new(ticks, crystals, 1_000.0, start);
             simulation.lock();
-            (0..200).for_each(|_| drop(simulation.cycle()));
+            simulation.settle(200);
             places.push((0..200).map(|_| simulation.cycle()).sum::<f64>() / 200.0);
         }
         let highest = places.iter().copied().fold(f64::MIN, f64::max);
@@ -199,7 +205,7 @@ fn a_warming_crystal_is_followed_without_a_lag_that_counts() {
     let mean_place = |crystals: Crystals| {
         let mut simulation = Simulation::new(80, crystals, 0.0, 0.0);
         simulation.lock();
-        (0..2_000).for_each(|_| drop(simulation.cycle()));
+        simulation.settle(2_000);
         (0..2_000).map(|_| simulation.cycle()).sum::<f64>() / 2_000.0
     };
     // 30 ppm in 300 s are 0.1 ppm a second at first.
@@ -212,7 +218,7 @@ fn a_warming_crystal_is_followed_without_a_lag_that_counts() {
 fn a_quarter_of_all_events_lost_costs_microseconds_but_no_slip_and_no_lock() {
     let mut simulation = Simulation::new(16, Crystals { difference: 60.0, ..CALM }, 1_000.0, 0.0);
     simulation.lock();
-    (0..100).for_each(|_| drop(simulation.cycle()));
+    simulation.settle(100);
     simulation.loss = 8;
     let (ticks, cycles) = (simulation.ticks, simulation.cycles);
     let mut worst = 0.0_f64;

@@ -439,7 +439,7 @@ fn new_gains_are_taken_over_in_motion_without_a_bump() {
     let (mut bench, mut master, _) = at_speed(&setup, 300.0, 0.05);
     let mut parameters = setup.axis;
     parameters.velocity_gain = parameters.velocity_gain * 7 / 10;
-    parameters.position_gain = parameters.position_gain / 2;
+    parameters.position_gain /= 2;
     let axis: &mut Axis = &mut bench.axis;
     axis.apply_settings(AxisSettings::new(&parameters).unwrap());
     let seen: Vec<Seen> = (0..50).flat_map(|_| bench.position_cycle(master.next(5.0, 0.0))).collect();

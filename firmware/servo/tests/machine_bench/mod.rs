@@ -270,8 +270,8 @@ impl Bench {
 
     /// The order to the current loop, as the motor side of the drive makes it.
     fn order(&mut self, direct: CurrentFraction, quadrature: CurrentFraction, velocity: Velocity) {
-        let speed = (i64::from(velocity.to_bits()) * self.pole_pairs >> 4) as i32;
-        let aged = (i64::from(speed) * SAMPLE_AGE >> 16) as i32;
+        let speed = ((i64::from(velocity.to_bits()) * self.pole_pairs) >> 4) as i32;
+        let aged = ((i64::from(speed) * SAMPLE_AGE) >> 16) as i32;
         let (direct_voltage, quadrature_voltage) =
             self.model.map_or((0, 0), |model| model.induced(speed, direct, quadrature));
         self.command = CurrentCommand {
