@@ -211,6 +211,17 @@ fn at_full_speed_the_induced_voltage_is_met_without_a_current() {
     within("ripple in % of peak", deviation(&quadrature(&currents)) * 100.0, 0.005..0.03);
 }
 
+#[test]
+fn a_bridge_that_closes_at_full_speed_meets_the_rotor_where_it_will_be() {
+    let mut bench = turning(Setup::of(ReferenceAxis::precise()), 2_000.0);
+    bench.coast(400);
+    let currents = bench.current_cycles([0.0, 0.0], 16);
+    assert_eq!(bench.trip, None);
+    // 168 V of EMF, 3.75 degrees of rotation in a cycle: 11 V beside it would be 0.3 A.
+    within("largest d current in % of peak", largest(direct(&currents)) * 100.0, 0.01..0.15);
+    within("largest q current in % of peak", largest(quadrature(&currents)) * 100.0, 0.005..0.035);
+}
+
 /// Part of the q current that swings `harmonic` times in an electrical revolution, in shares of peak, at 300 rpm and a current.
 fn harmonic(mut bench: Bench, current: f64, harmonic: f64) -> f64 {
     // 300 rpm of 5 pole pairs are 25 Hz: 640 cycles.

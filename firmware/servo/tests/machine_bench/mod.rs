@@ -209,6 +209,14 @@ impl Bench {
         (0..number).map(|_| self.current_cycle(reference)).collect()
     }
 
+    /// Opens the bridge for so many cycles and closes it again, with a current loop that knows nothing of before.
+    pub(crate) fn coast(&mut self, cycles: usize) {
+        self.machine.set_bridge(false, self.time + CYCLE / 2);
+        self.current_cycles([0.0; 2], cycles);
+        self.current_loop = CurrentLoop::new();
+        self.machine.set_bridge(true, self.time + CYCLE / 2);
+    }
+
     /// Believes the sensors to be without offset, whatever they are.
     pub(crate) fn forget_offsets(&mut self) {
         self.offsets = Offsets::default();
