@@ -1,9 +1,9 @@
 //! One axis: modes, loops and their bumpless hand-over.
 
 use crate::{
-    AxisSettings, CommandSource, CurrentFilter, CurrentFraction, Interpolator, Limiting, ModuloCounter, MotionLimits,
-    Position, PositionLoop, Ramp, Setpoint, SignedAcceleration, TorqueLimits, Trajectory, Velocity, VelocityEstimate,
-    VelocityFilter, VelocityInterpolator, VelocityLoop,
+    AxisSettings, CommandSource, CurrentFilter, CurrentFraction, ExpectedVelocity, Interpolator, Limiting,
+    ModuloCounter, MotionLimits, Position, PositionLoop, Ramp, Setpoint, SignedAcceleration, TorqueLimits, Trajectory,
+    Velocity, VelocityEstimate, VelocityFilter, VelocityInterpolator, VelocityLoop,
 };
 
 /// What the axis does.
@@ -82,6 +82,8 @@ pub struct Axis {
     velocity_interpolator: VelocityInterpolator,
     ramp: Ramp,
     position_loop: PositionLoop,
+    /// Of the position set-point, for the velocity feed-forward.
+    expected_velocity: ExpectedVelocity,
     velocity_loop: VelocityLoop,
     velocity_command: Velocity,
     torque_command: CurrentFraction,
@@ -114,6 +116,7 @@ impl Axis {
             velocity_interpolator: VelocityInterpolator::new(Velocity::ZERO),
             ramp: Ramp::new(here),
             position_loop: PositionLoop::new(&settings.position_loop, here),
+            expected_velocity: ExpectedVelocity::new(Velocity::ZERO),
             velocity_loop: VelocityLoop::new(),
             velocity_command: Velocity::ZERO,
             torque_command: CurrentFraction::ZERO,
@@ -185,6 +188,7 @@ impl Axis {
         }
         if !positioned {
             self.position_loop = PositionLoop::new(&self.settings.position_loop, setpoint);
+            self.expected_velocity = ExpectedVelocity::new(setpoint.velocity);
         }
         self.mode = mode;
     }
@@ -308,8 +312,13 @@ impl Axis {
             }
         };
         if let Some(setpoint) = setpoint {
-            let result =
-                self.position_loop.tick(&settings.position_loop, &settings.velocity_limits, setpoint, measured);
+            let expected = self.expected_velocity.update(&settings.velocity_filter, setpoint.velocity);
+            let result = self.position_loop.tick(
+                &settings.position_loop,
+                &settings.velocity_limits,
+                Setpoint { velocity: expected, ..setpoint },
+                measured,
+            );
             output.velocity_command = result.velocity;
             output.position_command = setpoint.position;
             output.following_error = result.following_error;

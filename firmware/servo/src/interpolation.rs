@@ -49,8 +49,8 @@ pub enum Interpolation {
     /// A straight line: the velocity jumps at each command, the acceleration is given as zero.
     #[default]
     Linear,
-    /// A cubic with the velocity that it ended with at the last command, and ends with one and a half of this cycle's way less a half
-    /// of the last one's: the slope of the parabola through the last three commands. Constant acceleration is followed exactly.
+    /// A cubic that begins with the velocity that it ended with at the last command, and ends with one and a half of this cycle's way less a
+    /// half of the last one's: the slope of the parabola through the last three commands. Constant acceleration is followed exactly.
     ///
     /// It leaves the straight line by at most 8/27 of the largest change of the way from a cycle to the next: as much it may
     /// overshoot at a sudden stop.
@@ -124,6 +124,8 @@ fn times_fraction(value: i64, fraction: u32) -> i64 {
     high.wrapping_mul(fraction).wrapping_add(low.wrapping_mul(fraction) >> 32)
 }
 
+/// 2^32 / 3.
+const A_THIRD: u32 = 1_431_655_765;
 /// Bits of a slope below a position step: the line runs in 2^-48 revolution.
 const FINE_BITS: u32 = 16;
 /// Longest line in position steps: 64 revolutions, four times the way at [`Velocity::MAX`] in the longest cycle.
@@ -141,7 +143,7 @@ pub struct Interpolator {
     slope: i64,
     /// Of the cubic from the line.
     deviation: Deviation,
-    /// Way from the last command to this one, in position steps.
+    /// Way from the last command to this one, in position steps per cycle.
     way: i64,
     /// Velocity at the end of the path, in position steps per cycle.
     exit: i64,
@@ -196,6 +198,9 @@ impl Interpolator {
             None => command,
         };
         let distance = (target - here).to_bits().clamp(-DISTANCE_LIMIT, DISTANCE_LIMIT);
+        // From command to command, not from here: what an extrapolation was off by must not come back as a velocity, and grow.
+        let commanded = (target - self.target).to_bits().clamp(-DISTANCE_LIMIT, DISTANCE_LIMIT);
+        let way = self.per_cycle(settings, commanded);
         self.target = target;
         self.remaining = distance << FINE_BITS;
         self.slope = settings.per_tick(self.remaining);
@@ -204,11 +209,25 @@ impl Interpolator {
             Interpolation::Linear => Deviation::NONE,
             Interpolation::Cubic => {
                 let entry = self.exit;
-                self.exit = distance.wrapping_add(distance.wrapping_sub(self.way) >> 1);
+                self.exit = way.wrapping_add(way.wrapping_sub(self.way) >> 1);
                 Deviation::between(settings, entry.wrapping_sub(distance), self.exit.wrapping_sub(distance))
             }
         };
-        self.way = distance;
+        self.way = way;
+    }
+
+    /// The way since the last command, spread over the cycles that it has taken: one, or as many as commands were missing more.
+    #[inline]
+    fn per_cycle(&self, settings: &InterpolatorSettings, commanded: i64) -> i64 {
+        let half_cycles = u32::from(self.ticks).saturating_mul(2);
+        let cycle = u32::from(settings.ticks_per_cycle);
+        if half_cycles <= cycle.saturating_mul(3) {
+            commanded
+        } else if half_cycles <= cycle.saturating_mul(5) {
+            commanded >> 1
+        } else {
+            times_fraction(commanded, A_THIRD)
+        }
     }
 
     /// One tick further: the setpoint of this tick.

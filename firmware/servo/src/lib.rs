@@ -116,7 +116,7 @@ pub use trajectory::Trajectory;
 pub use trigonometry::Rotation;
 pub use tuning::{CurrentGains, VelocityGains, current_gains, position_gain, velocity_gains};
 pub use units::{Acceleration, CurrentFraction, LOOP_PERIOD_MICROSECONDS, LOOP_TICKS_PER_SECOND, Position, Velocity};
-pub use velocity_estimate::{VelocityEstimate, VelocityFilter};
+pub use velocity_estimate::{ExpectedVelocity, VelocityEstimate, VelocityFilter};
 pub use velocity_loop::{VelocityLoop, VelocityLoopOutput, VelocityLoopSettings};
 pub use voltage::{
     BusVoltage, Duty, Reciprocal, VoltageError, VoltageOutput, VoltageParameters, VoltageSettings, Volts,

@@ -65,6 +65,33 @@ impl VelocityEstimate {
     }
 }
 
+/// The velocity that an axis exactly on its set-point would be estimated to have: the commanded one through the filter of the estimate.
+///
+/// Fed forward in its place, the commanded velocity would be ahead of the measured one by the time of the filter. The velocity loop would
+/// take that for an error, and at constant acceleration a the position loop would have to hold a * time / Kv against it.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
+pub struct ExpectedVelocity {
+    /// In 2^-42 revolution per tick.
+    filtered: i64,
+}
+
+impl ExpectedVelocity {
+    /// Of a set-point that has moved with `velocity` for long.
+    #[must_use]
+    pub const fn new(velocity: Velocity) -> Self {
+        Self { filtered: (velocity.to_bits() as i64) << 6 }
+    }
+
+    /// Takes what the set-point has moved by in a tick.
+    #[inline]
+    pub fn update(&mut self, filter: &VelocityFilter, velocity: Velocity) -> Velocity {
+        let change = (i64::from(velocity.to_bits()) << 6).wrapping_sub(self.filtered);
+        self.filtered = self.filtered.wrapping_add(filter.share.apply(change));
+        Velocity::saturating_from_bits(self.filtered >> 6)
+    }
+}
+
 /// Largest movement in a tick that counts: that of [`Velocity::MAX`].
 const MOVED_LIMIT: i64 = 1 << 27;
 
@@ -96,6 +123,23 @@ mod tests {
         }
         let share = f64::from(estimate.velocity().to_bits()) / f64::from(1 << 24);
         assert!((0.61..0.64).contains(&share), "{share}");
+    }
+
+    #[test]
+    fn the_expected_velocity_is_that_of_an_axis_on_its_set_point() {
+        let filter = VelocityFilter::from_microseconds(700);
+        let mut estimate = VelocityEstimate::new(Position::ZERO);
+        let mut expected = ExpectedVelocity::new(Velocity::ZERO);
+        let mut position = 0;
+        for tick in 0..2_000_i64 {
+            let moved = (tick % 300) * 1_000 - 90_000;
+            position += moved;
+            let measured = estimate.update(&filter, Position::from_bits(position));
+            let wanted = expected.update(&filter, Velocity::from_bits((moved << 4) as i32));
+            assert_eq!(measured, wanted, "tick {tick}");
+        }
+        let steady = Velocity::from_bits(-123_456);
+        assert_eq!(ExpectedVelocity::new(steady).update(&filter, steady), steady);
     }
 
     #[test]

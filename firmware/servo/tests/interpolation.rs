@@ -237,3 +237,34 @@ proptest! {
         }
     }
 }
+
+/// Largest error in position steps at the ends of the cycles of a steady movement whose commands come in a pattern.
+fn gaps(pattern: &[bool]) -> i64 {
+    let settings = settings(16, Interpolation::Cubic);
+    let mut interpolator = standing();
+    let mut worst = 0;
+    // Not a whole number of steps a tick: something is always rounded.
+    let step = 14_316_557;
+    for cycle in 1..2_000_i64 {
+        if cycle < 10 || pattern[cycle as usize % pattern.len()] {
+            interpolator.command(&settings, Position::from_bits(step * cycle));
+        }
+        for _ in 0..16 {
+            interpolator.tick(&settings);
+        }
+        if cycle > 4 {
+            worst = worst.max((interpolator.position().to_bits() - step * cycle).abs());
+        }
+    }
+    worst
+}
+
+#[test]
+fn gaps_that_repeat_do_not_feed_on_their_own_extrapolations() {
+    for pattern in [&[true, false][..], &[true, false, false], &[true, true, false], &[true, false, true, false, false]]
+    {
+        let worst = gaps(pattern);
+        assert!((0..16).contains(&worst), "{worst} steps with {pattern:?}");
+    }
+    assert_eq!(gaps(&[true]), 0);
+}

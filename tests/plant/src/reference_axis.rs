@@ -188,8 +188,9 @@ impl ReferenceAxis {
     ///   with a damping ratio of 0.5 * 1.5 * 1 875 / 13 700 = 0.10.
     /// * Friction 0.08 Nm + 0.0005 Nm s/rad: rolling bearings without seals.
     /// * Encoder 1 048 576 increments (2 048 sine periods, interpolated): 1.2 seconds of arc.
-    /// * Gains: velocity loop crossing at 600 rad/s: Kp = 600 * 0.0024 / 1.2 = 1.2 A s/rad; Tn = 4 / 600 = 6.7 ms; Kv = 600 / 4 = 150 1/s
-    ///   = 9.00 * 1000/min.
+    /// * Gains: velocity loop crossing at 1 200 rad/s: Kp = 1 200 * 0.0024 / 1.2 = 2.4 A s/rad; Tn = 4 / 1 200 = 3.3 ms; Kv = 1 200 / 4 =
+    ///   300 1/s = 18.00 * 1000/min. The small times are the filter's 0.1 ms, 0.14 ms of a current loop of 2.2 kHz and 0.19 ms of the
+    ///   ticks: 1 200 * 0.00043 = 30 degrees. The resonance raises the open loop 15-fold to 1.3; current loop and filter leave 0.5 of it.
     /// * Windings: 5 pole pairs, so flux 1.2 / (1.5 * 5) = 0.16 Vs. 6 Nm at standstill (5 A) leave 1.5 * 1 * 5² = 38 W in 1 ohm. 5 mH
     ///   give 5 ms with it. EMF 0.8 V s/rad: 168 V at 2 000 rpm, of the 185 V that a bus of 320 V gives a phase. 1 kW are 4.8 Nm at 2 000
     ///   rpm.
@@ -236,10 +237,10 @@ impl ReferenceAxis {
             maximum_speed: 2_000,
             feed_constant: None,
             gains: SuggestedGains {
-                velocity_gain: 12,
-                integral_time: 67,
-                position_gain: 900,
-                velocity_filter: 250,
+                velocity_gain: 24,
+                integral_time: 33,
+                position_gain: 1_800,
+                velocity_filter: 100,
                 acceleration_limit: 5_000_000,
             },
         }

@@ -1,6 +1,6 @@
 //! A cycle of the current loop.
 
-use super::modulator::{limited_to_period, space_vector};
+use super::modulator::{FRACTION, limited_to_period, space_vector};
 use super::settings::CURRENT_BITS;
 use super::{CurrentCommand, CurrentLoopSettings};
 use crate::CurrentFraction;
@@ -40,7 +40,7 @@ pub struct CurrentLoop {
     direct_integral: i32,
     quadrature_integral: i32,
     readings: CurrentReadings,
-    /// Compare values before dead-time compensation.
+    /// Compare values before dead-time compensation, in counts 2^-4.
     counts: [i32; 3],
 }
 
@@ -83,11 +83,12 @@ impl CurrentLoop {
         currents: [i32; 3],
         angle: u32,
     ) -> [u16; 3] {
-        // With a drive that is a static the compiler would know the address, and load it anew, two instructions each, wherever it lacks a register.
+        // With a drive that is a static the compiler would know the address, and load it anew, two instructions each, wherever it lacks a
+        // register.
         let state = core::hint::black_box(&mut *self);
-        state.current_loop_core(settings, command, &Measurement { currents, angle });
+        let then = state.current_loop_core(settings, command, &Measurement { currents, angle });
         let [a, b, c] = self.counts;
-        let [current_a, current_b, current_c] = currents;
+        let [current_a, current_b, current_c] = commanded_phases(command, then);
         let dead_time = settings.dead_time;
         [
             limited_to_period(a.wrapping_add(dead_time.counts(current_a)), settings.middle),
@@ -97,14 +98,14 @@ impl CurrentLoop {
     }
 
     /// Clarke, Park, two PI, voltage limit, inverse Park, space vector, with sine and cosine of the angle. A function of its own, because
-    /// `cargo xtask budget` counts its instructions.
+    /// `cargo xtask budget` counts its instructions. Gives the rotation at the time when the voltage acts, in 2^-30.
     #[inline(never)]
     fn current_loop_core(
         &mut self,
         settings: &CurrentLoopSettings,
         command: &CurrentCommand,
         measurement: &Measurement,
-    ) {
+    ) -> Rotation {
         let at = Rotation::by(measurement.angle);
         let [a, b, c] = measurement.currents;
         let alpha = a.wrapping_shl(1).wrapping_sub(b).wrapping_sub(c).wrapping_mul(settings.alpha);
@@ -132,9 +133,27 @@ impl CurrentLoop {
         let then = at.half_then(command.ahead);
         let alpha = sum_of_products(direct_voltage, then.cosine, quadrature_voltage.wrapping_neg(), then.sine);
         let beta = sum_of_products(direct_voltage, then.sine, quadrature_voltage, then.cosine);
-        self.counts = space_vector(high_product(alpha, bus.counts), high_product(beta, bus.side), settings.middle);
+        self.counts = space_vector(
+            high_product(alpha.wrapping_shl(FRACTION), bus.counts),
+            high_product(beta.wrapping_shl(FRACTION), bus.side),
+            settings.middle.wrapping_shl(FRACTION),
+        );
+        then
     }
 }
+
+/// The commanded currents of the phases at a rotation in 2^-30, in 2^-24 of peak.
+#[inline]
+fn commanded_phases(command: &CurrentCommand, at: Rotation) -> [i32; 3] {
+    let alpha = sum_of_products(command.direct, at.cosine, command.quadrature.wrapping_neg(), at.sine);
+    let beta = sum_of_products(command.direct, at.sine, command.quadrature, at.cosine);
+    let half = alpha >> 1;
+    let side = high_product(beta, HALF_ROOT_OF_THREE).wrapping_shl(1);
+    [alpha, side.wrapping_sub(half), half.wrapping_add(side).wrapping_neg()]
+}
+
+/// sqrt(3) / 2 in 2^-31.
+const HALF_ROOT_OF_THREE: i32 = 1_859_775_393;
 
 /// Proportional and integral part with feed-forward, within +-`limit`.
 ///

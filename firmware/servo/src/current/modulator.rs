@@ -3,7 +3,11 @@
 use crate::SettingsError;
 use crate::units::divide_rounding;
 
-/// Compare values of the three phases for a voltage, before limiting. `alpha` in counts, `side` in counts: sqrt(3)/2 times beta.
+/// Bits of a compare value below a count, until it is rounded: rounded down earlier, it would be a voltage that stands in the stator, and
+/// with it a torque that swings once in an electrical revolution.
+pub(super) const FRACTION: u32 = 4;
+
+/// Compare values of the three phases for a voltage, before limiting, in counts 2^-4 like all that goes in. `side`: sqrt(3)/2 times beta.
 ///
 /// The zero-sequence that puts the middle of the highest and the lowest phase into the middle of the period makes the same switching
 /// pattern as space vector modulation, and reaches the same voltage: 1/sqrt(3) of the bus.
@@ -19,19 +23,23 @@ pub(super) fn space_vector(alpha: i32, side: i32, middle: i32) -> [i32; 3] {
     [a.wrapping_add(zero), b.wrapping_add(zero), c.wrapping_add(zero)]
 }
 
-/// A compare value within the period.
+/// A compare value from counts 2^-4, to the nearest and within the period, whose middle is given in counts.
 #[inline]
-pub(super) fn limited_to_period(counts: i32, middle: i32) -> u16 {
+pub(super) fn limited_to_period(fine: i32, middle: i32) -> u16 {
+    let counts = fine.wrapping_add(1 << (FRACTION - 1)) >> FRACTION;
     // Within 0 ..= 10 500.
     counts.min(middle.wrapping_shl(1)).max(0) as u16
 }
 
 /// Gives back the voltage that the dead time takes: while both transistors of a phase are off, the current chooses the diode, and with it
 /// the rail that makes it smaller.
+///
+/// The current is the one that is commanded. The measured one is the same but for its noise, which the compensation would amplify around
+/// zero: to 5 V of 50 mA where the gain of the loop makes 2 V of them.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub struct DeadTimeCompensation {
-    /// Counts per ADC count 2^-3 near zero current, in 2^-16.
+    /// Counts 2^-16 per 2^-24 of the peak current near zero current, in 2^-16.
     slope: i32,
     /// Counts at full compensation, in 2^-16.
     full: i32,
@@ -39,14 +47,14 @@ pub struct DeadTimeCompensation {
 
 impl DeadTimeCompensation {
     /// * `dead_time` in ns, up to 10 us; 0 switches the compensation off.
-    /// * `band`: current in mA up to which the compensation grows in proportion. The sign of a smaller current is noise, and in the
-    ///   inverter itself the capacitances of the transistors make the transition gradual.
-    /// * `measuring_range` in mA at 2 048 counts.
+    /// * `band`: current in mA up to which the compensation grows in proportion. The ripple of a smaller current changes its sign within the
+    ///   period, and the capacitances of the transistors make the transition gradual.
+    /// * `peak_current` in mA: the unit of the current.
     ///
     /// # Errors
-    /// [`SettingsError::Zero`] for a band or range of zero, [`SettingsError::DeadTime`] above 10 us.
-    pub fn new(dead_time: u32, band: u32, measuring_range: u32) -> Result<Self, SettingsError> {
-        if band == 0 || measuring_range == 0 {
+    /// [`SettingsError::Zero`] for a band or peak current of zero, [`SettingsError::DeadTime`] above 10 us.
+    pub fn new(dead_time: u32, band: u32, peak_current: u32) -> Result<Self, SettingsError> {
+        if band == 0 || peak_current == 0 {
             return Err(SettingsError::Zero { parameter: "band of the dead-time compensation" });
         }
         if dead_time > LONGEST_DEAD_TIME {
@@ -54,11 +62,11 @@ impl DeadTimeCompensation {
         }
         // The high side is on for twice the compare value: half the dead time in counts of 168 MHz.
         let full = divide_rounding(i128::from(dead_time).saturating_mul(168) << 16, 2_000);
-        // counts 2^-3 in the band: band / range * 2048 * 8
-        let in_band = divide_rounding(i128::from(band).saturating_mul(2_048 * 8), i128::from(measuring_range)).max(1);
-        let slope = divide_rounding(full.into(), in_band.into());
-        // At most 10 us: 840 counts 2^-16.
-        Ok(Self { slope: slope as i32, full: full as i32 })
+        // per band / peak * 2^24
+        let slope =
+            divide_rounding(i128::from(full).saturating_mul(peak_current.into()), i128::from(band) << (24 - 16));
+        // At most 10 us: 840 counts 2^-16. A steeper slope than 2^31 only narrows a band that is a thousandth of the ripple.
+        Ok(Self { slope: slope.min(i32::MAX.into()) as i32, full: full as i32 })
     }
 
     pub(super) const fn to_words(self) -> [u32; 2] {
@@ -69,19 +77,15 @@ impl DeadTimeCompensation {
         Self { slope: slope.cast_signed(), full: full.cast_signed() }
     }
 
-    /// Counts to add to the compare value of a phase with this current, in ADC counts 2^-3.
+    /// Counts 2^-4 to add to the compare value of a phase for this current, in 2^-24 of peak.
     #[inline]
     pub(super) fn counts(self, current: i32) -> i32 {
-        // A current of 2^15 and a slope of 840 * 2^16 would leave 32 bits; beyond the band the result is the same.
-        let near = current.clamp(-BAND_LIMIT, BAND_LIMIT);
-        let wanted = i64::from(near).wrapping_mul(i64::from(self.slope));
+        let wanted = i64::from(current).wrapping_mul(i64::from(self.slope)) >> 16;
         let limit = i64::from(self.full);
-        (wanted.min(limit).max(limit.wrapping_neg()).wrapping_add(1 << 15) >> 16) as i32
+        (wanted.min(limit).max(limit.wrapping_neg()).wrapping_add(1 << (15 - FRACTION)) >> (16 - FRACTION)) as i32
     }
 }
 
-/// In ADC counts 2^-3: the whole range of the converter.
-const BAND_LIMIT: i32 = 1 << 14;
 const LONGEST_DEAD_TIME: u32 = 10_000;
 
 #[cfg(test)]
@@ -112,22 +116,23 @@ mod tests {
         }
 
         #[test]
-        fn the_compensation_is_odd_and_never_more_than_half_the_dead_time(current in -40_000_i32..40_000) {
-            let compensation = DeadTimeCompensation::new(1_000, 200, 25_000).unwrap();
+        fn the_compensation_is_odd_and_never_more_than_half_the_dead_time(current: i32, band in 1_u32..10_000) {
+            let compensation = DeadTimeCompensation::new(1_000, band, 25_000).unwrap();
             let counts = compensation.counts(current);
-            prop_assert!(counts.abs() <= 84);
-            prop_assert!((counts + compensation.counts(-current)).abs() <= 1);
+            prop_assert!(counts.abs() <= 84 << 4);
+            prop_assert!((counts + compensation.counts(current.saturating_neg())).abs() <= 1);
         }
     }
 
     #[test]
     fn the_compensation_reaches_half_the_dead_time_at_the_end_of_its_band() {
         let compensation = DeadTimeCompensation::new(1_000, 200, 25_000).unwrap();
-        // 200 mA of 25 A: 131 counts 2^-3
-        assert_eq!(compensation.counts(131), 84);
-        assert!((41..=43).contains(&compensation.counts(66)));
+        // 200 mA of 25 A: 134 218 in 2^-24
+        assert_eq!(compensation.counts(134_218), 84 << 4);
+        assert!((83 << 4..84 << 4).contains(&compensation.counts(133_500)));
+        assert_eq!(compensation.counts(67_109), 42 << 4);
         assert_eq!(compensation.counts(0), 0);
-        assert_eq!(DeadTimeCompensation::new(0, 200, 25_000).unwrap().counts(1_000), 0);
+        assert_eq!(DeadTimeCompensation::new(0, 200, 25_000).unwrap().counts(1 << 24), 0);
         assert_eq!(DeadTimeCompensation::new(10_001, 1, 1), Err(SettingsError::DeadTime { actual: 10_001 }));
     }
 }

@@ -60,7 +60,7 @@ pub struct CurrentLoopParameters {
     pub frequency: PwmFrequency,
     /// Dead time of the inverter in ns, 0: not compensated.
     pub dead_time: u32,
-    /// Phase current below which the dead time is compensated in proportion only, in mA; at least 1.
+    /// Commanded phase current below which the dead time is compensated in proportion only, in mA; at least 1.
     pub dead_time_band: u32,
 }
 
@@ -129,7 +129,7 @@ impl CurrentLoopSettings {
             dead_time: DeadTimeCompensation::new(
                 parameters.dead_time,
                 parameters.dead_time_band,
-                parameters.measuring_range,
+                parameters.peak_current,
             )?,
         })
     }

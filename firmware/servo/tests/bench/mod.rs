@@ -92,7 +92,7 @@ impl Bench {
 
     /// Limits the torque to this part of the peak both ways.
     pub(crate) fn limit_torque(&mut self, share: f64) {
-        self.limits = TorqueLimits::symmetrical(CurrentFraction::from_num(share), Limiting::TORQUE_BIPOLAR);
+        self.limits = TorqueLimits::symmetrical(CurrentFraction::saturating_from_num(share), Limiting::TORQUE_BIPOLAR);
     }
 
     /// Velocity of the motor in rad/s now.
