@@ -66,7 +66,7 @@ impl ScriptedMaster {
             Stage::Run { cycle } => Stage::Run { cycle: cycle + 1 },
             Stage::Stop { waited } => Stage::Stop { waited: waited + 1 },
         });
-        bits
+        self.switches.unwrap_or(bits)
     }
 
     fn next_stage(&self, stage: Stage) -> Result<Option<Stage>, MasterError> {
