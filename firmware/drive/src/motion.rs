@@ -336,7 +336,8 @@ impl<B: Bus + Clone, H: Hardware> Motion<B, H> {
             || (self.bridge_on && !self.hardware.bridge_is_on() && self.motor.measured().trip.is_none())
         {
             findings.add_own(Manufacturer1::AMPLIFIER_FAULT, true);
-        } else if !self.inputs.main_power {
+        } else if !self.motor.has_power(&self.inputs) {
+            // Without power the torque goes, and a drive that is off for no reason would help nobody.
             findings.class_1 |= Class1::UNDERVOLTAGE;
         }
         if self.values.measured_velocity.abs() > self.settings.overspeed {

@@ -105,9 +105,19 @@ fn how_it_ended(seen: &Seen, state: State) -> Reaction {
 
 fn recover(rig: &mut Rig, fault: Fault) -> Result<Afterwards, MatrixError> {
     fault.repair(rig);
-    rig.run(Nanoseconds::from_millis(300))?;
-    if !rig.reset_errors()? || rig.number(Idn::CLASS_1_DIAGNOSTIC)? != 0 {
-        return Ok(Afterwards::NotCleared);
+    // The filters of the temperatures take 2 s.
+    rig.run(Nanoseconds::from_millis(1_500))?;
+    let mut cleared = Afterwards::RunsAgain;
+    if !is_cleared(rig)? {
+        rig.release()?;
+        cleared = Afterwards::RunsAgainReleased;
+        if !is_cleared(rig)? {
+            return Ok(Afterwards::NotCleared);
+        }
     }
-    Ok(if rig.switch_on_again()? { Afterwards::RunsAgain } else { Afterwards::StaysOff })
+    Ok(if rig.switch_on_again()? { cleared } else { Afterwards::StaysOff })
+}
+
+fn is_cleared(rig: &mut Rig) -> Result<bool, MatrixError> {
+    Ok(rig.reset_errors()? && rig.number(Idn::CLASS_1_DIAGNOSTIC)? == 0)
 }

@@ -42,7 +42,9 @@ pub enum Afterwards {
     RunsAgain,
     /// S-0-0099 cleared it, but the axis could not be switched on.
     StaysOff,
-    /// S-0-0099 was refused.
+    /// S-0-0099 helped only after the control unit had taken ENABLE back; the axis could be switched on and followed.
+    RunsAgainReleased,
+    /// S-0-0099 was refused, or did not last.
     NotCleared,
 }
 
@@ -51,6 +53,7 @@ impl fmt::Display for Afterwards {
         formatter.pad(match self {
             Self::NoError => "-",
             Self::RunsAgain => "yes, runs again",
+            Self::RunsAgainReleased => "without ENABLE, runs again",
             Self::StaysOff => "yes, does not switch on",
             Self::NotCleared => "no",
         })

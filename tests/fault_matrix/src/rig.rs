@@ -5,7 +5,7 @@ use plant::{BrakeFailure, ReferenceAxis};
 use ring::fibre::{Effect, Fault as RingFault, TelegramKind};
 use ring::ident::{Idn, Value};
 use ring::master::{
-    CommandValues, DriveScript, MasterError, MasterScript, Motion, ProfilePoint, ScriptedMaster, Telegram,
+    CommandValues, DriveScript, MasterScript, Motion, ProfilePoint, ScriptedMaster, Telegram,
 };
 use ring::service_client::{Reply, Request, ServiceError, control, status};
 use ring::wire::BitRate;
@@ -20,8 +20,8 @@ const ADDRESS: u8 = 5;
 pub(crate) const SPEED: i32 = 600;
 /// One look at the drive: a cycle of the current loop.
 pub(crate) const STEP: Nanoseconds = Nanoseconds(62_500);
-/// Torque command that turns the axis in torque mode, in 0.1 % of S-0-0111; S-0-0091 holds the speed.
-const DRIVING: i16 = 200;
+/// Switched on and following.
+const FOLLOW: u16 = control::ON | control::ENABLE | control::NO_HALT;
 
 /// Operation mode of a cell.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord)]
@@ -55,9 +55,9 @@ impl Mode {
         }
     }
 
-    fn values(self, rpm: i32, point: ProfilePoint) -> CommandValues {
+    fn values(self, rpm: i32, driving: i16, point: ProfilePoint) -> CommandValues {
         match self {
-            Self::Torque => CommandValues { torque: if rpm == 0 { 0 } else { DRIVING }, ..CommandValues::default() },
+            Self::Torque => CommandValues { torque: if rpm == 0 { 0 } else { driving }, ..CommandValues::default() },
             Self::Velocity => CommandValues::at_velocity(rpm * 10_000),
             Self::Position | Self::PositionWithoutLag => {
                 // 0.2 s of ramp; 0.0001 degree.
@@ -168,11 +168,12 @@ impl Rig {
         }
         script = script.with_all(fault.parameters());
         let setup = DriveSetup { axis, ..DriveSetup::new(ADDRESS) };
-        let motion = (state != State::Off).then(|| motion(mode, state));
+        let motion = (state != State::Off).then(|| motion(mode, state, fault.driving()));
         let script = MasterScript { motion, stops_at_refusals: false, ..MasterScript::new(vec![script]) };
         let configuration = RingConfiguration::new(1, BitRate::M2);
         let (world, mut handles) = ring_of_drives(configuration, ScriptedMaster::new(script), &[setup])?;
         let mut rig = Self { world, drive: handles.remove(0), mode, vertical, name };
+        fault.begin(&rig);
         rig.reach(state)?;
         Ok(rig)
     }
@@ -185,6 +186,7 @@ impl Rig {
         if state == State::SwitchingOn {
             self.wait("the bridge on", |rig| rig.bridge_is_on())?;
             // Far from the end of the search, and before the brake opens.
+            self.master_mut().hold_switches(Some(FOLLOW));
             return self.run(Nanoseconds::from_millis(10));
         }
         self.wait("operation", |rig| rig.last_status().is_some_and(|word| word & status::FOLLOWS != 0))?;
@@ -192,6 +194,8 @@ impl Rig {
             self.wait("600 rpm", |rig| rig.rpm() > 0.99 * f64::from(SPEED))?;
         }
         self.run(Nanoseconds::from_millis(250))?;
+        // From now on the drive alone decides: a master that answers an error with a control word of zero takes ENABLE away.
+        self.master_mut().hold_switches(Some(FOLLOW));
         match state {
             State::Halted => {
                 self.master_mut().hold_switches(Some(control::ON | control::ENABLE));
@@ -312,14 +316,8 @@ impl Rig {
 
     /// The first status word since then that tells of an error.
     pub(crate) fn error_status(&self, since: Nanoseconds) -> Option<u16> {
-        let report = self.master().report();
-        let told = |word: &u16| word & status::SHUT_DOWN != 0;
-        let ending = match report.error {
-            Some(MasterError::ShutDown { status, .. }) => Some(status).filter(told),
-            _ => None,
-        };
-        let samples = report.samples.iter().filter(|sample| sample.time > since);
-        samples.filter_map(|sample| sample.status).find(told).or(ending)
+        let samples = self.master().report().samples.iter().filter(|sample| sample.time > since);
+        samples.filter_map(|sample| sample.status).find(|word| word & status::SHUT_DOWN != 0)
     }
 
     /// The ring as it is, if it runs, else run up again without motion: the service channel is open.
@@ -366,6 +364,12 @@ impl Rig {
         .ok_or_else(|| MatrixError::Service { request: format!("read {idn}"), cause: format!("{answer:?}") })
     }
 
+    /// The control unit takes ON and ENABLE back.
+    pub(crate) fn release(&mut self) -> Result<(), MatrixError> {
+        self.master_mut().hold_switches(Some(0));
+        self.run(Nanoseconds::from_millis(100))
+    }
+
     /// S-0-0099; whether it was executed.
     pub(crate) fn reset_errors(&mut self) -> Result<bool, MatrixError> {
         Ok(self.ask(Request::Command { idn: Idn::RESET_CLASS_1, polls: 20 })?.is_ok())
@@ -374,8 +378,12 @@ impl Rig {
     /// Switches the axis on once more; whether it follows.
     pub(crate) fn switch_on_again(&mut self) -> Result<bool, MatrixError> {
         let mode = self.mode;
+        self.master_mut().move_again(motion(mode, State::Standstill, 0));
+        // Without an edge nothing is switched on.
+        self.master_mut().hold_switches(Some(0));
+        self.run(Nanoseconds::from_millis(20))?;
+        self.master_mut().move_again(motion(mode, State::Standstill, 0));
         self.master_mut().hold_switches(None);
-        self.master_mut().move_again(motion(mode, State::Standstill));
         let before = self.now();
         for _ in 0..1_500 {
             self.run(Nanoseconds::from_millis(2))?;
@@ -390,10 +398,10 @@ impl Rig {
     }
 }
 
-fn motion(mode: Mode, state: State) -> Motion {
+fn motion(mode: Mode, state: State, driving: i16) -> Motion {
     let rpm = match state {
         State::AtSpeed | State::Halted | State::Stopping => SPEED,
         State::Off | State::SwitchingOn | State::Standstill => 0,
     };
-    Motion::new(1_000_000, move |point| mode.values(rpm, point))
+    Motion::new(1_000_000, move |point| mode.values(rpm, driving, point))
 }

@@ -200,7 +200,8 @@ impl ScriptedMaster {
         &mut self.drives[drive].client
     }
 
-    /// Sends these switches (bits 15 to 13 of the control word) in place of the script's while it moves its drives; `None` ends that.
+    /// Sends these switches (bits 15 to 13 of the control word) in place of the script's while it moves its drives, whatever they answer:
+    /// a drive that shuts down ends nothing. `None` ends that.
     pub fn hold_switches(&mut self, switches: Option<u16>) {
         self.switches = switches;
     }

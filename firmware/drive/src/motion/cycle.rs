@@ -164,10 +164,11 @@ impl<B: Bus + Clone, H: Hardware> Motion<B, H> {
     }
 
     /// A drive that is switched on far from its command, or goes on there after homing, would jump: the deviation is a fault before it
-    /// moves.
+    /// moves. A drive that stays off is none: commands may run away from it, and after an error they do.
     fn refuse_a_jump(&mut self) {
         let resuming = core::mem::take(&mut self.resuming);
-        let starting = (resuming || !self.has_torque()) && self.switches.on && self.switches.enable;
+        let starting = (resuming && self.switches.on && self.switches.enable)
+            || self.machine.would_switch_on(self.switches, self.conditions());
         let window = self.settings.monitoring_window;
         let positioned = !matches!(self.mode, Some(OperationMode::Torque | OperationMode::Velocity));
         if !starting || !positioned || window == Position::ZERO {
