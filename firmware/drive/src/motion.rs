@@ -367,6 +367,8 @@ impl<B: Bus + Clone, H: Hardware> Motion<B, H> {
         self.class_1 |= findings.class_1;
         self.manufacturer_1 |= findings.manufacturer_1;
         self.fatal |= findings.fatal;
+        // Increments were lost or added: nobody knows any more where the axis is.
+        self.referenced &= !findings.class_1.contains(Class1::FEEDBACK);
     }
 
     /// One tick of switching on or off, and what it asks of bridge and brake.

@@ -105,8 +105,7 @@ fn how_it_ended(seen: &Seen, state: State) -> Reaction {
 
 fn recover(rig: &mut Rig, fault: Fault) -> Result<Afterwards, MatrixError> {
     fault.repair(rig);
-    // The filters of the temperatures take 2 s.
-    rig.run(Nanoseconds::from_millis(1_500))?;
+    rig.run(fault.aftermath())?;
     let mut cleared = Afterwards::RunsAgain;
     if !is_cleared(rig)? {
         rig.release()?;

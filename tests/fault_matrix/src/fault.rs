@@ -6,13 +6,16 @@ use ring::fibre::{Effect, TelegramKind};
 use ring::ident::{Idn, Value};
 use std::fmt;
 
-use crate::MatrixError;
 use crate::rig::Rig;
+use crate::{MatrixError, Mode};
 
 /// Largest sample of the converters.
 const FULL_SCALE: u16 = 4_095;
 /// Sample of a current of zero.
 const MIDDLE: u16 = 2_048;
+
+/// Heat sink and windings of a machine that has run for a while, in degrees C.
+const WARM: [f64; 2] = [60.0, 100.0];
 
 /// What jams a blocked axis: friction of more than twice the peak torque, of which the drive knows nothing. It stops the axis from 600 rpm in
 /// 1 ms; nothing stops in no time.
@@ -50,7 +53,7 @@ pub enum Fault {
     MotorHot,
     /// The windings are at 126 degrees C.
     MotorWarm,
-    /// The heat sink is at 100 degrees C.
+    /// The heat sink is at 110 degrees C.
     HeatSinkHot,
     /// The wire of the motor's temperature sensor is broken.
     TemperatureSensorBroken,
@@ -129,6 +132,7 @@ impl Fault {
         if self.has_friction() {
             rig.break_brake(Some(BrakeFailure::StuckReleased));
         }
+        rig.machine(|machine, now| machine.set_temperatures(WARM, now));
     }
 
     /// Parameters without which the fault could not come.
@@ -148,9 +152,17 @@ impl Fault {
     pub(crate) const fn span(self) -> Nanoseconds {
         Nanoseconds::from_millis(match self {
             Self::Overload => 2_500,
-            Self::MotorHot | Self::MotorWarm | Self::HeatSinkHot => 6_000,
+            Self::MotorHot | Self::MotorWarm | Self::HeatSinkHot => 2_600,
             Self::BrakeOpensLate | Self::BrakeStuckClosed | Self::BrakeStuckOpen | Self::BrakeWorn => 1_200,
             _ => 500,
+        })
+    }
+
+    /// From the end of the cause until it has ended for the drive, too: its temperatures are filtered with 2 s.
+    pub(crate) const fn aftermath(self) -> Nanoseconds {
+        Nanoseconds::from_millis(match self {
+            Self::MotorHot | Self::HeatSinkHot => 1_500,
+            _ => 200,
         })
     }
 
@@ -175,14 +187,18 @@ impl Fault {
             Self::EncoderJump => rig.machine(|machine, now| machine.slip_encoder(5_000, now)),
             // Slip by slip, see `go_on`.
             Self::CommutationDisturbed => {}
-            Self::MotorHot => rig.machine(|machine, now| machine.set_temperatures([25.0, 160.0], now)),
-            Self::MotorWarm => rig.machine(|machine, now| machine.set_temperatures([25.0, 126.0], now)),
-            Self::HeatSinkHot => rig.machine(|machine, now| machine.set_temperatures([100.0, 25.0], now)),
+            Self::MotorHot => rig.machine(|machine, now| machine.set_temperatures([WARM[0], 160.0], now)),
+            Self::MotorWarm => rig.machine(|machine, now| machine.set_temperatures([WARM[0], 126.0], now)),
+            Self::HeatSinkHot => rig.machine(|machine, now| machine.set_temperatures([110.0, WARM[1]], now)),
             Self::TemperatureSensorBroken => {
                 rig.machine(|machine, now| machine.fail_temperature_sensor(1, Some(FULL_SCALE), now));
             }
             Self::Overload | Self::AxisBlocked => rig.break_brake(None),
-            Self::Overspeed => rig.machine(|machine, now| machine.set_load_torque(12.0, now)),
+            Self::Overspeed => {
+                // In torque mode the drive does not oppose it before S-0-0091, and has 8 Nm to stop with.
+                let torque = if rig.mode() == Mode::Torque { 7.0 } else { 12.0 };
+                rig.machine(|machine, now| machine.set_load_torque(torque, now));
+            }
             Self::SafeTorqueOff => rig.drive().motor_side.borrow_mut().change_inputs(|inputs| {
                 inputs.safe_torque_1 = false;
                 inputs.safe_torque_2 = false;
@@ -232,7 +248,7 @@ impl Fault {
             }
             machine.fail_temperature_sensor(1, None, now);
             machine.freeze_encoder(false, now);
-            machine.set_temperatures([25.0, 25.0], now);
+            machine.set_temperatures(WARM, now);
             machine.set_load_torque(0.0, now);
             let voltage = machine.settings().supply.voltage;
             machine.set_supply(voltage, now);
@@ -262,7 +278,7 @@ impl fmt::Display for Fault {
             Self::CommutationDisturbed => "commutation angle drifts away within 20 ms",
             Self::MotorHot => "motor at 160 degrees C",
             Self::MotorWarm => "motor at 126 degrees C",
-            Self::HeatSinkHot => "heat sink at 100 degrees C",
+            Self::HeatSinkHot => "heat sink at 110 degrees C",
             Self::TemperatureSensorBroken => "wire of the motor's temperature sensor broken",
             Self::Overload => "axis blocked at peak torque",
             Self::AxisBlocked => "axis blocked",

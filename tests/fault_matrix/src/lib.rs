@@ -3,7 +3,7 @@
 //!
 //! A cell is a whole drive on a simulated ring ([`run`]): it is brought into its state, the fault is put in from outside (machine, board or
 //! fibre, never a variable of the firmware), and what follows is measured on the bridge, the shaft and the service channel.
-//! What has to follow stands in one table ([`CELLS`]).
+//! What has to follow stands in one table ([`cells`]).
 #![forbid(unsafe_code)]
 
 mod all;
@@ -16,7 +16,7 @@ mod rig;
 
 pub use all::run_all;
 pub use cell::{Cell, run};
-pub use expected::{CELLS, Expectation, Expected};
+pub use expected::{Expected, cells};
 pub use fault::Fault;
 pub use outcome::{Afterwards, Outcome, Reaction};
 pub use page::markdown;

@@ -239,6 +239,10 @@ impl Rig {
         self.world.now()
     }
 
+    pub(crate) const fn mode(&self) -> Mode {
+        self.mode
+    }
+
     pub(crate) fn drive(&self) -> &DriveHandle {
         &self.drive
     }
@@ -394,6 +398,7 @@ impl Rig {
                 return Ok(self.bridge_is_on());
             }
         }
+        if std::env::var_os("MX").is_some() { let n=self.number(Idn(390))?; let c=self.number(Idn(11))?; let t = self.number(Idn(135)); eprintln!("{}: {n:04x} {c:04x} {t:x?} power {:x?}", self.name, self.last_status()); }
         Ok(false)
     }
 }
