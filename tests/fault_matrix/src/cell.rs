@@ -106,6 +106,7 @@ fn how_it_ended(seen: &Seen, state: State) -> Reaction {
 fn recover(rig: &mut Rig, fault: Fault) -> Result<Afterwards, MatrixError> {
     fault.repair(rig);
     rig.run(fault.aftermath())?;
+    rig.wait_for_standstill()?;
     let mut cleared = Afterwards::RunsAgain;
     if !is_cleared(rig)? {
         rig.release()?;

@@ -141,7 +141,11 @@ impl Fault {
             Self::Overspeed => vec![(Idn(113), Value::Long(20_000_000)), (Idn(91), Value::Long(20_000_000))],
             // 360 degrees from where the drive was switched on; 600 rpm pass them in the first tenth of a second.
             Self::PositionLimit => {
-                vec![(Idn(49), Value::Long(20_000_000)), (Idn(50), Value::Long(0xFECE_D300)), (Idn(55), Value::Word(0x10))]
+                vec![
+                    (Idn(49), Value::Long(20_000_000)),
+                    (Idn(50), Value::Long(0xFECE_D300)),
+                    (Idn(55), Value::Word(0x10)),
+                ]
             }
             Self::Overload => vec![(Idn(92), Value::Word(4_000))],
             _ => Vec::new(),
@@ -180,7 +184,9 @@ impl Fault {
                 machine.set_supply(0.0, now);
                 machine.fail_brake(None, now);
             }),
-            Self::MainPowerLost => rig.drive().motor_side.borrow_mut().change_inputs(|inputs| inputs.main_power = false),
+            Self::MainPowerLost => {
+                rig.drive().motor_side.borrow_mut().change_inputs(|inputs| inputs.main_power = false)
+            }
             Self::GateDriver => rig.drive().motor_side.borrow_mut().change_inputs(|inputs| inputs.bridge_ready = false),
             Self::EncoderFrozen => rig.machine(|machine, now| machine.freeze_encoder(true, now)),
             Self::EncoderSlip => rig.machine(|machine, now| machine.slip_encoder(20, now)),

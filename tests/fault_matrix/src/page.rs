@@ -2,6 +2,7 @@
 
 use std::fmt::Write as _;
 
+use crate::expected::note;
 use crate::{Cell, Expected, Outcome, Reaction};
 
 const HEAD: &str = "\
@@ -31,6 +32,9 @@ pub fn markdown(cells: &[(&Expected, Outcome)]) -> String {
         if last != Some(fault) {
             last = Some(fault);
             let _ = write!(page, "\n## {}\n\n", capitalised(&fault.to_string()));
+            if let Some(note) = note(fault) {
+                let _ = write!(page, "{note}\n\n");
+            }
             page += "| State | Mode | Reaction | Torque off | Turned | S-0-0390 | S-0-0011 | Brake | S-0-0099 |\n";
             page += "|---|---|---|---|---|---|---|---|---|\n";
         }
@@ -105,7 +109,8 @@ mod tests {
 
     #[test]
     fn figures_have_two_digits() {
-        for (value, text) in [(0.0625, "0.063"), (0.125, "0.13"), (5.54, "5.5"), (63.9, "64"), (4_342.0, "4300"), (-271.0, "-270")]
+        for (value, text) in
+            [(0.0625, "0.063"), (0.125, "0.13"), (5.54, "5.5"), (63.9, "64"), (4_342.0, "4300"), (-271.0, "-270")]
         {
             assert_eq!(two_digits(value), text);
         }

@@ -4,9 +4,7 @@ use bench::{DriveHandle, DriveSetup, ProcessorError, World, parameters_of, produ
 use plant::{BrakeFailure, ReferenceAxis};
 use ring::fibre::{Effect, Fault as RingFault, TelegramKind};
 use ring::ident::{Idn, Value};
-use ring::master::{
-    CommandValues, DriveScript, MasterScript, Motion, ProfilePoint, ScriptedMaster, Telegram,
-};
+use ring::master::{CommandValues, DriveScript, MasterScript, Motion, ProfilePoint, ScriptedMaster, Telegram};
 use ring::service_client::{Reply, Request, ServiceError, control, status};
 use ring::wire::BitRate;
 use ring::{Nanoseconds, RingConfiguration};
@@ -379,6 +377,17 @@ impl Rig {
         Ok(self.ask(Request::Command { idn: Idn::RESET_CLASS_1, polls: 20 })?.is_ok())
     }
 
+    /// Until the axis stands, or for 5 s.
+    pub(crate) fn wait_for_standstill(&mut self) -> Result<(), MatrixError> {
+        for _ in 0..500 {
+            if self.rpm().abs() < 1.0 {
+                break;
+            }
+            self.run(Nanoseconds::from_millis(10))?;
+        }
+        Ok(())
+    }
+
     /// Switches the axis on once more; whether it follows.
     pub(crate) fn switch_on_again(&mut self) -> Result<bool, MatrixError> {
         let mode = self.mode;
@@ -398,7 +407,6 @@ impl Rig {
                 return Ok(self.bridge_is_on());
             }
         }
-        if std::env::var_os("MX").is_some() { let n=self.number(Idn(390))?; let c=self.number(Idn(11))?; let t = self.number(Idn(135)); eprintln!("{}: {n:04x} {c:04x} {t:x?} power {:x?}", self.name, self.last_status()); }
         Ok(false)
     }
 }

@@ -3,8 +3,8 @@
 use sercos::diagnostic::Class1;
 use servo::current::{BusScale, Trip};
 use servo::{
-    CurrentFraction, EncoderMonitorInputs, IndexCorrection, Limiting, LoadOutput, TemperatureOutput, Velocity, VoltageError,
-    VoltageOutput,
+    CurrentFraction, EncoderMonitorInputs, IndexCorrection, Limiting, LoadOutput, TemperatureOutput, Velocity,
+    VoltageError, VoltageOutput,
 };
 
 use super::Motor;
