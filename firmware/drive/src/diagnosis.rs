@@ -209,8 +209,8 @@ diagnoses! {
     WINDING_TEMPERATURE = 0xF102 "Motor too hot", "Motor zu heiss",
         "The motor has reached S-0-0204.", "Check the motor's cooling and load, let it cool by 5 K, then S-0-0099.";
     ENCODER = 0xF105 "Encoder error", "Geberfehler",
-        "The encoder's signal is lost, jumped, or its index does not fit the count.",
-        "Check the encoder's cable, shield and supply, and S-0-0116; a wrong index also P-0-0117.";
+        "The encoder's signal is lost, stopped or jumped, or its index does not fit the count; so looks a blocked axis that is to start.",
+        "Check the encoder's cable, shield and supply, S-0-0116, and that the axis is free; a wrong index also P-0-0117.";
     COMMUTATION = 0xF106 "Commutation angle not found", "Kommutierungswinkel nicht gefunden",
         "The search for the commutation angle failed, does not fit the index, or the brake forbids it.",
         "Read S-0-0129; check motor phases, P-0-0110, P-0-0115 and P-0-0116; for an axis with brake P-0-0120 and P-0-0118.";
@@ -260,7 +260,7 @@ diagnoses! {
         "The sensor of motor or heat sink is broken or short-circuited.", "Check its wires.";
     ALIGNMENT_NO_MOVEMENT = 0xF118 "Alignment: motor does not move", "Kommutierung: Motor steht",
         "The motor does not move under the alignment current P-0-0116.",
-        "Check that axis and brake are free and the motor is connected; raise P-0-0116.";
+        "Check that axis and brake are free, motor and encoder are connected; raise P-0-0116.";
     ALIGNMENT_DIRECTION = 0xF119 "Alignment: encoder counts backwards", "Kommutierung: Geber zaehlt falsch",
         "Encoder and motor phases turn against each other.",
         "Swap two motor phases, or turn bit 3 of S-0-0277.";

@@ -391,7 +391,8 @@ impl<B: Bus + Clone, H: Hardware> Motion<B, H> {
             || (self.bridge_on && !self.hardware.bridge_is_on() && self.motor.measured().trip.is_none())
         {
             findings.add_own(Manufacturer1::AMPLIFIER_FAULT, true);
-        } else if !self.inputs.main_power {
+        } else if !self.motor.has_power(&self.inputs) {
+            // Without power the torque goes, and a drive that is off for no reason would help nobody.
             findings.class_1 |= Class1::UNDERVOLTAGE;
         }
         if self.values.measured_velocity.abs() > self.settings.overspeed {
@@ -421,6 +422,8 @@ impl<B: Bus + Clone, H: Hardware> Motion<B, H> {
         self.class_1 |= findings.class_1;
         self.manufacturer_1 |= findings.manufacturer_1;
         self.fatal |= findings.fatal;
+        // Increments were lost or added: nobody knows any more where the axis is.
+        self.referenced &= !findings.class_1.contains(Class1::FEEDBACK);
     }
 
     /// One tick of switching on or off, and what it asks of bridge and brake.

@@ -95,6 +95,13 @@ impl StateMachine {
         self.state
     }
 
+    /// Whether these switches would bring torque on: the edge is there, and nothing stands in its way.
+    #[must_use]
+    pub const fn would_switch_on(&self, switches: Switches, conditions: Conditions) -> bool {
+        let rising = switches.on && switches.enable && conditions.operating_phase && !self.request_before;
+        matches!(self.state, DriveState::Off) && rising && conditions.power && !conditions.fault && !conditions.fatal
+    }
+
     /// Takes one look at switches and conditions and returns the new state. Called every loop tick; costs a few compares.
     pub fn update(&mut self, switches: Switches, conditions: Conditions) -> DriveState {
         let request = switches.on && switches.enable && conditions.operating_phase;

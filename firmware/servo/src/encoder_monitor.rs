@@ -1,4 +1,4 @@
-//! Supervision of the motor encoder: a lost signal, an implausible jump, an index pulse in the wrong place.
+//! Supervision of the motor encoder: a lost signal, an implausible jump or stop, an index pulse in the wrong place.
 //!
 //! What is found here is an error of the encoder and is reported as such, never as one of the motor: who reads "encoder" looks at
 //! the cable. The errors carry what was expected and what was seen.
@@ -34,6 +34,8 @@ pub struct EncoderMonitorSettings {
     increments: i32,
     /// Largest plausible change of the counter in a tick.
     largest_jump: u32,
+    /// Change of the counter in a tick from which no axis stops at once.
+    fast: u32,
     loss_ticks: u32,
     loss_current: i32,
     loss_velocity: Velocity,
@@ -44,6 +46,12 @@ pub struct EncoderMonitorSettings {
 
 /// A track that has failed leaves a counter that goes to and fro by one increment; a line has four.
 const STILL: u32 = 3;
+/// Share of a revolution in a tick from which no axis stops at once: 240 rpm, gone within two ticks, would be 100 000 rad/s^2.
+const FAST_DIVISOR: u32 = 2_000;
+/// Below so many increments in a tick a stop is no proof.
+const FAST_INCREMENTS: u32 = 8;
+/// Ticks that the counter must stand after its stop: an axis that hits something springs back.
+const STOPPED_TICKS: u8 = 4;
 /// Revolutions of the motor without an index pulse after which it is missing.
 const REVOLUTIONS_WITHOUT_INDEX: i32 = 2;
 /// Same direction: the flank may be seen an increment early or late.
@@ -70,6 +78,7 @@ impl EncoderMonitorSettings {
             // Range checked.
             increments: increments as i32,
             largest_jump: u32::try_from(jump).unwrap_or(u32::MAX),
+            fast: (increments / FAST_DIVISOR).max(FAST_INCREMENTS),
             loss_ticks: ticks_of(loss_time),
             loss_current: i32::from(parameters.loss_current.to_bits()).saturating_abs(),
             loss_velocity: parameters.loss_velocity.abs(),
@@ -98,6 +107,13 @@ pub enum EncoderError {
         /// Change in increments.
         actual: i32,
     },
+    /// The counter stood still from one tick to the next, faster than any axis stops: cable or supply of the encoder are gone.
+    SuddenStop {
+        /// Increments in a tick before.
+        expected: u32,
+        /// Increments in the last tick.
+        actual: i32,
+    },
     /// The distance between two index pulses is no whole number of revolutions: increments were lost or added, or the index is disturbed.
     Index {
         /// Increments of the nearest whole number of revolutions; 0 when the motor turned round.
@@ -122,6 +138,9 @@ impl fmt::Display for EncoderError {
             }
             Self::Jump { expected, actual } => {
                 write!(formatter, "encoder jumped by {actual} increments in a tick, expected at most {expected}")
+            }
+            Self::SuddenStop { expected, actual } => {
+                write!(formatter, "encoder stopped at once: {actual} increments in a tick after {expected}")
             }
             Self::Index { expected, actual } => {
                 write!(formatter, "encoder index after {actual} increments, expected {expected}")
@@ -161,6 +180,10 @@ pub struct EncoderMonitor {
     still_at: u32,
     furthest: u32,
     still: Debounce,
+    /// Magnitudes of the changes in the last two ticks; the signal may be lost within one.
+    changes: [u32; 2],
+    /// Change in a tick before a stop that is too sudden, and the ticks since then.
+    stopped: (u32, u8),
     /// Commanded meanwhile, in 2^-36 revolution.
     commanded: i64,
 }
@@ -169,21 +192,52 @@ impl EncoderMonitor {
     /// Starts with the counter at `count`.
     #[must_use]
     pub const fn new(count: u32) -> Self {
-        Self { count, index: None, since_index: 0, still_at: count, furthest: 0, still: Debounce::new(), commanded: 0 }
+        Self {
+            count,
+            index: None,
+            since_index: 0,
+            still_at: count,
+            furthest: 0,
+            still: Debounce::new(),
+            changes: [0; 2],
+            stopped: (0, 0),
+            commanded: 0,
+        }
     }
 
     /// One tick. An error is told once, in the tick in which it is found; where several are found, the first in the order of a jump,
-    /// an index pulse in the wrong place, a missing one, a lost signal.
+    /// a sudden stop, an index pulse in the wrong place, a missing one, a lost signal.
     #[inline]
     pub fn tick(&mut self, settings: &EncoderMonitorSettings, inputs: &EncoderMonitorInputs) -> Option<EncoderError> {
         let moved = inputs.count.wrapping_sub(self.count) as i32;
         self.count = inputs.count;
         let index = self.index(settings, inputs, moved);
         let lost = self.lost(settings, inputs);
+        let stopped = self.stopped(settings, moved);
         if moved.unsigned_abs() > settings.largest_jump {
             return Some(EncoderError::Jump { expected: settings.largest_jump, actual: moved });
         }
-        index.or(lost)
+        stopped.or(index).or(lost)
+    }
+
+    #[inline]
+    fn stopped(&mut self, settings: &EncoderMonitorSettings, moved: i32) -> Option<EncoderError> {
+        let change = moved.unsigned_abs();
+        let [last, before] = self.changes;
+        self.changes = [change, last];
+        let (fastest, ticks) = self.stopped;
+        // A track that has failed goes to and fro by one increment.
+        self.stopped = match (change <= 1, ticks) {
+            (false, _) => (0, 0),
+            (true, 0) if last.max(before) >= settings.fast => (last.max(before), 1),
+            (true, 0) => (0, 0),
+            (true, _) => (fastest, ticks.wrapping_add(1)),
+        };
+        if self.stopped.1 < STOPPED_TICKS {
+            return None;
+        }
+        self.stopped = (0, 0);
+        Some(EncoderError::SuddenStop { expected: fastest, actual: moved })
     }
 
     #[inline]
@@ -341,6 +395,44 @@ mod tests {
             assert_eq!(idle.tick(&settings(), &still), None);
             let weak = EncoderMonitorInputs { current: CurrentFraction::from_num(0.09), ..demanding(0) };
             assert_eq!(without_current.tick(&settings(), &weak), None);
+        }
+    }
+
+    #[test]
+    fn a_counter_that_stops_at_once_has_lost_its_signal_and_is_found_within_four_ticks() {
+        // 13 increments a tick, and what is left of them in the tick in which the cable breaks.
+        for (sign, rest, jitter) in [(1, 6, 0), (1, 6, 1), (-1, 12, 1)] {
+            let mut monitor = EncoderMonitor::new(0);
+            let mut count = 0_u32;
+            let mut turn = |moved: i32| {
+                count = count.wrapping_add_signed(moved * sign);
+                monitor.tick(&settings(), &inputs(count))
+            };
+            for moved in [13, 13, rest, jitter, -jitter, jitter] {
+                assert_eq!(turn(moved), None, "{sign} {rest} {jitter}");
+            }
+            let expected = EncoderError::SuddenStop { expected: 13, actual: -jitter * sign };
+            assert_eq!(turn(-jitter), Some(expected));
+            assert_eq!(turn(0), None, "told once");
+        }
+    }
+
+    #[test]
+    fn an_axis_that_brakes_hard_or_springs_back_has_its_signal() {
+        for moves in [
+            // 100 000 rad/s^2.
+            &[13, 13, 10, 8, 5, 3, 0, 0, 0, 0, 0][..],
+            // Against a stop.
+            &[13, 13, 1, 0, -4, -6, -2, 1, 1, 0, 0, 0, 0],
+            // Too slow for a proof.
+            &[7, 7, 0, 0, 0, 0, 0, 0],
+        ] {
+            let mut monitor = EncoderMonitor::new(0);
+            let mut count = 0_u32;
+            for &moved in moves {
+                count = count.wrapping_add_signed(moved);
+                assert_eq!(monitor.tick(&settings(), &inputs(count)), None, "{moves:?}");
+            }
         }
     }
 

@@ -17,6 +17,8 @@ use crate::windings::{Flow, Surroundings};
 
 /// The integration grid in nanoseconds.
 const GRID: u64 = 5_000;
+/// The largest sample of the converters.
+const LARGEST_SAMPLE: u16 = 4_095;
 
 /// A simulated machine, fed through the duties of its inverter and seen through the samples of its sensors.
 ///
@@ -73,6 +75,10 @@ struct Outside {
     ambient: f64,
     /// What broken current sensors show.
     broken_sensors: [Option<u16>; 3],
+    /// What is added to the samples of the current sensors.
+    shifted_sensors: [i32; 3],
+    /// What broken temperature sensors show: heat sink, windings.
+    broken_thermometers: [Option<u16>; 2],
     encoder_frozen: bool,
     index_muted: bool,
 }
@@ -82,6 +88,7 @@ enum Input {
     Outside(Outside),
     Velocity(f64),
     Slip(i32),
+    Temperatures([f64; 2]),
 }
 
 impl Machine {
@@ -110,6 +117,8 @@ impl Machine {
             brake_failure: None,
             ambient: settings.thermal.ambient,
             broken_sensors: [None; 3],
+            shifted_sensors: [0; 3],
+            broken_thermometers: [None; 2],
             encoder_frozen: false,
             index_muted: false,
         };
@@ -185,6 +194,29 @@ impl Machine {
         self.change(at, |outside| outside.ambient = temperature);
     }
 
+    /// Gives heat sink and windings these temperatures in degrees Celsius at the instant `at`: a load that has gone on for long.
+    pub fn set_temperatures(&mut self, temperatures: [f64; 2], at: u64) {
+        self.timeline.enter(Input::Temperatures(temperatures), at);
+    }
+
+    /// Lets the temperature sensor of the heat sink (0) or of the windings (1) show a fixed sample, or repairs it.
+    pub fn fail_temperature_sensor(&mut self, sensor: usize, sample: Option<u16>, at: u64) {
+        self.change(at, |outside| {
+            if let Some(thermometer) = outside.broken_thermometers.get_mut(sensor) {
+                *thermometer = sample;
+            }
+        });
+    }
+
+    /// Moves the zero of the current sensor of a phase (0, 1, 2) by so many counts.
+    pub fn shift_current_sensor(&mut self, phase: usize, counts: i32, at: u64) {
+        self.change(at, |outside| {
+            if let Some(sensor) = outside.shifted_sensors.get_mut(phase) {
+                *sensor = counts;
+            }
+        });
+    }
+
     /// Lets the current sensor of a phase (0, 1, 2) show a fixed sample, or repairs it.
     pub fn fail_current_sensor(&mut self, phase: usize, sample: Option<u16>, at: u64) {
         self.change(at, |outside| {
@@ -227,7 +259,9 @@ impl Machine {
         let currents = self.phase_currents(at);
         let noise = Noise { seed: self.settings.seed };
         let samples = self.settings.current_sensors.samples(currents, noise, at);
-        core::array::from_fn(|k| self.outside.broken_sensors[k].unwrap_or(samples[k]))
+        let (broken, shifted) = (self.outside.broken_sensors, self.outside.shifted_sensors);
+        let moved = |k: usize| (i32::from(samples[k]) + shifted[k]).clamp(0, i32::from(LARGEST_SAMPLE)) as u16;
+        core::array::from_fn(|k| broken[k].unwrap_or_else(|| moved(k)))
     }
 
     /// Sample of the bus voltage; 4096 would be `bus_range`.
@@ -240,7 +274,9 @@ impl Machine {
     #[must_use]
     pub fn temperature_samples(&mut self, at: u64) -> [u16; 2] {
         let temperatures = self.state_at(at).temperatures;
-        [temperatures.heat_sink, temperatures.winding].map(temperature_sample)
+        let samples = [temperatures.heat_sink, temperatures.winding].map(temperature_sample);
+        let broken = self.outside.broken_thermometers;
+        core::array::from_fn(|k| broken[k].unwrap_or(samples[k]))
     }
 
     /// The encoder counter: quantised, wrapping at 2^32.
@@ -351,6 +387,7 @@ impl Machine {
             Input::Velocity(velocity) => {
                 state.shafts = self.settings.mechanics.together(state.shafts.turn, velocity);
             }
+            Input::Temperatures([heat_sink, winding]) => state.temperatures = Temperatures { winding, heat_sink },
             Input::Slip(counts) => state.counter = Encoder::slip(state.counter, counts),
             Input::Outside(outside) => {
                 if outside.encoder_frozen != self.outside.encoder_frozen {

@@ -51,6 +51,8 @@ pub struct ScriptedMaster {
     slots: Option<Slots>,
     work: Work,
     report: MasterReport,
+    /// Switches in place of those of the script.
+    switches: Option<u16>,
 }
 
 #[derive(Debug)]
@@ -122,6 +124,7 @@ impl ScriptedMaster {
             slots: None,
             work: Work::CloseRing { good: 0, without: 0 },
             report: MasterReport { drives: records.collect(), ..MasterReport::default() },
+            switches: None,
             script,
         }
     }
@@ -195,6 +198,22 @@ impl ScriptedMaster {
     /// to the drive's record; a request that fails is recorded there and does not stop the master once it has finished.
     pub fn service(&mut self, drive: usize) -> &mut ServiceClient {
         &mut self.drives[drive].client
+    }
+
+    /// Sends these switches (bits 15 to 13 of the control word) in place of the script's while it moves its drives, whatever they answer:
+    /// a drive that shuts down ends nothing. `None` ends that.
+    pub fn hold_switches(&mut self, switches: Option<u16>) {
+        self.switches = switches;
+    }
+
+    /// Sets the drives in motion once more, in CP4: they are switched on and follow.
+    ///
+    /// # Panics
+    /// Before CP4, or after an error has ended the run.
+    pub fn move_again(&mut self, motion: Motion) {
+        assert!(self.phase == 4 && !matches!(self.work, Work::Failed), "{}", self.state());
+        self.script.motion = Some(motion);
+        self.work = Work::Move(Stage::Power { waited: 0 });
     }
 
     fn fail(&mut self, error: MasterError) {

@@ -111,6 +111,15 @@ pub(crate) enum Command {
         #[arg(long)]
         check: bool,
     },
+    /// Write the fault matrix, docs/fault-matrix.md: what the drive does about every fault, by state and operation mode
+    ///
+    /// Every cell is a simulated run of the whole firmware on a ring, about half a minute for all of them. Fails, with one line for each cell,
+    /// where the drive does not do what tests/fault_matrix/src/expected.rs asks of it, and writes nothing then.
+    Faults {
+        /// Write nothing: fail if the page is not what the drive does
+        #[arg(long)]
+        check: bool,
+    },
     /// Record a velocity step with the drive's own oscilloscope, read it over the service channel, and draw it
     ///
     /// One drive on a simulated ring, on this computer. A signal is a data block (`S-0-0040`) or a signal inside the loops, by its

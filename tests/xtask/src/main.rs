@@ -10,6 +10,7 @@ mod cli;
 mod clippy;
 mod demo;
 mod elf;
+mod faults;
 mod firmware;
 mod flash;
 mod fuzz;
@@ -68,6 +69,7 @@ fn run(command_line: CommandLine) -> anyhow::Result<Verdict> {
         Command::Replay { file, on, json } => replay::run(&file, on.into(), json, installing),
         Command::SlaveReport { sections, json } => slave_report::run(&sections, json),
         Command::Manual { check } => manual::run(check),
+        Command::Faults { check } => faults::run(check),
         Command::Scope(arguments) => scope::run(&arguments.into()),
         Command::Ring { drives, chip_socket } => ring_server::run(&drives, &chip_socket),
         Command::Flash { probe } => flash::run(probe.as_deref(), installing),

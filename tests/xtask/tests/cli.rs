@@ -40,6 +40,7 @@ fn the_help_is_as_written_down() {
         &["replay", "--help"],
         &["slave-report", "--help"],
         &["manual", "--help"],
+        &["faults", "--help"],
         &["scope", "--help"],
         &["ring", "--help"],
         &["flash", "--help"],

@@ -163,11 +163,12 @@ impl<B: Bus + Clone, H: Hardware> Motion<B, H> {
     }
 
     /// A drive that is switched on far from its command, or goes on there after homing, would jump: the deviation is a fault before it
-    /// moves.
+    /// moves. A drive that stays off is none: commands may run away from it, and after an error they do.
     fn refuse_a_jump(&mut self) {
         let displaced = self.switches.run && core::mem::take(&mut self.displaced);
         let resuming = core::mem::take(&mut self.resuming) || displaced;
-        let starting = (resuming || !self.has_torque()) && self.switches.on && self.switches.enable;
+        let starting = (resuming && self.switches.on && self.switches.enable)
+            || self.machine.would_switch_on(self.switches, self.conditions());
         let window = self.settings.monitoring_window;
         // A movement of the drive's own begins where the axis stands.
         let positioned =

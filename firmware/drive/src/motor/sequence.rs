@@ -107,7 +107,8 @@ impl Motor {
             torque_off: !bridge,
             bridge,
             brake: output.energise || (aligning && self.settings.has_brake),
-            preload: output.preload,
+            // Only a brake hands a load over. Without one the last current may be that of an axis that was blocked: it would be thrown.
+            preload: output.preload.filter(|_| self.settings.has_brake),
         }
     }
 

@@ -3,8 +3,8 @@
 use sercos::diagnostic::Class1;
 use servo::current::{BusScale, Trip};
 use servo::{
-    CurrentFraction, EncoderMonitorInputs, Limiting, LoadOutput, TemperatureOutput, Velocity, VoltageError,
-    VoltageOutput,
+    CurrentFraction, EncoderMonitorInputs, IndexCorrection, Limiting, LoadOutput, TemperatureOutput, Velocity,
+    VoltageError, VoltageOutput,
 };
 
 use super::Motor;
@@ -170,12 +170,15 @@ impl Motor {
         }
     }
 
-    fn watch_current_loop(&self, findings: &mut Findings) {
+    fn watch_current_loop(&mut self, findings: &mut Findings) {
         match self.measured.trip {
             None => {}
             Some(Trip::Overcurrent) => findings.add_fatal(Class1::OVERCURRENT),
             Some(Trip::Overvoltage) => findings.add_fatal(Class1::OVERVOLTAGE),
-            Some(Trip::EncoderJump) => findings.add_fatal(Class1::FEEDBACK),
+            Some(Trip::EncoderJump) => {
+                self.forget_the_angle();
+                findings.add_fatal(Class1::FEEDBACK);
+            }
             Some(Trip::CurrentSum) => findings.add_own(Manufacturer1::CURRENT_SENSOR, true),
             Some(Trip::Late) => findings.add_own(Manufacturer1::DEADLINE, true),
         }
@@ -191,10 +194,21 @@ impl Motor {
                 current: self.measured.torque_current,
             },
         );
+        if error.is_none() {
+            return;
+        }
+        self.forget_the_angle();
         // What a motor without torque does is nobody's fault: it may be turned by hand while the encoder is being wired.
-        if error.is_some() && surroundings.torque {
+        if surroundings.torque {
             findings.add_fatal(Class1::FEEDBACK);
         }
+    }
+
+    /// Increments were lost or added: torque at the old angle could turn the motor anywhere.
+    fn forget_the_angle(&mut self) {
+        self.commutation = None;
+        self.index = IndexCorrection::start(self.settings.index_angle);
+        self.index_armed = false;
     }
 
     fn take_load(&mut self, which: usize, output: &LoadOutput, findings: &mut Findings) {
