@@ -178,6 +178,18 @@ mod tests {
     const FAULT: Conditions = Conditions { fault: true, ..READY };
     const STANDING: Conditions = Conditions { standstill: true, ..READY };
 
+    #[test]
+    fn only_an_edge_that_would_bring_torque_counts_as_switching_on() {
+        let mut machine = StateMachine::default();
+        assert!(machine.would_switch_on(FOLLOW, READY));
+        for conditions in [FAULT, Conditions { power: false, ..READY }, Conditions { operating_phase: false, ..READY }] {
+            assert!(!machine.would_switch_on(FOLLOW, conditions), "{conditions:?}");
+        }
+        assert!(!machine.would_switch_on(ENABLED, READY));
+        let _ = machine.update(FOLLOW, Conditions { power: false, ..READY });
+        assert!(!machine.would_switch_on(FOLLOW, READY), "the edge has gone by");
+    }
+
     fn following() -> StateMachine {
         let mut machine = StateMachine::default();
         let _ = machine.update(NONE, READY);

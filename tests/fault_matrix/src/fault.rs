@@ -235,7 +235,7 @@ impl Fault {
     pub(crate) fn go_on(self, rig: &Rig, step: u64) {
         match self {
             // A slip a millisecond: 70 counts are 10 degrees of a motor with four pole pairs.
-            Self::CommutationDisturbed if step % 16 == 0 && step < 20 * 16 => {
+            Self::CommutationDisturbed if step.is_multiple_of(16) && step < 20 * 16 => {
                 rig.machine(|machine, now| machine.slip_encoder(70, now));
             }
             // A push, not a load that would turn the axis for ever.

@@ -175,6 +175,24 @@ fn a_broken_current_sensor_shows_its_own_value_until_it_is_repaired() {
 }
 
 #[test]
+fn a_current_sensor_with_a_moved_zero_shows_so_much_more() {
+    let mut machine = with_current(ideal().current_sensors);
+    machine.shift_current_sensor(2, -50, 100 * MILLISECOND);
+    machine.shift_current_sensor(0, 4_000, 100 * MILLISECOND);
+    assert_eq!(machine.current_samples(100 * MILLISECOND - 1), [2_848, 1_648, 1_648]);
+    assert_eq!(machine.current_samples(100 * MILLISECOND), [4_095, 1_648, 1_598]);
+}
+
+#[test]
+fn heat_sink_and_windings_take_the_temperatures_that_they_are_given_and_a_broken_sensor_does_not_see_them() {
+    let mut machine = Machine::new(ideal());
+    machine.set_temperatures([60.0, 100.0], MILLISECOND);
+    machine.fail_temperature_sensor(1, Some(4_095), 2 * MILLISECOND);
+    assert_eq!(machine.temperature_samples(MILLISECOND), [1_100, 1_500]);
+    assert_eq!(machine.temperature_samples(2 * MILLISECOND), [1_100, 4_095]);
+}
+
+#[test]
 fn the_noise_has_its_strength_and_repeats_with_its_seed() {
     let sensors = CurrentSensors { noise: 3.0, ..ideal().current_sensors };
     let run = |seed: u64| {
