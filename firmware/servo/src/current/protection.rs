@@ -92,11 +92,7 @@ impl Offsets {
             // 1 024 samples of 12 bits: the mean in 2^-3 counts is the sum over 128.
             let phases = self.sums.map(|sum| (sum >> 7).cast_signed());
             self.sums = [0; 3];
-<<<<<<< HEAD
             if phases.iter().all(|zero| zero.wrapping_sub(MIDDLE << 3).wrapping_abs() <= LARGEST_OFFSET << 3) {
-=======
-            if phases.iter().all(|zero| zero.wrapping_sub(MIDDLE << 3).abs() <= LARGEST_OFFSET << 3) {
->>>>>>> h-matrix
                 self.phases = phases;
             } else {
                 self.samples = 0;
