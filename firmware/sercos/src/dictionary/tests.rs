@@ -127,7 +127,10 @@ fn the_idn_lists_hold_what_the_reference_asks_for() {
         selected
     };
     assert_eq!(numbers(Selection::NeededForCp3), [1, 2, 6, 7, 8, 9, 10, 15, 16, 24, 89]);
-    assert_eq!(numbers(Selection::Commands), [99, 127, 128, 139, 148, 170, 191, 262, 447]);
+    assert_eq!(
+        numbers(Selection::Commands),
+        [99, 127, 128, 139, 148, 170, 191, 262, 447, 0x80DC, 0x80E0, 0x80E1, 0x80E2]
+    );
     assert_eq!(numbers(Selection::ConfigurableInMdt), [36, 37, 47, 48, 80, 81, 145, 258]);
     assert_eq!(
         numbers(Selection::ConfigurableInAt),
