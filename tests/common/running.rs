@@ -132,7 +132,7 @@ impl Bench {
                 return finished.result.clone();
             }
         }
-        panic!("the request is not answered");
+        panic!("the request is not answered: {}", self.world.ring().master().state());
     }
 
     /// Writes a data block; the error code, if it is refused.

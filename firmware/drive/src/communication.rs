@@ -205,10 +205,8 @@ impl<B: Bus + Clone> Communication<B> {
                 self.service.set_command_change(self.server.command_change());
             }
         }
-        if settings_changed {
-            if let Ok(settings) = MotionSettings::new(&self.parameters, H::LOOP_TIMER_COUNTS) {
-                motion.lock(|motion| motion.apply_settings(settings));
-            }
+        if settings_changed && let Ok(settings) = MotionSettings::new(&self.parameters, H::LOOP_TIMER_COUNTS) {
+            motion.lock(|motion| motion.apply_settings(settings));
         }
         self.show_diagnosis(motion);
     }

@@ -235,9 +235,9 @@ diagnoses! {
     AMPLIFIER_FAULT = 0xF10F "Amplifier fault", "Fehler im Leistungsteil",
         "The gate drivers reported a fault, and the break input switched the bridge off while torque was on.",
         "Check motor cable and bridge for a short circuit, and the supply of the gate drivers; then S-0-0099.";
-    CURRENT_SENSOR = 0xF110 "Phase currents do not add up", "Summe der Strangstroeme falsch",
-        "The three phase currents differ from zero together by more than a tenth of their range: a sensor or an earth fault.",
-        "Check the motor cable for an earth fault, then the current sensors.";
+    CURRENT_SENSOR = 0xF110 "Phase currents implausible", "Strangstroeme unglaubwuerdig",
+        "The three phase currents do not add up to zero, or do not follow all the voltage there is: a sensor, an open phase or an earth fault.",
+        "Check the motor cable for an open phase and an earth fault, then the current sensors.";
     DEADLINE = 0xF111 "Current loop too late", "Stromregler zu spaet",
         "The current loop missed two periods in a row; P-0-0153 counts them.",
         "Report it with the firmware's version: this must not happen.";

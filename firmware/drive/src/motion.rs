@@ -292,7 +292,7 @@ impl<B: Bus + Clone, H: Hardware> Motion<B, H> {
         self.ticks = self.ticks.wrapping_add(1);
         self.inputs = self.hardware.inputs();
         let count = self.motor.measure().count;
-        let position = self.encoder.update(self.counted(count));
+        let _ = self.encoder.update(self.counted(count));
         let index = self.hardware.index_latch().map(|latch| self.counted(latch));
         self.look_after_the_motor(index);
         self.update_state();
@@ -303,6 +303,8 @@ impl<B: Bus + Clone, H: Hardware> Motion<B, H> {
         if self.is_positioning() {
             self.position_to_target();
         }
+        // Only now: homing may just have moved the zero.
+        let position = self.encoder.position();
         self.identify(position);
         let output = self.axis.tick(position, self.motor.torque_limits());
         if output.excessive_deviation {
@@ -398,10 +400,24 @@ impl<B: Bus + Clone, H: Hardware> Motion<B, H> {
         if self.values.measured_velocity.abs() > self.settings.overspeed {
             findings.add_own(Manufacturer1::OVERSPEED, false);
         }
+        if self.is_leaving_its_range() {
+            findings.class_1 |= Class1::POSITION_LIMIT;
+        }
         if in_operation && self.phase == Phase::Cp4 && self.lost.is_none() && !self.clock.is_locked() {
             findings.add_own(Manufacturer1::SYNCHRONISATION, false);
         }
         self.take(findings);
+    }
+
+    /// The axis is beyond S-0-0049 or S-0-0050 and moves further out. The way back is free, so that S-0-0099 and a command inwards
+    /// bring it home. Without reference the limits mean nothing.
+    fn is_leaving_its_range(&self) -> bool {
+        let Some((highest, lowest)) = self.settings.position_limits.filter(|_| self.referenced) else { return false };
+        let position = self.encoder.position();
+        let outwards = |velocity: Velocity| {
+            (position > highest && velocity > Velocity::ZERO) || (position < lowest && velocity < Velocity::ZERO)
+        };
+        outwards(self.velocity_command) && self.machine.state().is_in_operation()
     }
 
     /// The two channels are observed, never relied on: the hardware behind them takes the torque away by itself.

@@ -69,6 +69,11 @@ pub(crate) struct Motor {
     direct_command: CurrentFraction,
     /// Currents and angle that the alignment asks for.
     aligning: Option<(u32, CurrentFraction, CurrentFraction)>,
+    /// Torque-producing current of the last order, and the voltage that the rotation induces, volt 2^-14.
+    commanded: CurrentFraction,
+    induced: i32,
+    /// Ticks for which the current has not followed.
+    blind: u16,
     weakening: FieldWeakening,
     /// Flux-producing current that weakens the field.
     weakened: CurrentFraction,
@@ -114,6 +119,9 @@ impl Motor {
             held: None,
             direct_command: CurrentFraction::ZERO,
             aligning: None,
+            commanded: CurrentFraction::ZERO,
+            induced: 0,
+            blind: 0,
             weakening: FieldWeakening::new(),
             weakened: CurrentFraction::ZERO,
             bus_scale: BusScale::default(),
@@ -236,6 +244,8 @@ impl Motor {
             Some((_, request)) => (request.direct_voltage, request.quadrature_voltage),
             None => settings.model.induced(speed, direct, quadrature),
         };
+        self.commanded = quadrature;
+        self.induced = quadrature_voltage.saturating_abs();
         let per_increment = if self.held.is_some() { 0 } else { settings.angle_per_increment };
         let order = CurrentOrder {
             on: self.bridge_on,

@@ -182,7 +182,8 @@ mod tests {
     fn only_an_edge_that_would_bring_torque_counts_as_switching_on() {
         let mut machine = StateMachine::default();
         assert!(machine.would_switch_on(FOLLOW, READY));
-        for conditions in [FAULT, Conditions { power: false, ..READY }, Conditions { operating_phase: false, ..READY }] {
+        for conditions in [FAULT, Conditions { power: false, ..READY }, Conditions { operating_phase: false, ..READY }]
+        {
             assert!(!machine.would_switch_on(FOLLOW, conditions), "{conditions:?}");
         }
         assert!(!machine.would_switch_on(ENABLED, READY));

@@ -121,10 +121,10 @@ impl Commands {
 
     /// Takes news of a command that is executing or interrupted; others have no news.
     pub(crate) fn progress(&mut self, idn: Idn, state: CommandState) {
-        if let Some(slot) = self.slot(idn) {
-            if matches!(slot.status, CommandStatus::Executing | CommandStatus::Interrupted) {
-                slot.take(state);
-            }
+        if let Some(slot) = self.slot(idn)
+            && matches!(slot.status, CommandStatus::Executing | CommandStatus::Interrupted)
+        {
+            slot.take(state);
         }
     }
 

@@ -743,10 +743,10 @@ dictionary! {
 const fn is_ascending(rows: &[DataBlock]) -> bool {
     let mut rest = rows;
     while let [first, tail @ ..] = rest {
-        if let [second, ..] = tail {
-            if first.idn.0 >= second.idn.0 {
-                return false;
-            }
+        if let [second, ..] = tail
+            && first.idn.0 >= second.idn.0
+        {
+            return false;
         }
         rest = tail;
     }

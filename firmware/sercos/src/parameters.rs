@@ -289,10 +289,10 @@ impl Parameters {
     }
 
     pub(crate) fn mark_written(&mut self, idn: Idn) {
-        if let Some((word, mask)) = written_bit(idn) {
-            if let Some(bits) = self.written.get_mut(word) {
-                *bits |= mask;
-            }
+        if let Some((word, mask)) = written_bit(idn)
+            && let Some(bits) = self.written.get_mut(word)
+        {
+            *bits |= mask;
         }
     }
 

@@ -185,10 +185,10 @@ pub fn check_cp4(
         }
         if !capabilities.operation_modes.contains(&mode) {
             invalid.add(idn, Reason::NotSupported);
-        } else if let Some(command) = command_value_of(mode) {
-            if !configuration.mdt.iter().any(|datum| datum.idn == command) {
-                invalid.add(idn, Reason::CommandValueMissing(command));
-            }
+        } else if let Some(command) = command_value_of(mode)
+            && !configuration.mdt.iter().any(|datum| datum.idn == command)
+        {
+            invalid.add(idn, Reason::CommandValueMissing(command));
         }
     }
     // Rotary data of the motor shaft; preferred or parameter scaling, absolute or modulo, per minute or per second

@@ -67,10 +67,11 @@ impl BusObserver {
             measurements.released = Some(now);
         }
         let length = chip.read_ram(now, Block::CYCLIC.at_header.offset(LENGTH).word());
-        if length > 0 && word == Block::CYCLIC.at_data.offset(length - 1).word() {
-            if let Some(edge) = self.raised[1].take() {
-                self.measurements.borrow_mut().interrupt_to_at.record(now.saturating_sub(edge));
-            }
+        if length > 0
+            && word == Block::CYCLIC.at_data.offset(length - 1).word()
+            && let Some(edge) = self.raised[1].take()
+        {
+            self.measurements.borrow_mut().interrupt_to_at.record(now.saturating_sub(edge));
         }
     }
 }

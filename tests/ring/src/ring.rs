@@ -280,16 +280,16 @@ impl<M: Master, S: Station> Ring<M, S> {
             self.happen(now, event);
         }
         for station in 0..self.stations.len() {
-            if self.stations[station].next_event().is_some_and(|time| time <= now) {
-                if let Some(transmission) = self.stations[station].on_time(now) {
-                    self.send_from_station(now, station, transmission);
-                }
+            if self.stations[station].next_event().is_some_and(|time| time <= now)
+                && let Some(transmission) = self.stations[station].on_time(now)
+            {
+                self.send_from_station(now, station, transmission);
             }
         }
-        if self.master.next_transmission().is_some_and(|time| time <= now) {
-            if let Some(transmission) = self.master.transmit(now) {
-                self.send_from_master(now, transmission);
-            }
+        if self.master.next_transmission().is_some_and(|time| time <= now)
+            && let Some(transmission) = self.master.transmit(now)
+        {
+            self.send_from_master(now, transmission);
         }
     }
 
@@ -300,17 +300,17 @@ impl<M: Master, S: Station> Ring<M, S> {
                 let Some(passage) = self.passages.get(&number) else {
                     return;
                 };
-                if passage.damage.shows_flag() {
-                    if let Some(station) = self.stations.get_mut(passage.node) {
-                        station.on_telegram_start(now);
-                    }
+                if passage.damage.shows_flag()
+                    && let Some(station) = self.stations.get_mut(passage.node)
+                {
+                    station.on_telegram_start(now);
                 }
             }
             Event::End(number) => {
-                if self.passages.get(&number).is_some_and(|passage| passage.end == now) {
-                    if let Some(passage) = self.passages.remove(&number) {
-                        self.deliver(&passage);
-                    }
+                if self.passages.get(&number).is_some_and(|passage| passage.end == now)
+                    && let Some(passage) = self.passages.remove(&number)
+                {
+                    self.deliver(&passage);
                 }
             }
             Event::Signal { node, present } => match self.stations.get_mut(node) {

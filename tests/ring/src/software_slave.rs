@@ -309,10 +309,10 @@ impl SoftwareSlave {
                 3 => 3,
                 _ => 0,
             };
-            if block.data_status == 0xF {
-                if let Some(list) = self.blocks.get_mut(&Idn::INVALID_FOR_CP3) {
-                    list.value = Value::idns(&manners.invalid_for_cp3);
-                }
+            if block.data_status == 0xF
+                && let Some(list) = self.blocks.get_mut(&Idn::INVALID_FOR_CP3)
+            {
+                list.value = Value::idns(&manners.invalid_for_cp3);
             }
         } else if !manners.forgets.contains(&idn) {
             block.value = value;

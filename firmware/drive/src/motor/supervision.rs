@@ -120,7 +120,7 @@ impl Motor {
         self.limits = self.settings.torque_limits.combine(motor, amplifier);
         self.limiting = Limiting::empty();
         if self.bridge_on {
-            self.weaken();
+            self.weaken(&mut findings);
         } else {
             self.weakening.reset();
             self.weakened = CurrentFraction::ZERO;
@@ -129,7 +129,7 @@ impl Motor {
     }
 
     /// Field weakening, and what it leaves for the torque.
-    fn weaken(&mut self) {
+    fn weaken(&mut self, findings: &mut Findings) {
         let readings = &self.measured.readings;
         let output = self.weakening.tick(&self.settings.weakening, readings, &self.bus_scale);
         self.weakened = output.direct;
@@ -143,6 +143,19 @@ impl Motor {
         let squared = direct.wrapping_mul(direct).wrapping_add(quadrature.wrapping_mul(quadrature));
         if squared.wrapping_mul(17) > longest.wrapping_mul(longest).wrapping_mul(16) {
             self.limiting |= Limiting::VOLTAGE;
+        }
+        self.watch_current(findings);
+    }
+
+    /// All the voltage there is, little of it for the rotation, and still the current does not follow: a converter that has stopped, a sensor
+    /// without supply, or a phase that is open. Without this the loop would push ever more current that it does not see.
+    fn watch_current(&mut self, findings: &mut Findings) {
+        let deviation = i32::from(self.commanded.to_bits()).abs_diff(i32::from(self.measured.torque_current.to_bits()));
+        let turning = self.induced > self.bus_scale.longest() >> 1;
+        let blind = deviation > BLIND_DEVIATION && self.limiting.contains(Limiting::VOLTAGE) && !turning;
+        self.blind = if blind { self.blind.saturating_add(1) } else { 0 };
+        if self.blind >= BLIND_TICKS {
+            findings.add_own(Manufacturer1::CURRENT_SENSOR, true);
         }
     }
 
@@ -221,6 +234,10 @@ impl Motor {
         }
     }
 }
+
+/// A tenth of the peak current, for 2 ms: twenty times what the loop needs at this voltage.
+const BLIND_DEVIATION: u32 = 3_277;
+const BLIND_TICKS: u16 = 16;
 
 /// Load from which C2D bit 0 is set, in 0.1 %.
 const WARNING: u16 = 900;

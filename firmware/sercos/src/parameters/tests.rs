@@ -47,7 +47,7 @@ fn distinct(block: &DataBlock, number: u64) -> u64 {
         // Small ranges do not hold a value for each; their neighbours then differ all the same.
         Some(maximum) => {
             let minimum = block.minimum.unwrap_or(0);
-            let span = u64::try_from(maximum.abs_diff(minimum)).unwrap_or(u64::MAX).saturating_add(1);
+            let span = maximum.abs_diff(minimum).saturating_add(1);
             (maximum - (number % span) as i64) as u64
         }
         None if block.fixed_bytes() == Some(8) => number | number << 32,

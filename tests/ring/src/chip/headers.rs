@@ -136,10 +136,8 @@ impl Chip {
             match current.kind {
                 Kind::Transmit => {
                     self.enter_header(now, current.next);
-                    if may_send {
-                        if let Some(transmission) = self.send(current.address) {
-                            return Some(transmission);
-                        }
+                    if may_send && let Some(transmission) = self.send(current.address) {
+                        return Some(transmission);
                     }
                 }
                 Kind::Receive if self.walk.incoming && self.kind(current.next) != Kind::Transmit => {
@@ -184,10 +182,10 @@ impl Chip {
         let taken = self.is_armed(current.address) && self.take(current, start, frame);
         if taken {
             self.enter_header(now, current.next);
-        } else if current.due.is_none() {
-            if let Some(current) = self.walk.current {
-                self.leave_receive_header(now, current);
-            }
+        } else if current.due.is_none()
+            && let Some(current) = self.walk.current
+        {
+            self.leave_receive_header(now, current);
         }
     }
 

@@ -58,10 +58,10 @@ impl ScriptedMaster {
         let bytes = vec![drive.address, low, high, info_low, info_high];
         self.addressed = Some(talking);
         self.take_results(talking);
-        if let Work::Dialogue { round, drive, .. } = self.work {
-            if self.drives[drive].client.is_idle() {
-                self.next_in_dialogue(round, drive + 1);
-            }
+        if let Work::Dialogue { round, drive, .. } = self.work
+            && self.drives[drive].client.is_idle()
+        {
+            self.next_in_dialogue(round, drive + 1);
         }
         Some(bytes)
     }
