@@ -227,3 +227,27 @@ fn a_probe_takes_the_position_of_its_edge_once_for_each_arming() {
     bench.write(170, Value::Word(0)).unwrap();
     assert_eq!(bench.number(170) & 0xF, 0);
 }
+
+#[test]
+fn a_homed_axis_stops_when_it_leaves_its_range() {
+    // 100 degrees both ways, switched on by bit 4 of S-0-0055.
+    let parameters = vec![
+        (Idn(49), Value::Long(1_000_000)),
+        (Idn(50), Value::Long(-1_000_000_i32 as u32)),
+        (Idn(55), Value::Word(1 << 4)),
+        (Idn(259), Value::Long(300_000)),
+    ];
+    let mut bench = in_operation(0x1B, &[Idn::VELOCITY_COMMAND], parameters);
+    bench.write(258, Value::Long(2_000_000)).unwrap();
+    bench.run(Nanoseconds::from_millis(1_500));
+    let angle = degrees(&mut bench);
+    assert!((199.0..201.0).contains(&angle), "without reference there is no range: {angle}");
+    bench.write(52, Value::Long(0)).unwrap();
+    bench.write(148, Value::Word(3)).unwrap();
+    bench.write(148, Value::Word(0)).unwrap();
+    bench.write(258, Value::Long(2_000_000)).unwrap();
+    bench.run(Nanoseconds::from_millis(1_500));
+    let beyond = degrees(&mut bench) - angle;
+    assert!((100.0..108.0).contains(&beyond), "stopped {beyond} degrees from the reference");
+    assert!(!bench.has_torque());
+}

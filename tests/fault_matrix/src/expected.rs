@@ -62,9 +62,11 @@ pub fn cells() -> Vec<Expected> {
 pub(crate) const fn note(fault: Fault) -> Option<&'static str> {
     Some(match fault {
         Fault::ConvertersStuck => {
-            "A gap: the drive does not compare the currents with what its voltages should make. It notices when the motor runs away."
+            "Noticed when all the voltage there is makes no current: as soon as the loops ask for a tenth of the peak current, not before."
         }
-        Fault::PositionLimit => "A gap: S-0-0049, S-0-0050 and bit 4 of S-0-0055 are stored, but not watched.",
+        Fault::PositionLimit => {
+            "These axes are not homed, and without a reference the limits mean nothing; `tests/travel.rs` has one that is."
+        }
         Fault::EncoderFrozen => {
             "A standing axis shows nothing of it; the first command for movement does, see *axis blocked* in velocity mode. Below 240 rpm \
              (or 8 increments in 125 us) the stop is no proof, and the same holds."
@@ -148,9 +150,9 @@ const TABLE: &[Row] = &[
     row(Fault::CurrentSum, WITH_TORQUE, TorqueOff, AT_ONCE, 0xF110, RunsAgain),
     row(Fault::ConvertersStuck, WHEN_SWITCHING_ON, TorqueOff, Some((1_000, 30_000)), 0xF11A, RunsAgain),
     row(Fault::ConvertersStuck, EVERY_MODE, GoesOn, None, 0, NoError),
-    row(Fault::ConvertersStuck, &[(Standstill, Velocity)], GoesOn, None, 0, NoError),
-    row(Fault::ConvertersStuck, &[(Halted, Position)], TorqueOff, Some((100_000, 480_000)), 0xF115, RunsAgain),
-    row(Fault::ConvertersStuck, WHEN_STOPPING, Ramp, Some((10_000, 400_000)), 0xF115, RunsAgain),
+    row(Fault::ConvertersStuck, &[(Standstill, Velocity)], TorqueOff, Some((50_000, 400_000)), 0xF110, RunsAgain),
+    row(Fault::ConvertersStuck, &[(Halted, Position)], TorqueOff, Some((50_000, 400_000)), 0xF110, RunsAgain),
+    row(Fault::ConvertersStuck, WHEN_STOPPING, TorqueOff, Some((5_000, 60_000)), 0xF110, RunsAgain),
     row(Fault::Overvoltage, WHEN_OFF, GoesOn, None, 0, NoError),
     row(Fault::Overvoltage, WITH_TORQUE, TorqueOff, Some((400, 900)), 0xF108, RunsAgain),
     row(Fault::MainsFailure, &[(AtSpeed, Torque)], GoesOn, None, 0, NoError),

@@ -132,9 +132,16 @@ fn tables_in_flash(product: &[u8]) -> Result<u64> {
     judge_tables(&symbols)?;
     let of_tables = symbols.iter().filter(|symbol| TABLES.iter().any(|table| symbol.0.contains(table)));
     let bytes = of_tables.map(|symbol| symbol.2).sum();
-    // A copy would have another name: nothing in RAM may be as large as the dictionary.
-    let largest = symbols.iter().filter(|symbol| symbol.1 >= RAM).max_by_key(|symbol| symbol.2);
-    if let Some((name, _, size)) = largest.filter(|symbol| symbol.2 * 2 > bytes) {
+    // A copy would have another name: no variable that is filled at start may be as large as the dictionary. Memory that starts as zeros,
+    // such as that of the oscilloscope, is none.
+    let is_filled = |address: u64| {
+        program.sections().any(|section| {
+            section.kind() == object::SectionKind::Data
+                && (section.address()..section.address() + section.size()).contains(&address)
+        })
+    };
+    let filled = symbols.iter().filter(|symbol| symbol.1 >= RAM && is_filled(symbol.1));
+    if let Some((name, _, size)) = filled.max_by_key(|symbol| symbol.2).filter(|symbol| symbol.2 * 2 > bytes) {
         bail!("{name} takes {size} bytes of RAM, as much as a table: constants belong into flash");
     }
     Ok(bytes)
