@@ -40,6 +40,12 @@ pub(crate) fn sum_of_products(a: i32, b: i32, c: i32, d: i32) -> i32 {
     (sum >> 32) as i32
 }
 
+/// `a * b / 2^32`, to the nearest.
+#[inline]
+pub(crate) fn rounded_product(a: i32, b: i32) -> i32 {
+    (i64::from(a).wrapping_mul(i64::from(b)).wrapping_add(1 << 31) >> 32) as i32
+}
+
 /// `a * b / 2^32`, rounded down.
 #[inline]
 pub(crate) fn high_product(a: i32, b: i32) -> i32 {

@@ -138,8 +138,9 @@ impl Motor {
             self.limits = self.limits.narrowed(output.quadrature_limit, Limiting::FIELD_WEAKENING);
         }
         // 97 % of the longest vector, squared.
-        let [direct, quadrature, longest] =
-            [readings.direct_voltage, readings.quadrature_voltage, self.bus_scale.longest()].map(|v| i64::from(v >> 4));
+        let coarse = |voltage: i32| i64::from(voltage >> 4);
+        let (direct, quadrature) = (coarse(readings.direct_voltage), coarse(readings.quadrature_voltage));
+        let longest = coarse(self.bus_scale.longest());
         let squared = direct.wrapping_mul(direct).wrapping_add(quadrature.wrapping_mul(quadrature));
         if squared.wrapping_mul(17) > longest.wrapping_mul(longest).wrapping_mul(16) {
             self.limiting |= Limiting::VOLTAGE;

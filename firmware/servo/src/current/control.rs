@@ -1,10 +1,10 @@
 //! A cycle of the current loop.
 
-use super::modulator::{FRACTION, limited_to_period, space_vector};
+use super::modulator::{limited_to_period, space_vector};
 use super::settings::CURRENT_BITS;
 use super::{CurrentCommand, CurrentLoopSettings};
 use crate::CurrentFraction;
-use crate::trigonometry::{Rotation, high_product, sum_of_products};
+use crate::trigonometry::{Rotation, high_product, rounded_product, sum_of_products};
 
 /// What the current loop measured and gave in its last cycle.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -133,11 +133,8 @@ impl CurrentLoop {
         let then = at.half_then(command.ahead);
         let alpha = sum_of_products(direct_voltage, then.cosine, quadrature_voltage.wrapping_neg(), then.sine);
         let beta = sum_of_products(direct_voltage, then.sine, quadrature_voltage, then.cosine);
-        self.counts = space_vector(
-            high_product(alpha.wrapping_shl(FRACTION), bus.counts),
-            high_product(beta.wrapping_shl(FRACTION), bus.side),
-            settings.middle.wrapping_shl(FRACTION),
-        );
+        self.counts =
+            space_vector(rounded_product(alpha, bus.counts), rounded_product(beta, bus.side), settings.middle);
         then
     }
 }

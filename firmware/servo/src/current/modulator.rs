@@ -1,13 +1,14 @@
 //! From a voltage to compare values: space vector modulation and dead-time compensation.
 
 use crate::SettingsError;
+use crate::trigonometry::rounded_product;
 use crate::units::divide_rounding;
 
 /// Bits of a compare value below a count, until it is rounded: rounded down earlier, it would be a voltage that stands in the stator, and
 /// with it a torque that swings once in an electrical revolution.
-pub(super) const FRACTION: u32 = 4;
+pub(super) const FRACTION: u32 = 3;
 
-/// Compare values of the three phases for a voltage, before limiting, in counts 2^-4 like all that goes in. `side`: sqrt(3)/2 times beta.
+/// Compare values of the three phases for a voltage, before limiting, in counts 2^-3 like all that goes in. `side`: sqrt(3)/2 times beta.
 ///
 /// The zero-sequence that puts the middle of the highest and the lowest phase into the middle of the period makes the same switching
 /// pattern as space vector modulation, and reaches the same voltage: 1/sqrt(3) of the bus.
@@ -23,12 +24,12 @@ pub(super) fn space_vector(alpha: i32, side: i32, middle: i32) -> [i32; 3] {
     [a.wrapping_add(zero), b.wrapping_add(zero), c.wrapping_add(zero)]
 }
 
-/// A compare value from counts 2^-4, to the nearest and within the period, whose middle is given in counts.
+/// A compare value from counts 2^-3, to the nearest and within the period, whose middle is given in counts 2^-3.
 #[inline]
 pub(super) fn limited_to_period(fine: i32, middle: i32) -> u16 {
     let counts = fine.wrapping_add(1 << (FRACTION - 1)) >> FRACTION;
     // Within 0 ..= 10 500.
-    counts.min(middle.wrapping_shl(1)).max(0) as u16
+    counts.min(middle >> (FRACTION - 1)).max(0) as u16
 }
 
 /// Gives back the voltage that the dead time takes: while both transistors of a phase are off, the current chooses the diode, and with it
@@ -39,10 +40,10 @@ pub(super) fn limited_to_period(fine: i32, middle: i32) -> u16 {
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub struct DeadTimeCompensation {
-    /// Counts 2^-16 per 2^-24 of the peak current near zero current, in 2^-16.
+    /// Current from which the compensation is full, in 2^-24 of peak.
+    band: i32,
+    /// Counts 2^-3 per 2^-24 of peak within the band, in 2^-32.
     slope: i32,
-    /// Counts at full compensation, in 2^-16.
-    full: i32,
 }
 
 impl DeadTimeCompensation {
@@ -61,28 +62,27 @@ impl DeadTimeCompensation {
             return Err(SettingsError::DeadTime { actual: dead_time });
         }
         // The high side is on for twice the compare value: half the dead time in counts of 168 MHz.
-        let full = divide_rounding(i128::from(dead_time).saturating_mul(168) << 16, 2_000);
-        // per band / peak * 2^24
-        let slope =
-            divide_rounding(i128::from(full).saturating_mul(peak_current.into()), i128::from(band) << (24 - 16));
-        // At most 10 us: 840 counts 2^-16. A steeper slope than 2^31 only narrows a band that is a thousandth of the ripple.
-        Ok(Self { slope: slope.min(i32::MAX.into()) as i32, full: full as i32 })
+        let full = i128::from(dead_time).saturating_mul(168) << (32 + FRACTION);
+        let band = divide_rounding(i128::from(band) << 24, peak_current.into());
+        // A narrower band would be a thousandth of the ripple, and a slope beyond 2^31.
+        let narrowest = divide_rounding(full, 2_000_i128 << 31).saturating_add(1);
+        let band = band.max(narrowest).min(i32::MAX.into());
+        let slope = divide_rounding(full, i128::from(band).saturating_mul(2_000));
+        Ok(Self { band: band as i32, slope: slope as i32 })
     }
 
     pub(super) const fn to_words(self) -> [u32; 2] {
-        [self.slope.cast_unsigned(), self.full.cast_unsigned()]
+        [self.band.cast_unsigned(), self.slope.cast_unsigned()]
     }
 
-    pub(super) const fn from_words([slope, full]: [u32; 2]) -> Self {
-        Self { slope: slope.cast_signed(), full: full.cast_signed() }
+    pub(super) const fn from_words([band, slope]: [u32; 2]) -> Self {
+        Self { band: band.cast_signed(), slope: slope.cast_signed() }
     }
 
-    /// Counts 2^-4 to add to the compare value of a phase for this current, in 2^-24 of peak.
+    /// Counts 2^-3 to add to the compare value of a phase for this current, in 2^-24 of peak.
     #[inline]
     pub(super) fn counts(self, current: i32) -> i32 {
-        let wanted = i64::from(current).wrapping_mul(i64::from(self.slope)) >> 16;
-        let limit = i64::from(self.full);
-        (wanted.min(limit).max(limit.wrapping_neg()).wrapping_add(1 << (15 - FRACTION)) >> (16 - FRACTION)) as i32
+        rounded_product(current.min(self.band).max(self.band.wrapping_neg()), self.slope)
     }
 }
 
@@ -119,7 +119,7 @@ mod tests {
         fn the_compensation_is_odd_and_never_more_than_half_the_dead_time(current: i32, band in 1_u32..10_000) {
             let compensation = DeadTimeCompensation::new(1_000, band, 25_000).unwrap();
             let counts = compensation.counts(current);
-            prop_assert!(counts.abs() <= 84 << 4);
+            prop_assert!(counts.abs() <= 84 << FRACTION);
             prop_assert!((counts + compensation.counts(current.saturating_neg())).abs() <= 1);
         }
     }
@@ -128,9 +128,9 @@ mod tests {
     fn the_compensation_reaches_half_the_dead_time_at_the_end_of_its_band() {
         let compensation = DeadTimeCompensation::new(1_000, 200, 25_000).unwrap();
         // 200 mA of 25 A: 134 218 in 2^-24
-        assert_eq!(compensation.counts(134_218), 84 << 4);
-        assert!((83 << 4..84 << 4).contains(&compensation.counts(133_500)));
-        assert_eq!(compensation.counts(67_109), 42 << 4);
+        assert_eq!(compensation.counts(134_218), 84 << FRACTION);
+        assert!((83 << FRACTION..84 << FRACTION).contains(&compensation.counts(133_500)));
+        assert_eq!(compensation.counts(67_109), 42 << FRACTION);
         assert_eq!(compensation.counts(0), 0);
         assert_eq!(DeadTimeCompensation::new(0, 200, 25_000).unwrap().counts(1 << 24), 0);
         assert_eq!(DeadTimeCompensation::new(10_001, 1, 1), Err(SettingsError::DeadTime { actual: 10_001 }));

@@ -4,6 +4,7 @@ use crate::SettingsError;
 use crate::units::divide_rounding;
 
 use super::DeadTimeCompensation;
+use super::modulator::FRACTION;
 
 /// How often the current loop runs. Centre-aligned modulation, one period a cycle.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -76,7 +77,7 @@ pub struct CurrentLoopSettings {
     pub(super) proportional: i32,
     /// Current 2^-26 of peak to volt 2^-18 per cycle, in 2^-32.
     pub(super) integral: i32,
-    /// Half the compare value of a fully switched-on phase.
+    /// Half the compare value of a fully switched-on phase, in counts 2^-3.
     pub(super) middle: i32,
     pub(super) dead_time: DeadTimeCompensation,
 }
@@ -125,7 +126,7 @@ impl CurrentLoopSettings {
             beta: within(divide_rounding(scale.saturating_mul(ROOT_OF_A_THIRD), peak << 32))?,
             proportional: within(divide_rounding(microvolts << 20, 1_000_000))?,
             integral: within(integral)?,
-            middle: i32::from(parameters.frequency.reload() / 2),
+            middle: i32::from(parameters.frequency.reload() / 2) << FRACTION,
             dead_time: DeadTimeCompensation::new(
                 parameters.dead_time,
                 parameters.dead_time_band,
