@@ -40,7 +40,7 @@ pub struct CurrentLoop {
     direct_integral: i32,
     quadrature_integral: i32,
     readings: CurrentReadings,
-    /// Compare values before dead-time compensation, in counts 2^-4.
+    /// Compare values from the middle of the period, in counts 2^-3, before dead-time compensation. in counts 2^-4.
     counts: [i32; 3],
 }
 
@@ -133,8 +133,7 @@ impl CurrentLoop {
         let then = at.half_then(command.ahead);
         let alpha = sum_of_products(direct_voltage, then.cosine, quadrature_voltage.wrapping_neg(), then.sine);
         let beta = sum_of_products(direct_voltage, then.sine, quadrature_voltage, then.cosine);
-        self.counts =
-            space_vector(rounded_product(alpha, bus.counts), rounded_product(beta, bus.side), settings.middle);
+        self.counts = space_vector(rounded_product(alpha, bus.counts), rounded_product(beta, bus.side));
         then
     }
 }

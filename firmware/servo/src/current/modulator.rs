@@ -8,26 +8,27 @@ use crate::units::divide_rounding;
 /// with it a torque that swings once in an electrical revolution.
 pub(super) const FRACTION: u32 = 3;
 
-/// Compare values of the three phases for a voltage, before limiting, in counts 2^-3 like all that goes in. `side`: sqrt(3)/2 times beta.
+/// Compare values of the three phases for a voltage, from the middle of the period and before limiting, in counts 2^-3 like all that goes
+/// in. `side`: sqrt(3)/2 times beta.
 ///
 /// The zero-sequence that puts the middle of the highest and the lowest phase into the middle of the period makes the same switching
 /// pattern as space vector modulation, and reaches the same voltage: 1/sqrt(3) of the bus.
 #[inline]
-pub(super) fn space_vector(alpha: i32, side: i32, middle: i32) -> [i32; 3] {
+pub(super) fn space_vector(alpha: i32, side: i32) -> [i32; 3] {
     let half = alpha >> 1;
     let a = alpha;
     let b = side.wrapping_sub(half);
     let c = half.wrapping_add(side).wrapping_neg();
     // The three add up to nothing, so the highest and the lowest together are the one between them with its sign turned round.
     let between = a.min(b).max(a.max(b).min(c));
-    let zero = middle.wrapping_add(between >> 1);
+    let zero = between >> 1;
     [a.wrapping_add(zero), b.wrapping_add(zero), c.wrapping_add(zero)]
 }
 
-/// A compare value from counts 2^-3, to the nearest and within the period, whose middle is given in counts 2^-3.
+/// A compare value from counts 2^-3 beside the middle of the period, to the nearest and within the period.
 #[inline]
-pub(super) fn limited_to_period(fine: i32, middle: i32) -> u16 {
-    let counts = fine.wrapping_add(1 << (FRACTION - 1)) >> FRACTION;
+pub(super) fn limited_to_period(beside: i32, middle: i32) -> u16 {
+    let counts = middle.wrapping_add(beside).wrapping_add(1 << (FRACTION - 1)) >> FRACTION;
     // Within 0 ..= 10 500.
     counts.min(middle >> (FRACTION - 1)).max(0) as u16
 }
@@ -100,7 +101,7 @@ mod tests {
         for step in 0..720 {
             let angle = f64::from(step) * core::f64::consts::TAU / 720.0;
             let side = longest * angle.sin() * 0.75_f64.sqrt();
-            let counts = space_vector((longest * angle.cos()) as i32, side as i32, middle);
+            let counts = space_vector((longest * angle.cos()) as i32, side as i32).map(|beside| middle + beside);
             assert!(counts.iter().all(|&counts| (-2..=5_252).contains(&counts)), "{step}: {counts:?}");
         }
     }
@@ -108,7 +109,7 @@ mod tests {
     proptest! {
         #[test]
         fn the_differences_of_the_phases_are_the_voltage(alpha in -3_000_i32..3_000, side in -3_000_i32..3_000) {
-            let [a, b, c] = space_vector(alpha, side, 2_625).map(f64::from);
+            let [a, b, c] = space_vector(alpha, side).map(|beside| f64::from(2_625 + beside));
             prop_assert!(((2.0 * a - b - c) / 3.0 - f64::from(alpha)).abs() < 0.7);
             prop_assert!(((b - c) / 2.0 - f64::from(side)).abs() < 0.1);
             let (high, low) = (a.max(b).max(c), a.min(b).min(c));
