@@ -286,8 +286,8 @@ impl<B: Bus + Clone, H: Hardware> Motion<B, H> {
     /// Task of the loop tick, every 125 us, started by the current loop: looks after the motor side, steps the state machine and the
     /// loops, and gives the current loop its order.
     ///
-    /// Contract: the order is sent before the current loop's next cycle, 62.5 us after the one that started this; no bus access but
-    /// when a t3 event is overdue.
+    /// Contract: done before the next tick, 125 us later, with the tasks of the chip in between; 28 us when nothing is in between, so that the
+    /// current loop's second cycle of the tick has the order. No bus access but when a t3 event is overdue.
     pub fn control_loop(&mut self) -> Work {
         self.ticks = self.ticks.wrapping_add(1);
         self.inputs = self.hardware.inputs();

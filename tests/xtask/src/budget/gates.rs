@@ -63,16 +63,17 @@ pub(crate) const GATES: Gates = Gates {
     tasks: &[
         task("chip_interrupt_0", "EXTI3", 4, Rate::EachCycle, Some(200), OF_THE_CYCLE),
         task("chip_interrupt_1", "EXTI2", 4, Rate::EachCycle, Some(200), OF_THE_CYCLE),
-        task("command_valid", "CAN1_TX", 4, Rate::EachCycle, Some(850), OF_THE_CYCLE),
+        task("command_valid", "CAN1_TX", 4, Rate::EachCycle, Some(1_050), OF_THE_CYCLE),
         task("capture_feedback", "CAN1_RX0", 4, Rate::EachCycle, Some(600), OF_THE_CYCLE),
         task("current_loop", "ADC", 5, Rate::Every(62_500), Some(600), OF_THE_CURRENT_LOOP),
-        task("control_loop", "CAN2_TX", 4, Rate::Every(125_000), Some(1_400), OF_THE_CYCLE),
+        // Position, velocity, state, brake and all slow supervision in one; 900 with the current loop is the aim, and it is far off.
+        task("control_loop", "CAN2_TX", 4, Rate::Every(125_000), Some(3_350), OF_THE_CYCLE),
         task("phase_change", "CAN1_RX1", 2, Rate::OutsideTheCycle, None, &[]),
         task("service_channel", "CAN1_SCE", 2, Rate::EachCycle, None, &[]),
     ],
     functions: &[
         Function { symbol: "current_loop_core", budget: 160 },
-        Function { symbol: "Motion<B,H>::update_state", budget: 120 },
+        Function { symbol: "Motion<B,H>::update_state", budget: 160 },
     ],
 };
 
