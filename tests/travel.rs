@@ -189,6 +189,33 @@ fn the_drive_goes_to_its_target_by_itself_within_velocity_and_acceleration() {
 }
 
 #[test]
+fn a_linear_axis_behind_a_gear_counts_metres_of_its_load() {
+    // Two turns of the motor move 5 mm; position data in 0.1 um, velocity data in 1 um/min.
+    let parameters = vec![
+        (Idn(76), Value::Word(0x41)),
+        (Idn(44), Value::Word(0x41)),
+        (Idn(121), Value::Long(2)),
+        (Idn(122), Value::Long(1)),
+        (Idn(123), Value::Long(50_000)),
+        (Idn(259), Value::Long(600_000)),
+        (Idn(260), Value::Long(400_000)),
+    ];
+    let mut bench = in_operation(0x1B, &[Idn::VELOCITY_COMMAND], parameters);
+    let increments = |bench: &mut Bench, idn: u16| i64::from(bench.number(idn) as u32 as i32);
+    let (before, angle) = (increments(&mut bench, 51), degrees(&mut bench));
+    bench.write(258, Value::Long((before + 100_000) as u32)).unwrap();
+    bench.run(Nanoseconds::from_millis(500));
+    assert!((237.0..243.0).contains(&bench.rpm()), "0.6 m/min are 240 rpm: {}", bench.rpm());
+    let velocity = increments(&mut bench, 40);
+    assert!((590_000..610_000).contains(&velocity), "{velocity} um/min");
+    bench.run(Nanoseconds::from_millis(1_500));
+    let travelled = degrees(&mut bench) - angle;
+    assert!((travelled - 1_440.0).abs() < 0.05, "10 mm are four turns: {travelled} degrees");
+    let shown = increments(&mut bench, 51) - before;
+    assert!((shown - 100_000).abs() <= 5, "{shown} increments of 0.1 um; one of the encoder is 2.5");
+}
+
+#[test]
 fn a_feedrate_override_slows_positioning_down_and_zero_stops_it() {
     let parameters = vec![(Idn(259), Value::Long(1_200_000)), (Idn(260), Value::Long(200_000))];
     let mut bench = in_operation(0x13, &[Idn::VELOCITY_COMMAND], parameters);

@@ -6,11 +6,11 @@ use sercos::transition::OPERATION_MODES;
 use servo::{
     Acceleration, AxisParameters, AxisSettings, CurrentFilterSettings, EncoderSettings, FeedrateOverride,
     FilterSection, FrictionParameters, FrictionSettings, Gain, HomingParameters, HomingSettings, Interpolation, Jerk,
-    LoopClockSettings, Modulo, MotionLimits, Position, PositionScale, SettingsError, Velocity, VelocityLimits,
-    VelocityScale,
+    LoopClockSettings, MotionLimits, Position, PositionScale, SettingsError, Velocity, VelocityLimits, VelocityScale,
 };
 
 pub(crate) mod motor;
+mod scaling;
 
 pub use motor::MotorSettings;
 
@@ -177,9 +177,9 @@ impl MotionSettings {
     /// # Errors
     /// The first parameter that the drive cannot work with.
     pub fn new(parameters: &Parameters, loop_timer_counts: u16) -> Result<Self, InvalidSetting> {
-        let position = position_scale(parameters)?;
-        let velocity = velocity_scale(parameters)?;
-        let modulo = modulo(parameters, position_increments(parameters))?;
+        let position = scaling::position_scale(parameters)?;
+        let velocity = scaling::velocity_scale(parameters)?;
+        let modulo = scaling::modulo(parameters)?;
         let ticks_per_cycle = ticks(parameters, 2);
         let control_unit_cycle = if parameters.is_written(Idn::standard(1)) { 1 } else { 2 };
         let ticks_per_command = ticks(parameters, control_unit_cycle);
@@ -280,17 +280,6 @@ const FRICTION_BAND: u32 = 10_000;
 /// Bit 3 of S-0-0277.
 const REVERSED: u16 = 1 << 3;
 
-/// Preferred rotary position scaling: 0.0001 degree (sercos2.md 6.5).
-const PREFERRED_INCREMENTS: u32 = 3_600_000;
-
-/// Bits of a scaling type that this drive does not have must be zero: linear scaling, the load side, inches.
-const POSITION_TYPE_BITS: u16 = 0b1000_1111;
-const VELOCITY_TYPE_BITS: u16 = 0b0010_1111;
-const ROTARY: u16 = 2;
-const BY_PARAMETER: u16 = 1 << 3;
-const PER_SECOND: u16 = 1 << 5;
-const MODULO: u16 = 1 << 7;
-
 fn invalid(number: u16) -> impl Fn(SettingsError) -> InvalidSetting {
     move |reason| InvalidSetting { idn: Idn::standard(number), reason: Some(reason) }
 }
@@ -311,51 +300,6 @@ fn ticks(parameters: &Parameters, number: u16) -> u16 {
 /// Where t3 falls between two ticks: the first tick with a new command comes a quarter of a period after it.
 const fn three_quarters(counts: u16) -> u16 {
     counts.saturating_sub(counts / 4)
-}
-
-fn position_increments(parameters: &Parameters) -> u32 {
-    if parameters.get_word(Idn::standard(76)) & BY_PARAMETER == 0 {
-        PREFERRED_INCREMENTS
-    } else {
-        parameters.get(Idn::standard(79))
-    }
-}
-
-fn position_scale(parameters: &Parameters) -> Result<PositionScale, InvalidSetting> {
-    let kind = parameters.get_word(Idn::standard(76));
-    if kind & !POSITION_TYPE_BITS != 0 || kind & 7 != ROTARY {
-        return Err(unsupported(76));
-    }
-    PositionScale::new(u64::from(position_increments(parameters)), 1).map_err(invalid(79))
-}
-
-fn modulo(parameters: &Parameters, increments: u32) -> Result<Option<Modulo>, InvalidSetting> {
-    if parameters.get_word(Idn::standard(76)) & MODULO == 0 {
-        return Ok(None);
-    }
-    let value = u64::from(parameters.get(Idn::standard(103)));
-    Modulo::from_ratio(value, u64::from(increments)).map(Some).map_err(invalid(103))
-}
-
-fn velocity_scale(parameters: &Parameters) -> Result<VelocityScale, InvalidSetting> {
-    let kind = parameters.get_word(Idn::standard(44));
-    if kind & !VELOCITY_TYPE_BITS != 0 || kind & 7 != ROTARY {
-        return Err(unsupported(44));
-    }
-    let seconds = if kind & PER_SECOND == 0 { 1 } else { 60 };
-    let (factor, exponent) = match (kind & BY_PARAMETER == 0, kind & PER_SECOND == 0) {
-        (true, true) => (1, -4),
-        (true, false) => (1, -6),
-        (false, _) => (parameters.get(Idn::standard(45)), parameters.get_signed(Idn::standard(46))),
-    };
-    let power = |exponent: i64| u32::try_from(exponent).ok().and_then(|exponent| 10_u64.checked_pow(exponent));
-    let numerator = power(exponent.max(0))
-        .and_then(|power| power.checked_mul(u64::from(factor)))
-        .and_then(|value| value.checked_mul(seconds))
-        .and_then(|value| u32::try_from(value).ok())
-        .ok_or(unsupported(46))?;
-    let denominator = power(exponent.min(0).saturating_neg()).ok_or(unsupported(46))?;
-    VelocityScale::new(numerator, denominator).map_err(invalid(45))
 }
 
 /// Limits of positioning, with the feedrate override S-0-0108.
@@ -481,9 +425,9 @@ mod tests {
     #[test]
     fn what_the_drive_does_not_have_is_named() {
         for (changes, culprit) in [
-            (&[(76, 1)][..], 76),
-            (&[(76, 0x42)], 76),
-            (&[(44, 1)], 44),
+            (&[(76, 0x12)][..], 76),
+            (&[(76, 3)], 76),
+            (&[(44, 0x21)], 44),
             (&[(32, 0)], 32),
             (&[(33, 7)], 33),
             (&[(287, 4)], 287),

@@ -248,7 +248,8 @@ dictionary! {
     S 42 "Homing acceleration" ["rad/s^2"] I32/3 written ALWAYS (1_000 to 2_147_483_647) = 100_000 => Parameter, stored;
     /// Bit 0 inverts the velocity command, bit 1 the additive one, bit 2 the velocity feedback.
     S 43 "Velocity polarity parameter" [""] BITS/0 written IN_CP2_CP3 () = 0 => Parameter, stored, needed_for_cp4;
-    /// Bits 2 to 0: 2 rotary; bit 3: by S-0-0045 and S-0-0046 instead of 0.0001 rpm; bit 5: per second.
+    /// Bits 2 to 0: 1 linear, 2 rotary; bit 3: by S-0-0045 and S-0-0046 instead of 0.0001 rpm or 1 um/min; bit 5: per second;
+    /// bit 6: of the load.
     S 44 "Velocity data scaling type" [""] BITS/0 written IN_CP2_CP3 () = 2 => Parameter, stored, needed_for_cp4;
     /// Weight of one velocity increment, with the exponent of S-0-0046.
     S 45 "Velocity data scaling factor" [""] U16/0 written IN_CP2_CP3 (1 to 65_535) = 1 => Parameter, stored, needed_for_cp4;
@@ -272,9 +273,14 @@ dictionary! {
     S 55 "Position polarity parameter" [""] BITS/0 written IN_CP2_CP3 () = 0 => Parameter, stored, needed_for_cp4;
     /// Following distance below which C3D bit 6 (in position) is set.
     S 57 "Position window" ["deg"] I32/4 written ALWAYS (0 to 2_147_483_647) = 10_000 => Parameter, stored;
-    /// Bits 2 to 0: 2 rotary; bit 3: by S-0-0079 instead of 0.0001 deg; bit 7: modulo.
+    /// Bits 2 to 0: 1 linear, 2 rotary; bit 3: by S-0-0077 and S-0-0078 instead of 0.1 um, or by S-0-0079 instead of 0.0001 deg;
+    /// bit 6: of the load; bit 7: modulo.
     S 76 "Position data scaling type" [""] BITS/0 written IN_CP2_CP3 () = 2 => Parameter, stored, needed_for_cp4;
-    /// Position increments of one motor revolution, if bit 3 of S-0-0076 is set.
+    /// Metres of one position increment, with the exponent of S-0-0078, if bit 3 of a linear S-0-0076 is set.
+    S 77 "Linear position data scaling factor" [""] U16/0 written IN_CP2_CP3 (1 to 65_535) = 1 => Parameter, stored, needed_for_cp4;
+    /// Power of ten of S-0-0077.
+    S 78 "Linear position data scaling exponent" [""] I16/0 written IN_CP2_CP3 (-32 to 32) = -7 => Parameter, stored, needed_for_cp4;
+    /// Position increments of one revolution of the motor or the load, if bit 3 of a rotary S-0-0076 is set.
     S 79 "Rotational position resolution" [""] U32/0 written IN_CP2_CP3 (1 to 4_294_967_295) = 3_600_000 => Parameter, stored, needed_for_cp4;
     /// Torque command of the control unit, in per cent of S-0-0111.
     S 80 "Torque command value" ["%"] I16/1 written ALWAYS (-32_768 to 32_767) = 0 => Live, in_mdt;
@@ -336,6 +342,12 @@ dictionary! {
     S 114 "Load limit of the motor" ["%"] U16/1 written IN_CP2_CP3 (901 to 2_000) = 1_100 => Parameter, stored, needed_for_cp4;
     /// Lines of the motor encoder; four increments each.
     S 116 "Resolution of feedback 1" ["cycles/rev"] U32/0 written IN_CP2_CP3 (1 to 1_048_576) = 2_500 => Parameter, stored, needed_for_cp4;
+    /// Revolutions of the motor while the load turns S-0-0122, for data of the load.
+    S 121 "Input revolutions of load gear" ["rev"] U32/0 written IN_CP2_CP3 (1 to 4_294_967_295) = 1 => Parameter, stored, needed_for_cp4;
+    /// Revolutions of the load while the motor turns S-0-0121.
+    S 122 "Output revolutions of load gear" ["rev"] U32/0 written IN_CP2_CP3 (1 to 4_294_967_295) = 1 => Parameter, stored, needed_for_cp4;
+    /// What one revolution moves, for linear data: of the load behind the gear, or of the motor with linear data of the motor.
+    S 123 "Feed constant" ["mm/rev"] I32/4 written IN_CP2_CP3 (1 to 2_147_483_647) = 100_000 => Parameter, stored, needed_for_cp4;
     /// Velocity below which C3D bit 1 (standstill) is set.
     S 124 "Standstill window" ["rpm"] I32/4 written ALWAYS (1 to 2_147_483_647) = 100_000 => Parameter, stored;
     /// Velocity below which C3D bit 2 is set.

@@ -191,15 +191,16 @@ pub fn check_cp4(
             invalid.add(idn, Reason::CommandValueMissing(command));
         }
     }
-    // Rotary data of the motor shaft; preferred or parameter scaling, absolute or modulo, per minute or per second
-    // (sercos2.md 6.5).
+    // Rotary or linear data of the motor or the load; preferred or parameter scaling, absolute or modulo, per minute or
+    // per second (sercos2.md 6.5). Inches and what is reserved are not there, nor a preferred linear scaling per second.
     let velocity_scaling = Idn::standard(44);
-    if parameters.get_word(velocity_scaling) & !0b0010_1000 != 0b010 {
+    let velocity_type = parameters.get_word(velocity_scaling);
+    if !matches!(velocity_type & !0b0110_1000, 0b001 | 0b010) || velocity_type & !0b0100_0000 == 0b0010_0001 {
         invalid.add(velocity_scaling, Reason::NotSupported);
     }
     let position_scaling = Idn::standard(76);
     let position_type = parameters.get_word(position_scaling);
-    if position_type & !0b1000_1000 != 0b010 {
+    if !matches!(position_type & !0b1100_1000, 0b001 | 0b010) {
         invalid.add(position_scaling, Reason::NotSupported);
     }
     let modulo = Idn::standard(103);

@@ -73,7 +73,7 @@ impl VelocityScale {
     ///
     /// # Errors
     /// [`SettingsError::Zero`], or [`SettingsError::VelocityScaleOutOfRange`] when an increment is above 100 rpm or below 10^-9 rpm.
-    pub fn new(numerator: u32, denominator: u64) -> Result<Self, SettingsError> {
+    pub fn new(numerator: u64, denominator: u64) -> Result<Self, SettingsError> {
         if numerator == 0 || denominator == 0 {
             return Err(SettingsError::Zero { parameter: "velocity scale" });
         }

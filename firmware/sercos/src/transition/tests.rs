@@ -173,12 +173,25 @@ fn cp4_needs_modes_with_command_values_and_known_scaling() {
         (35, 1, Reason::CommandValueMissing(Idn::TORQUE_COMMAND)),
         (284, 3, Reason::CommandValueMissing(Idn::POSITION_COMMAND)),
         (287, 4, Reason::NotSupported),
-        (44, 1, Reason::NotSupported),
-        (76, 0x42, Reason::NotSupported),
+        (44, 0, Reason::NotSupported),
+        (44, 3, Reason::NotSupported),
+        (44, 0x12, Reason::NotSupported),
+        (44, 0x82, Reason::NotSupported),
+        (44, 0x21, Reason::NotSupported),
+        (44, 0x61, Reason::NotSupported),
+        (76, 0, Reason::NotSupported),
+        (76, 3, Reason::NotSupported),
+        (76, 0x12, Reason::NotSupported),
+        (76, 0x22, Reason::NotSupported),
     ] {
         let mut parameters = recorded();
         set(&mut parameters, number, value);
         assert_eq!(check_4(&parameters), [(number, reason)]);
+    }
+    for (number, value) in [(44, 1), (44, 0x29), (44, 0x42), (44, 0x69), (76, 1), (76, 0x42), (76, 0x49), (76, 0xC2)] {
+        let mut parameters = recorded();
+        set(&mut parameters, number, value);
+        assert_eq!(check_4(&parameters), [], "S-0-{number:04} = {value:X}");
     }
     let mut parameters = recorded();
     set(&mut parameters, 76, 0x8A);

@@ -311,17 +311,18 @@ fn findings_for_cp3() -> Vec<Case> {
     cases
 }
 
-const FOR_CP4: [Finding; 13] = [
+const FOR_CP4: [Finding; 14] = [
     ("S-0-0032 = 0, no primary mode", &[(32, &[0])], 32, 3, "support"),
     ("S-0-0032 = 4, position with encoder 2", &[(32, &[4])], 32, 3, "support"),
     ("S-0-0032 = 3 without S-0-0047 in the MDT", &[(32, &[3])], 32, 11, "S-0-0047"),
     ("S-0-0032 = 1 without S-0-0080 in the MDT", &[(32, &[1])], 32, 11, "S-0-0080"),
     ("S-0-0033 = 11 without S-0-0047 in the MDT", &[(33, &[11])], 33, 11, "S-0-0047"),
     ("S-0-0287 = 7, uncontrolled", &[(287, &[7])], 287, 3, "support"),
-    ("S-0-0044 = 1, linear velocity data", &[(44, &[1])], 44, 3, "support"),
-    ("S-0-0044 = 42H, velocity at the load", &[(44, &[0x42])], 44, 3, "support"),
+    ("S-0-0044 = 11H, velocity in inches", &[(44, &[0x11])], 44, 3, "support"),
+    ("S-0-0044 = 21H, preferred linear per second", &[(44, &[0x21])], 44, 3, "support"),
     ("S-0-0045, 46: increments beyond the drive", &[(44, &[0x0A]), (46, &[32])], 46, 3, "support"),
-    ("S-0-0076 = 1, linear position data", &[(76, &[1])], 76, 3, "support"),
+    ("S-0-0076 = 11H, position in inches", &[(76, &[0x11])], 76, 3, "support"),
+    ("S-0-0078: increments beyond the drive", &[(76, &[9]), (78, &[32])], 78, 3, "support"),
     ("S-0-0079 = 1 increment a revolution", &[(76, &[0x0A]), (79, &[1, 0])], 79, 3, "support"),
     ("S-0-0103 = 0 with modulo", &[(76, &[0x82]), (103, &[0, 0])], 103, 2, "minimum"),
     ("S-0-0277 = 1, a linear encoder", &[(277, &[1])], 277, 3, "support"),

@@ -1,0 +1,257 @@
+//! What one increment of position and velocity data is at the motor (S-0-0044, S-0-0076, sercos2.md 6.5).
+//!
+//! Data count degrees or metres, at the motor or at the load. The way from one to the other is made of whole numbers:
+//! the load turns S-0-0122 revolutions while the motor turns S-0-0121, and moves S-0-0123 a revolution. No public paper
+//! says what a linear scaling at a rotary motor's shaft is; here it leaves the gear out and keeps the feed constant.
+
+use sercos::Idn;
+use sercos::parameters::Parameters;
+use servo::{Modulo, PositionScale, SettingsError, VelocityScale};
+
+use super::{InvalidSetting, invalid, unsupported};
+
+pub(super) fn position_scale(parameters: &Parameters) -> Result<PositionScale, InvalidSetting> {
+    let (increments, culprit) = increments_of_a_revolution(parameters)?;
+    PositionScale::new(increments.numerator, increments.denominator).map_err(invalid(culprit))
+}
+
+pub(super) fn modulo(parameters: &Parameters) -> Result<Option<Modulo>, InvalidSetting> {
+    if parameters.get_word(Idn::standard(76)) & MODULO == 0 {
+        return Ok(None);
+    }
+    let (increments, _) = increments_of_a_revolution(parameters)?;
+    let revolutions = Ratio::new(parameters.get(Idn::standard(103)).into(), 1)
+        .over(increments.numerator)
+        .and_then(|ratio| ratio.times(increments.denominator))
+        .ok_or(invalid(103)(SettingsError::ModuloOutOfRange))?;
+    Modulo::from_ratio(revolutions.numerator, revolutions.denominator).map(Some).map_err(invalid(103))
+}
+
+pub(super) fn velocity_scale(parameters: &Parameters) -> Result<VelocityScale, InvalidSetting> {
+    let kind = parameters.get_word(Idn::standard(44));
+    let by_parameter = kind & BY_PARAMETER != 0;
+    let per_second = kind & PER_SECOND != 0;
+    if kind & !VELOCITY_TYPE_BITS != 0 {
+        return Err(unsupported(44));
+    }
+    let (factor, exponent) = match (kind & UNIT, by_parameter, per_second) {
+        (ROTARY | LINEAR, true, _) => (parameters.get(Idn::standard(45)), signed_word(parameters, 46)),
+        (ROTARY, false, false) => (1, -4),
+        (ROTARY, false, true) => (1, -6),
+        (LINEAR, false, false) => (1, -6),
+        // The preferred linear scaling per second is in no public paper.
+        _ => return Err(unsupported(44)),
+    };
+    let velocity = Ratio::new(factor.into(), 1).times(if per_second { 60 } else { 1 });
+    let velocity = if kind & UNIT == LINEAR {
+        velocity
+            .and_then(|ratio| ratio.times_ten_to(exponent.saturating_sub(FEED_EXPONENT)))
+            .and_then(|ratio| ratio.over(feed(parameters)))
+    } else {
+        velocity.and_then(|ratio| ratio.times_ten_to(exponent))
+    };
+    let at_motor = |ratio: Ratio| {
+        if kind & AT_LOAD == 0 { Some(ratio) } else { ratio.times(gear(parameters, 121))?.over(gear(parameters, 122)) }
+    };
+    let rpm = velocity.and_then(at_motor).ok_or(unsupported(46))?;
+    VelocityScale::new(rpm.numerator, rpm.denominator).map_err(invalid(45))
+}
+
+/// Position increments of one revolution of the motor, and the parameter to blame if they are too many or too few.
+fn increments_of_a_revolution(parameters: &Parameters) -> Result<(Ratio, u16), InvalidSetting> {
+    let kind = parameters.get_word(Idn::standard(76));
+    let by_parameter = kind & BY_PARAMETER != 0;
+    if kind & !POSITION_TYPE_BITS != 0 {
+        return Err(unsupported(76));
+    }
+    let (increments, culprit) = match (kind & UNIT, by_parameter) {
+        (ROTARY, false) => (Some(Ratio::new(PREFERRED_INCREMENTS, 1)), 79),
+        (ROTARY, true) => (Some(Ratio::new(parameters.get(Idn::standard(79)).into(), 1)), 79),
+        (LINEAR, false) => (Some(Ratio::new(feed(parameters), 1)), 123),
+        (LINEAR, true) => {
+            let exponent = FEED_EXPONENT.saturating_sub(signed_word(parameters, 78));
+            let ratio = Ratio::new(feed(parameters), 1).over(parameters.get(Idn::standard(77)).into());
+            (ratio.and_then(|ratio| ratio.times_ten_to(exponent)), 78)
+        }
+        _ => return Err(unsupported(76)),
+    };
+    let at_motor = |ratio: Ratio| {
+        if kind & AT_LOAD == 0 { Some(ratio) } else { ratio.times(gear(parameters, 122))?.over(gear(parameters, 121)) }
+    };
+    let out_of_range = invalid(culprit)(SettingsError::PositionScaleOutOfRange);
+    increments.and_then(at_motor).map(|increments| (increments, culprit)).ok_or(out_of_range)
+}
+
+/// Revolutions of the load gear: S-0-0121 at its input, the motor, S-0-0122 at its output, the load.
+fn gear(parameters: &Parameters, number: u16) -> u64 {
+    parameters.get(Idn::standard(number)).into()
+}
+
+/// S-0-0123 in its own increments of 10^-7 m a revolution.
+fn feed(parameters: &Parameters) -> u64 {
+    parameters.get(Idn::standard(123)).into()
+}
+
+fn signed_word(parameters: &Parameters, number: u16) -> i32 {
+    i32::try_from(parameters.get_signed(Idn::standard(number))).unwrap_or(i32::MAX)
+}
+
+/// A ratio in its lowest terms; `None` from an operation that leaves 64 bits.
+#[derive(Clone, Copy)]
+struct Ratio {
+    numerator: u64,
+    denominator: u64,
+}
+
+impl Ratio {
+    const fn new(numerator: u64, denominator: u64) -> Self {
+        Self { numerator, denominator }
+    }
+
+    fn times(self, factor: u64) -> Option<Self> {
+        let common = greatest_common_divisor(factor, self.denominator);
+        Some(Self {
+            numerator: self.numerator.checked_mul(factor.checked_div(common)?)?,
+            denominator: self.denominator.checked_div(common)?,
+        })
+    }
+
+    fn over(self, divisor: u64) -> Option<Self> {
+        let Self { numerator, denominator } = Self::new(self.denominator, self.numerator).times(divisor)?;
+        Some(Self::new(denominator, numerator))
+    }
+
+    fn times_ten_to(self, exponent: i32) -> Option<Self> {
+        let power = 10_u64.checked_pow(exponent.unsigned_abs())?;
+        if exponent < 0 { self.over(power) } else { self.times(power) }
+    }
+}
+
+/// Zero only for two zeros.
+fn greatest_common_divisor(mut larger: u64, mut smaller: u64) -> u64 {
+    while let Some(rest) = larger.checked_rem(smaller) {
+        larger = smaller;
+        smaller = rest;
+    }
+    larger
+}
+
+/// One increment of S-0-0123 is 10^-7 m, and so is the preferred linear position increment.
+const FEED_EXPONENT: i32 = -7;
+
+/// Preferred rotary position scaling: 0.0001 degree.
+const PREFERRED_INCREMENTS: u64 = 3_600_000;
+
+/// Bits of a scaling type that this drive does not have must be zero: inches, and what is reserved.
+const POSITION_TYPE_BITS: u16 = 0b1100_1111;
+const VELOCITY_TYPE_BITS: u16 = 0b0110_1111;
+const UNIT: u16 = 7;
+const LINEAR: u16 = 1;
+const ROTARY: u16 = 2;
+const BY_PARAMETER: u16 = 1 << 3;
+const PER_SECOND: u16 = 1 << 5;
+const AT_LOAD: u16 = 1 << 6;
+const MODULO: u16 = 1 << 7;
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use servo::{Position, Velocity};
+
+    fn with(changes: &[(u16, i32)]) -> Parameters {
+        let mut parameters = Parameters::new();
+        for &(number, value) in changes {
+            parameters.set(Idn::standard(number), (value as u32).into()).unwrap();
+        }
+        parameters
+    }
+
+    /// Revolutions of the motor for a million increments, and rpm of the motor for as many.
+    fn position(changes: &[(u16, i32)]) -> f64 {
+        position_scale(&with(changes)).unwrap().to_position(1_000_000).to_bits() as f64 / 2_f64.powi(32)
+    }
+
+    fn velocity(changes: &[(u16, i32)]) -> f64 {
+        let one_rpm = f64::from(Velocity::from_ten_thousandths_rpm(10_000_000).to_bits()) / 1_000.0;
+        f64::from(velocity_scale(&with(changes)).unwrap().to_velocity(1_000_000).to_bits()) / one_rpm
+    }
+
+    fn near(value: f64, expected: f64) {
+        assert!((value / expected - 1.0).abs() < 1e-6, "{value} is not {expected}");
+    }
+
+    #[test]
+    fn a_million_increments_are_what_the_type_says() {
+        // The default feed constant is 10 mm a revolution; 1 000 000 preferred increments are 100 mm.
+        near(position(&[(76, 1)]), 10.0);
+        near(position(&[(76, 1), (123, 250_000)]), 4.0);
+        near(position(&[(76, 9), (77, 1), (78, -6)]), 100.0);
+        near(position(&[(76, 9), (77, 25), (78, -8)]), 25.0);
+        near(position(&[(76, 2)]), 1_000_000.0 / 3_600_000.0);
+        near(position(&[(76, 0x0A), (79, 1 << 20)]), 1_000_000.0 / 1_048_576.0);
+    }
+
+    #[test]
+    fn at_the_load_the_gear_counts_and_at_the_motor_it_does_not() {
+        // The motor turns seven times for three turns of the load.
+        let gear = [(121, 7), (122, 3)];
+        near(position(&[(76, 0x42), gear[0], gear[1]]), 1_000_000.0 / 3_600_000.0 * 7.0 / 3.0);
+        near(position(&[(76, 0x02), gear[0], gear[1]]), 1_000_000.0 / 3_600_000.0);
+        near(position(&[(76, 0x41), gear[0], gear[1]]), 10.0 * 7.0 / 3.0);
+        near(position(&[(76, 0x01), gear[0], gear[1]]), 10.0);
+        near(velocity(&[(44, 0x42), gear[0], gear[1]]), 100.0 * 7.0 / 3.0);
+        near(velocity(&[(44, 0x02), gear[0], gear[1]]), 100.0);
+        near(velocity(&[(44, 0x41), gear[0], gear[1]]), 100.0 * 7.0 / 3.0);
+        near(velocity(&[(44, 0x01), gear[0], gear[1]]), 100.0);
+    }
+
+    #[test]
+    fn a_million_velocity_increments_are_what_the_type_says() {
+        // 1 m/min at 10 mm and at 25 mm a revolution.
+        near(velocity(&[(44, 1)]), 100.0);
+        near(velocity(&[(44, 1), (123, 250_000)]), 40.0);
+        // 0.5 um/s and 5 um/min.
+        near(velocity(&[(44, 0x29), (45, 5), (46, -7)]), 3_000.0);
+        near(velocity(&[(44, 0x09), (45, 5), (46, -6)]), 500.0);
+        near(velocity(&[(44, 0x0A), (45, 2), (46, -5)]), 20.0);
+        near(velocity(&[(44, 0x22)]), 60.0);
+    }
+
+    #[test]
+    fn position_and_velocity_of_one_linear_axis_agree() {
+        // 0.1 um and 1 um/min: 600 000 000 velocity increments are 100 000 000 position increments a second.
+        let gear = [(121, 19), (122, 6), (123, 333_333)];
+        let with_type = |number, kind| [(number, kind), gear[0], gear[1], gear[2]];
+        near(velocity(&with_type(44, 0x41)), position(&with_type(76, 0x41)) * 10.0);
+    }
+
+    #[test]
+    fn a_modulo_of_the_load_is_one_of_its_revolutions() {
+        let parameters = with(&[(76, 0xC2), (121, 7), (122, 3)]);
+        let modulo = modulo(&parameters).unwrap().unwrap();
+        assert_eq!(modulo, Modulo::from_ratio(7, 3).unwrap());
+        let linear = with(&[(76, 0xC1), (103, 300_000), (121, 7), (122, 3)]);
+        assert_eq!(super::modulo(&linear).unwrap().unwrap(), Modulo::from_ratio(7, 1).unwrap());
+        let scale = position_scale(&parameters).unwrap();
+        assert_eq!(scale.from_position(Position::from_bits(modulo.value().to_bits() / 2)), 1_800_000);
+    }
+
+    #[test]
+    fn what_no_increment_can_be_names_its_parameter() {
+        let position = |changes: &[(u16, i32)]| position_scale(&with(changes)).err().map(|error| error.idn.0);
+        let velocity = |changes: &[(u16, i32)]| velocity_scale(&with(changes)).err().map(|error| error.idn.0);
+        for inches_reserved_or_none in [0x12, 0x22, 0x11, 0, 3, 8, 0x102] {
+            assert_eq!(position(&[(76, inches_reserved_or_none)]), Some(76), "{inches_reserved_or_none:X}");
+        }
+        for inches_modulo_or_none in [0x12, 0x82, 0x11, 0, 3, 8, 0x21] {
+            assert_eq!(velocity(&[(44, inches_modulo_or_none)]), Some(44), "{inches_modulo_or_none:X}");
+        }
+        for exponent in [-32, 32] {
+            assert_eq!(position(&[(76, 9), (78, exponent)]), Some(78));
+            assert_eq!(velocity(&[(44, 9), (46, exponent)]), Some(46));
+        }
+        assert_eq!(position(&[(76, 1), (123, 1)]), Some(123), "one increment a revolution");
+        assert_eq!(position(&[(76, 0x0A), (79, 1)]), Some(79));
+        assert_eq!(position(&[(76, 0x42), (122, -1)]), Some(79), "2^32 - 1 turns of the load for one of the motor");
+    }
+}
