@@ -47,13 +47,12 @@ fn signed(raw: u64) -> i32 {
     raw as u32 as i32
 }
 
-#[test]
-fn in_torque_mode_the_motor_accelerates_with_the_commanded_torque_up_to_the_velocity_limit() {
+/// A drive in torque mode with this command, 50 ms after it went into operation.
+fn in_torque_mode(command: i16, polarity: u16) -> Bench {
     let mut drive = script().drives.remove(0).with(Idn::OPERATION_MODE, Value::Word(1));
     drive.telegram = Telegram::application(&[Idn(84), Idn(40), Idn(13)], &[Idn::TORQUE_COMMAND]);
-    drive = drive.with(Idn(91), Value::Long(500_000));
-    // 20.0 % of 25 A.
-    let command = CommandValues { torque: 200, ..CommandValues::default() };
+    drive = drive.with(Idn(91), Value::Long(500_000)).with(Idn(85), Value::Word(polarity));
+    let command = CommandValues { torque: command, ..CommandValues::default() };
     let motion = Motion::new(1_000_000, move |_| command);
     let script = MasterScript { motion: Some(motion), stops_at_refusals: false, ..MasterScript::new(vec![drive]) };
     let mut bench = Bench::new(DriveSetup::new(ADDRESS), script);
@@ -64,6 +63,13 @@ fn in_torque_mode_the_motor_accelerates_with_the_commanded_torque_up_to_the_velo
         }
     }
     bench.run(Nanoseconds::from_millis(50));
+    bench
+}
+
+#[test]
+fn in_torque_mode_the_motor_accelerates_with_the_commanded_torque_up_to_the_velocity_limit() {
+    // 20.0 % of 25 A.
+    let mut bench = in_torque_mode(200, 0);
     let current = bench.drive.motor_side.borrow_mut().current();
     assert!((current - 5.0 / 60.0).abs() < 0.001, "20 % of 25 A on a 60 A amplifier, not {current}");
     assert!((195..=205).contains(&bench.number(84)), "{}", bench.number(84));
@@ -71,6 +77,28 @@ fn in_torque_mode_the_motor_accelerates_with_the_commanded_torque_up_to_the_velo
     let rpm = bench.rpm();
     assert!((49.0..51.0).contains(&rpm), "held at 50 rpm, not {rpm}");
     assert_eq!((bench.number(334), bench.number(335)), (0, 1), "it is the velocity that is limited, not the torque");
+}
+
+#[test]
+fn each_torque_polarity_turns_its_own_value_round() {
+    for (polarity, turned, shown) in [(0, 1.0, 1), (1, -1.0, -1), (4, 1.0, -1), (5, -1.0, 1)] {
+        let mut bench = in_torque_mode(200, polarity);
+        let current = bench.drive.motor_side.borrow_mut().current() * turned;
+        assert!((current - 5.0 / 60.0).abs() < 0.003, "S-0-0085 = {polarity}: {current}");
+        let feedback = i32::from(bench.number(84) as u16 as i16) * shown;
+        assert!((195..=205).contains(&feedback), "S-0-0085 = {polarity}: {feedback}");
+    }
+}
+
+#[test]
+fn an_additive_torque_command_is_added_with_its_own_polarity() {
+    for (polarity, sum) in [(0, 3.0), (2, -1.0), (3, -3.0)] {
+        let mut bench = in_torque_mode(100, polarity);
+        bench.write(81, Value::Word(200)).unwrap();
+        bench.run(Nanoseconds::from_millis(5));
+        let current = bench.drive.motor_side.borrow_mut().current();
+        assert!((current - sum * 2.5 / 60.0).abs() < 0.003, "S-0-0085 = {polarity}: {current}");
+    }
 }
 
 #[test]

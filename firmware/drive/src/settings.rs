@@ -4,13 +4,15 @@ use sercos::Idn;
 use sercos::parameters::Parameters;
 use sercos::transition::OPERATION_MODES;
 use servo::{
-    Acceleration, AxisParameters, AxisSettings, CurrentFilterSettings, EncoderSettings, FeedrateOverride,
-    FilterSection, FrictionParameters, FrictionSettings, Gain, HomingParameters, HomingSettings, Interpolation, Jerk,
-    LoopClockSettings, MotionLimits, Position, PositionScale, SettingsError, Velocity, VelocityLimits, VelocityScale,
+    AxisParameters, AxisSettings, CurrentFilterSettings, EncoderSettings, FeedrateOverride, FilterSection,
+    FrictionParameters, FrictionSettings, Gain, HomingParameters, HomingSettings, Interpolation, LoopClockSettings,
+    MotionLimits, Position, PositionScale, SettingsError, Velocity, VelocityLimits, VelocityScale,
 };
 
 pub(crate) mod motor;
 mod scaling;
+
+use scaling::DerivativeScale;
 
 pub use motor::MotorSettings;
 
@@ -87,7 +89,7 @@ impl Reaction {
     }
 }
 
-/// Which signs are turned round (S-0-0043, S-0-0055).
+/// Which signs are turned round (S-0-0043, S-0-0055, S-0-0085).
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub struct Polarity {
@@ -129,6 +131,8 @@ pub struct MotionSettings {
     pub position_polarity: Polarity,
     /// S-0-0043.
     pub velocity_polarity: Polarity,
+    /// S-0-0085.
+    pub torque_polarity: Polarity,
     /// The encoder.
     pub encoder: EncoderSettings,
     /// S-0-0277 bit 3: the encoder counts against the direction of positive current.
@@ -179,6 +183,7 @@ impl MotionSettings {
     pub fn new(parameters: &Parameters, loop_timer_counts: u16) -> Result<Self, InvalidSetting> {
         let position = scaling::position_scale(parameters)?;
         let velocity = scaling::velocity_scale(parameters)?;
+        let derivatives = DerivativeScale::new(parameters)?;
         let modulo = scaling::modulo(parameters)?;
         let ticks_per_cycle = ticks(parameters, 2);
         let control_unit_cycle = if parameters.is_written(Idn::standard(1)) { 1 } else { 2 };
@@ -196,7 +201,7 @@ impl MotionSettings {
             (value != 0).then(|| velocity.to_velocity(value))
         };
         let velocity_limits = VelocityLimits::new(bipolar, one_sided(38), one_sided(39));
-        let ramp = (acceleration(parameters, 136), acceleration(parameters, 137));
+        let ramp = (derivatives.acceleration(parameters, 136), derivatives.acceleration(parameters, 137));
         let peak_current = parameters.get(Idn::standard(110));
         let axis = AxisParameters {
             ticks_per_cycle: ticks_per_command,
@@ -211,9 +216,9 @@ impl MotionSettings {
             filter: filter(parameters)?,
             peak_current,
             velocity_limits,
-            deceleration: acceleration(parameters, 138),
-            halt_deceleration: acceleration(parameters, 372),
-            jerk: jerk(parameters, 349),
+            deceleration: derivatives.acceleration(parameters, 138),
+            halt_deceleration: derivatives.acceleration(parameters, 372),
+            jerk: derivatives.jerk(parameters, 349),
             velocity_ramp: (ramp.0.to_bits() | ramp.1.to_bits() != 0).then_some(ramp),
             interpolation: match parameters.get_word(Idn::product(141)) {
                 0 => Interpolation::Linear,
@@ -250,6 +255,7 @@ impl MotionSettings {
             torque_threshold: u32::try_from(torque_threshold).unwrap_or(u32::MAX),
             position_polarity: Polarity::from_parameter(parameters.get_word(Idn::standard(55))),
             velocity_polarity: Polarity::from_parameter(parameters.get_word(Idn::standard(43))),
+            torque_polarity: Polarity::from_parameter(parameters.get_word(Idn::standard(85))),
             encoder: EncoderSettings::new(increments).map_err(invalid(116))?,
             encoder_reversed: feedback_type & REVERSED != 0,
             has_feedback_2: parameters.get_word(Idn::POSITION_FEEDBACK_2_SOURCE) != 0,
@@ -309,9 +315,10 @@ fn positioning(
     fastest: Velocity,
 ) -> Result<MotionLimits, InvalidSetting> {
     let velocity = scale.to_velocity(signed(parameters, 259)).min(fastest);
-    let acceleration = acceleration(parameters, 260);
+    let derivatives = DerivativeScale::new(parameters)?;
+    let acceleration = derivatives.acceleration(parameters, 260);
     let feedrate = FeedrateOverride::new(parameters.get_word(Idn::standard(108))).map_err(invalid(108))?;
-    MotionLimits::new(velocity, acceleration, acceleration, jerk(parameters, 193))
+    MotionLimits::new(velocity, acceleration, acceleration, derivatives.jerk(parameters, 193))
         .map(|limits| limits.with_override(feedrate))
         .map_err(invalid(259))
 }
@@ -336,19 +343,11 @@ pub(crate) fn homing(
         marker_limit: None,
     })
     .map_err(|_| unsupported(147))?;
-    let acceleration = acceleration(parameters, 42);
-    let limits = MotionLimits::new(velocity, acceleration, acceleration, jerk(parameters, 349)).map_err(invalid(41))?;
+    let derivatives = DerivativeScale::new(parameters)?;
+    let acceleration = derivatives.acceleration(parameters, 42);
+    let limits = MotionLimits::new(velocity, acceleration, acceleration, derivatives.jerk(parameters, 349))
+        .map_err(invalid(41))?;
     Ok((homing, limits))
-}
-
-fn acceleration(parameters: &Parameters, number: u16) -> Acceleration {
-    Acceleration::from_milliradians_per_second_squared(parameters.get(Idn::standard(number)))
-}
-
-/// A jerk limit; `None` for 0.
-fn jerk(parameters: &Parameters, number: u16) -> Option<Jerk> {
-    let jerk = Jerk::from_milliradians_per_second_cubed(parameters.get(Idn::standard(number)));
-    (jerk.to_bits() != 0).then_some(jerk)
 }
 
 /// S-0-0155 and P-0-0142.

@@ -292,6 +292,8 @@ dictionary! {
     S 83 "Negative torque limit value" ["%"] I16/1 written ALWAYS (-32_768 to 0) = -32_767 => Parameter, stored;
     /// Torque-producing current in per cent of S-0-0111.
     S 84 "Torque feedback value" ["%"] I16/1 written NEVER () = 0 => Live, in_at;
+    /// Bit 0 inverts the torque command, bit 1 the additive one, bit 2 the torque feedback.
+    S 85 "Torque polarity parameter" [""] BITS/0 written IN_CP2_CP3 () = 0 => Parameter, stored, needed_for_cp4;
     /// Recovery time between two ATs of the same slave; this slave sends one.
     S 87 "Transmit/transmit recovery time (tATAT)" ["us"] U16/0 written NEVER () = 0 => Parameter;
     /// End of the MDT to the start of the next MST.
@@ -404,6 +406,13 @@ dictionary! {
     S 157 "Velocity window" ["rpm"] I32/4 written ALWAYS (1 to 2_147_483_647) = 100_000 => Parameter, stored;
     /// Following distance above which the drive shuts down with C1D bit 11; 0: not monitored.
     S 159 "Monitoring window" ["deg"] I32/4 written ALWAYS (0 to 2_147_483_647) = 300_000 => Parameter, stored;
+    /// Bits 2 to 0: 1 linear, 2 rotary; bit 3: by S-0-0161 and S-0-0162 instead of 1 um/s^2 or 0.001 rad/s^2; bit 6: of the load.
+    /// Jerks have the same increments a second.
+    S 160 "Acceleration data scaling type" [""] BITS/0 written IN_CP2_CP3 () = 2 => Parameter, stored, needed_for_cp4;
+    /// Weight of one acceleration increment, with the exponent of S-0-0162.
+    S 161 "Acceleration data scaling factor" [""] U16/0 written IN_CP2_CP3 (1 to 65_535) = 1 => Parameter, stored, needed_for_cp4;
+    /// Power of ten of S-0-0161.
+    S 162 "Acceleration data scaling exponent" [""] I16/0 written IN_CP2_CP3 (-32 to 32) = -3 => Parameter, stored, needed_for_cp4;
     /// Bit 0: positive edge of probe 1; bit 1: negative edge; bits 2 and 3: those of probe 2.
     S 169 "Probe control" [""] BITS/0 written ALWAYS (0 to 15) = 0 => Parameter, stored;
     /// Positions at the edges of S-0-0169, each armed by S-0-0405 or S-0-0406; until it is cancelled.

@@ -140,7 +140,9 @@ impl<B: Bus + Clone, H: Hardware> Motion<B, H> {
     }
 
     fn commanded_torque(&self) -> CurrentFraction {
-        let sum = i64::from(self.commands.torque).saturating_add(self.commands.additive_torque.into());
+        let Polarity { command, additive, .. } = self.settings.torque_polarity;
+        let signed = |value: i16, reversed: bool| i64::from(value).wrapping_mul(if reversed { -1 } else { 1 });
+        let sum = signed(self.commands.torque, command).wrapping_add(signed(self.commands.additive_torque, additive));
         let fraction = self.settings.torque_command.apply(sum);
         CurrentFraction::from_bits(fraction.clamp(-MOST_CURRENT, MOST_CURRENT) as i16)
     }

@@ -87,7 +87,8 @@ impl<B: Bus + Clone, H: Hardware> Motion<B, H> {
         self.values.velocity = shown(self.values.measured_velocity);
         self.values.velocity_error = shown(self.values.velocity_deviation);
         self.values.following_distance = settings.position.from_position(self.values.following_error);
-        self.values.torque = settings.torque.apply(i64::from(self.values.current.to_bits()));
+        let torque = settings.torque.apply(i64::from(self.values.current.to_bits()));
+        self.values.torque = if settings.torque_polarity.feedback { torque.wrapping_neg() } else { torque };
     }
 
     pub(super) fn signal(&self, signal: Feedback) -> u32 {

@@ -1,4 +1,4 @@
-//! What one increment of position and velocity data is at the motor (S-0-0044, S-0-0076, sercos2.md 6.5).
+//! What one increment of position, velocity and acceleration data is at the motor (S-0-0044, 76, 160, sercos2.md 6.5).
 //!
 //! Data count degrees or metres, at the motor or at the load. The way from one to the other is made of whole numbers:
 //! the load turns S-0-0122 revolutions while the motor turns S-0-0121, and moves S-0-0123 a revolution. No public paper
@@ -6,7 +6,7 @@
 
 use sercos::Idn;
 use sercos::parameters::Parameters;
-use servo::{Modulo, PositionScale, SettingsError, VelocityScale};
+use servo::{Acceleration, Jerk, Modulo, PositionScale, SettingsError, VelocityScale};
 
 use super::{InvalidSetting, invalid, unsupported};
 
@@ -55,6 +55,64 @@ pub(super) fn velocity_scale(parameters: &Parameters) -> Result<VelocityScale, I
     };
     let rpm = velocity.and_then(at_motor).ok_or(unsupported(46))?;
     VelocityScale::new(rpm.numerator, rpm.denominator).map_err(invalid(45))
+}
+
+/// Scaling of accelerations (S-0-0160) and of jerks, which have the same increments a second.
+#[derive(Clone, Copy)]
+pub(super) struct DerivativeScale {
+    /// Of 10^-3 rad/s² of the motor in an increment.
+    milliradians: Ratio,
+}
+
+impl DerivativeScale {
+    pub(super) fn new(parameters: &Parameters) -> Result<Self, InvalidSetting> {
+        let kind = parameters.get_word(Idn::standard(160));
+        if kind & !ACCELERATION_TYPE_BITS != 0 {
+            return Err(unsupported(160));
+        }
+        let (factor, exponent) = match (kind & UNIT, kind & BY_PARAMETER != 0) {
+            (ROTARY | LINEAR, true) => (parameters.get(Idn::standard(161)), signed_word(parameters, 162)),
+            (ROTARY, false) => (1, -3),
+            (LINEAR, false) => (1, -6),
+            _ => return Err(unsupported(160)),
+        };
+        let of_unit = Ratio::new(factor.into(), 1).times_ten_to(exponent.saturating_add(3));
+        let milliradians = if kind & UNIT == LINEAR {
+            of_unit
+                .and_then(|ratio| ratio.times_ten_to(FEED_EXPONENT.saturating_neg()))
+                .and_then(|ratio| ratio.over(feed(parameters)))
+                .and_then(|ratio| ratio.times(TWO_PI.numerator))
+                .and_then(|ratio| ratio.over(TWO_PI.denominator))
+        } else {
+            of_unit
+        };
+        let at_motor = |ratio: Ratio| {
+            if kind & AT_LOAD == 0 {
+                Some(ratio)
+            } else {
+                ratio.times(gear(parameters, 121))?.over(gear(parameters, 122))
+            }
+        };
+        milliradians.and_then(at_motor).map(|milliradians| Self { milliradians }).ok_or(unsupported(162))
+    }
+
+    pub(super) fn acceleration(self, parameters: &Parameters, number: u16) -> Acceleration {
+        Acceleration::from_milliradians_per_second_squared(self.milliradians(parameters, number))
+    }
+
+    /// A jerk limit; `None` for 0.
+    pub(super) fn jerk(self, parameters: &Parameters, number: u16) -> Option<Jerk> {
+        let jerk = Jerk::from_milliradians_per_second_cubed(self.milliradians(parameters, number));
+        (jerk.to_bits() != 0).then_some(jerk)
+    }
+
+    /// Saturates, and never makes 0 of a value: 0 means "no limit" with some parameters.
+    fn milliradians(self, parameters: &Parameters, number: u16) -> u32 {
+        let value = u128::from(parameters.get(Idn::standard(number)));
+        let scaled = value.saturating_mul(self.milliradians.numerator.into());
+        let scaled = scaled.checked_div(self.milliradians.denominator.into()).unwrap_or(u128::MAX);
+        u32::try_from(scaled.max(value.min(1))).unwrap_or(u32::MAX)
+    }
 }
 
 /// Position increments of one revolution of the motor, and the parameter to blame if they are too many or too few.
@@ -139,12 +197,16 @@ fn greatest_common_divisor(mut larger: u64, mut smaller: u64) -> u64 {
 /// One increment of S-0-0123 is 10^-7 m, and so is the preferred linear position increment.
 const FEED_EXPONENT: i32 = -7;
 
+/// Radians of a revolution, 8 * 10^-8 of itself too large.
+const TWO_PI: Ratio = Ratio::new(710, 113);
+
 /// Preferred rotary position scaling: 0.0001 degree.
 const PREFERRED_INCREMENTS: u64 = 3_600_000;
 
 /// Bits of a scaling type that this drive does not have must be zero: inches, and what is reserved.
 const POSITION_TYPE_BITS: u16 = 0b1100_1111;
 const VELOCITY_TYPE_BITS: u16 = 0b0110_1111;
+const ACCELERATION_TYPE_BITS: u16 = 0b0100_1111;
 const UNIT: u16 = 7;
 const LINEAR: u16 = 1;
 const ROTARY: u16 = 2;
@@ -176,8 +238,9 @@ mod tests {
         f64::from(velocity_scale(&with(changes)).unwrap().to_velocity(1_000_000).to_bits()) / one_rpm
     }
 
+    /// Accelerations are counted in whole 10^-3 rad/s², which is 4 * 10^-6 of the smallest here.
     fn near(value: f64, expected: f64) {
-        assert!((value / expected - 1.0).abs() < 1e-6, "{value} is not {expected}");
+        assert!((value / expected - 1.0).abs() < 5e-6, "{value} is not {expected}");
     }
 
     #[test]
@@ -217,6 +280,39 @@ mod tests {
         near(velocity(&[(44, 0x22)]), 60.0);
     }
 
+    /// rad/s² of the motor for a million increments of S-0-0138.
+    fn acceleration(changes: &[(u16, i32)]) -> f64 {
+        let mut parameters = with(changes);
+        parameters.set(Idn::standard(138), 1_000_000).unwrap();
+        let scale = DerivativeScale::new(&parameters).unwrap();
+        f64::from(scale.milliradians(&parameters, 138)) / 1_000.0
+    }
+
+    #[test]
+    fn a_million_acceleration_increments_are_what_the_type_says() {
+        let radians_per_metre = std::f64::consts::TAU / 0.01;
+        near(acceleration(&[]), 1_000.0);
+        near(acceleration(&[(160, 0x0A), (161, 25), (162, -4)]), 2_500.0);
+        near(acceleration(&[(160, 1)]), radians_per_metre);
+        near(acceleration(&[(160, 1), (123, 250_000)]), radians_per_metre / 2.5);
+        near(acceleration(&[(160, 9), (161, 3), (162, -5)]), radians_per_metre * 30.0);
+        let gear = [(121, 7), (122, 3)];
+        near(acceleration(&[(160, 0x42), gear[0], gear[1]]), 7_000.0 / 3.0);
+        near(acceleration(&[(160, 0x41), gear[0], gear[1]]), radians_per_metre * 7.0 / 3.0);
+        near(acceleration(&[(160, 0x01), gear[0], gear[1]]), radians_per_metre);
+    }
+
+    #[test]
+    fn an_acceleration_too_small_to_count_is_not_taken_for_no_limit() {
+        let mut parameters = with(&[(160, 0x0A), (162, -10), (136, 1), (349, 1)]);
+        let scale = DerivativeScale::new(&parameters).unwrap();
+        assert_eq!((scale.milliradians(&parameters, 136), scale.milliradians(&parameters, 137)), (1, 0));
+        parameters.set(Idn::standard(162), 9).unwrap();
+        parameters.set(Idn::standard(136), 5).unwrap();
+        let scale = DerivativeScale::new(&parameters).unwrap();
+        assert_eq!(scale.milliradians(&parameters, 136), u32::MAX, "as much as there is");
+    }
+
     #[test]
     fn position_and_velocity_of_one_linear_axis_agree() {
         // 0.1 um and 1 um/min: 600 000 000 velocity increments are 100 000 000 position increments a second.
@@ -246,7 +342,12 @@ mod tests {
         for inches_modulo_or_none in [0x12, 0x82, 0x11, 0, 3, 8, 0x21] {
             assert_eq!(velocity(&[(44, inches_modulo_or_none)]), Some(44), "{inches_modulo_or_none:X}");
         }
+        let acceleration = |changes: &[(u16, i32)]| DerivativeScale::new(&with(changes)).err().map(|error| error.idn.0);
+        for inches_cubes_or_none in [0x12, 0x22, 0x82, 0, 3, 8] {
+            assert_eq!(acceleration(&[(160, inches_cubes_or_none)]), Some(160), "{inches_cubes_or_none:X}");
+        }
         for exponent in [-32, 32] {
+            assert_eq!(acceleration(&[(160, 0x0A), (162, exponent)]), Some(162));
             assert_eq!(position(&[(76, 9), (78, exponent)]), Some(78));
             assert_eq!(velocity(&[(44, 9), (46, exponent)]), Some(46));
         }
