@@ -78,6 +78,8 @@ fn the_flashed_elf_releases_every_step_of_every_element_within_100_us_of_the_mdt
     let configuration = RingConfiguration::new(1, BitRate::M2);
     let (world, mut handles) = ring_of_drives_on(configuration, tester, &[DriveSetup::new(5)], |_| on_qemu()).unwrap();
     let mut slave = Slave::around(world, handles.remove(0));
+    slave.to_cp0();
+    slave.cycles(1_000);
     slave.to_cp2().unwrap();
     slave.releases.clear();
     let report = walk::read_all(&mut slave, Phase::Cp2).unwrap();

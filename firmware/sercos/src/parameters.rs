@@ -244,34 +244,23 @@ impl Parameters {
         }
     }
 
-    /// S-0-0326: a checksum (FNV-1a, 32 bits) over everything that a control saves (S-0-0327), in the order of the IDNs. Two drives with
+    /// S-0-0326: a checksum over everything that a control saves (S-0-0327), in the order of the IDNs. Two drives with
     /// the same checksum have the same settings.
     pub fn checksum(&self) -> u32 {
         let cell = |index: u8| self.cells.get(usize::from(index)).copied().unwrap_or(0);
         let mut sum = Checksum::new();
         for (block, storage) in storage::all().filter(|(block, _)| block.is_in(Selection::Backup)) {
-            sum.add(block.idn.0);
+            sum.add(block.idn.0.into());
             match storage {
                 Storage::None => {}
-                Storage::Cell(index) => {
-                    let value = cell(index);
-                    sum.add((value & 0xFFFF) as u16);
-                    if block.fixed_bytes() == Some(4) {
-                        sum.add((value >> 16) as u16);
-                    }
-                }
+                Storage::Cell(index) => sum.add(cell(index)),
                 Storage::TwoCells(index) => {
-                    for value in [cell(index), cell(index.saturating_add(1))] {
-                        sum.add((value & 0xFFFF) as u16);
-                        sum.add((value >> 16) as u16);
-                    }
+                    sum.add(cell(index));
+                    sum.add(cell(index.saturating_add(1)));
                 }
-                Storage::Idns(_) => self.list(block.idn).iter().for_each(|entry| sum.add(entry.0)),
-                Storage::Words(_) => self.words(block.idn).iter().for_each(|&entry| sum.add(entry)),
-                Storage::Longs(_) => self.longs(block.idn).iter().for_each(|&entry| {
-                    sum.add((entry & 0xFFFF) as u16);
-                    sum.add((entry >> 16) as u16);
-                }),
+                Storage::Idns(_) => self.list(block.idn).iter().for_each(|entry| sum.add(entry.0.into())),
+                Storage::Words(_) => self.words(block.idn).iter().for_each(|&entry| sum.add(entry.into())),
+                Storage::Longs(_) => self.longs(block.idn).iter().for_each(|&entry| sum.add(entry)),
                 Storage::Text(_) => self.text(block.idn).bytes().for_each(|byte| sum.add(byte.into())),
             }
         }
@@ -350,7 +339,7 @@ fn written_bit(idn: Idn) -> Option<(usize, u32)> {
     Some((index >> 5, 1u32.checked_shl(bit)?))
 }
 
-/// FNV-1a over two-byte words, low byte first.
+/// Each word turned into the sum and multiplied.
 struct Checksum(u32);
 
 impl Checksum {
@@ -358,10 +347,10 @@ impl Checksum {
         Self(0x811C_9DC5)
     }
 
-    fn add(&mut self, word: u16) {
-        for byte in word.to_le_bytes() {
-            self.0 = (self.0 ^ u32::from(byte)).wrapping_mul(0x0100_0193);
-        }
+    /// Every step can be undone, so that one other word is never the same sum; a whole word a step keeps S-0-0326 within the
+    /// 100 us of a service step.
+    const fn add(&mut self, word: u32) {
+        self.0 = (self.0.rotate_left(5) ^ word).wrapping_mul(0x9E37_79B1);
     }
 }
 
