@@ -267,7 +267,7 @@ impl MotionSettings {
             overspeed: Velocity::saturating_from_bits(i64::from(fastest.to_bits()).saturating_mul(5) / 4),
             standstill_window: velocity.to_velocity(signed(parameters, 124)),
             position_limits: position_limits(parameters, &position),
-            positioning: positioning(parameters, &velocity, bipolar)?,
+            positioning: positioning(parameters, &velocity, derivatives, bipolar)?,
             reaction: Reaction::from_parameter(parameters.get_word(Idn::product(140))),
             motor: MotorSettings::new(parameters, increments, fastest)?,
             monitoring_window,
@@ -312,10 +312,10 @@ const fn three_quarters(counts: u16) -> u16 {
 fn positioning(
     parameters: &Parameters,
     scale: &VelocityScale,
+    derivatives: DerivativeScale,
     fastest: Velocity,
 ) -> Result<MotionLimits, InvalidSetting> {
     let velocity = scale.to_velocity(signed(parameters, 259)).min(fastest);
-    let derivatives = DerivativeScale::new(parameters)?;
     let acceleration = derivatives.acceleration(parameters, 260);
     let feedrate = FeedrateOverride::new(parameters.get_word(Idn::standard(108))).map_err(invalid(108))?;
     MotionLimits::new(velocity, acceleration, acceleration, derivatives.jerk(parameters, 193))

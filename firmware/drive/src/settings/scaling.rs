@@ -8,7 +8,7 @@ use sercos::Idn;
 use sercos::parameters::Parameters;
 use servo::{Acceleration, Jerk, Modulo, PositionScale, SettingsError, VelocityScale};
 
-use super::{InvalidSetting, invalid, unsupported};
+use super::{InvalidSetting, invalid, signed, unsupported};
 
 pub(super) fn position_scale(parameters: &Parameters) -> Result<PositionScale, InvalidSetting> {
     let (increments, culprit) = increments_of_a_revolution(parameters)?;
@@ -35,7 +35,7 @@ pub(super) fn velocity_scale(parameters: &Parameters) -> Result<VelocityScale, I
         return Err(unsupported(44));
     }
     let (factor, exponent) = match (kind & UNIT, by_parameter, per_second) {
-        (ROTARY | LINEAR, true, _) => (parameters.get(Idn::standard(45)), signed_word(parameters, 46)),
+        (ROTARY | LINEAR, true, _) => (parameters.get(Idn::standard(45)), signed(parameters, 46)),
         (ROTARY, false, false) => (1, -4),
         (ROTARY, false, true) => (1, -6),
         (LINEAR, false, false) => (1, -6),
@@ -50,10 +50,7 @@ pub(super) fn velocity_scale(parameters: &Parameters) -> Result<VelocityScale, I
     } else {
         velocity.and_then(|ratio| ratio.times_ten_to(exponent))
     };
-    let at_motor = |ratio: Ratio| {
-        if kind & AT_LOAD == 0 { Some(ratio) } else { ratio.times(gear(parameters, 121))?.over(gear(parameters, 122)) }
-    };
-    let rpm = velocity.and_then(at_motor).ok_or(unsupported(46))?;
+    let rpm = velocity.and_then(|ratio| ratio.over_gear(kind, parameters)).ok_or(unsupported(46))?;
     VelocityScale::new(rpm.numerator, rpm.denominator).map_err(invalid(45))
 }
 
@@ -71,7 +68,7 @@ impl DerivativeScale {
             return Err(unsupported(160));
         }
         let (factor, exponent) = match (kind & UNIT, kind & BY_PARAMETER != 0) {
-            (ROTARY | LINEAR, true) => (parameters.get(Idn::standard(161)), signed_word(parameters, 162)),
+            (ROTARY | LINEAR, true) => (parameters.get(Idn::standard(161)), signed(parameters, 162)),
             (ROTARY, false) => (1, -3),
             (LINEAR, false) => (1, -6),
             _ => return Err(unsupported(160)),
@@ -86,14 +83,8 @@ impl DerivativeScale {
         } else {
             of_unit
         };
-        let at_motor = |ratio: Ratio| {
-            if kind & AT_LOAD == 0 {
-                Some(ratio)
-            } else {
-                ratio.times(gear(parameters, 121))?.over(gear(parameters, 122))
-            }
-        };
-        milliradians.and_then(at_motor).map(|milliradians| Self { milliradians }).ok_or(unsupported(162))
+        let at_motor = milliradians.and_then(|ratio| ratio.over_gear(kind, parameters));
+        at_motor.map(|milliradians| Self { milliradians }).ok_or(unsupported(162))
     }
 
     pub(super) fn acceleration(self, parameters: &Parameters, number: u16) -> Acceleration {
@@ -127,7 +118,7 @@ fn increments_of_a_revolution(parameters: &Parameters) -> Result<(Ratio, u16), I
         (ROTARY, true) => (Some(Ratio::new(parameters.get(Idn::standard(79)).into(), 1)), 79),
         (LINEAR, false) => (Some(Ratio::new(feed(parameters), 1)), 123),
         (LINEAR, true) => {
-            let exponent = FEED_EXPONENT.saturating_sub(signed_word(parameters, 78));
+            let exponent = FEED_EXPONENT.saturating_sub(signed(parameters, 78));
             let ratio = Ratio::new(feed(parameters), 1).over(parameters.get(Idn::standard(77)).into());
             (ratio.and_then(|ratio| ratio.times_ten_to(exponent)), 78)
         }
@@ -148,10 +139,6 @@ fn gear(parameters: &Parameters, number: u16) -> u64 {
 /// S-0-0123 in its own increments of 10^-7 m a revolution.
 fn feed(parameters: &Parameters) -> u64 {
     parameters.get(Idn::standard(123)).into()
-}
-
-fn signed_word(parameters: &Parameters, number: u16) -> i32 {
-    i32::try_from(parameters.get_signed(Idn::standard(number))).unwrap_or(i32::MAX)
 }
 
 /// A ratio in its lowest terms; `None` from an operation that leaves 64 bits.
@@ -177,6 +164,11 @@ impl Ratio {
     fn over(self, divisor: u64) -> Option<Self> {
         let Self { numerator, denominator } = Self::new(self.denominator, self.numerator).times(divisor)?;
         Some(Self::new(denominator, numerator))
+    }
+
+    /// The motor's share of a rate of the load, if bit 6 of the scaling type says that it is the load's.
+    fn over_gear(self, kind: u16, parameters: &Parameters) -> Option<Self> {
+        if kind & AT_LOAD == 0 { Some(self) } else { self.times(gear(parameters, 121))?.over(gear(parameters, 122)) }
     }
 
     fn times_ten_to(self, exponent: i32) -> Option<Self> {
