@@ -28,7 +28,12 @@ pub struct Listing {
     pub functions: HashMap<u32, String>,
     /// Addresses whose accesses cost wait states.
     pub slow_bus: Range<u32>,
+    /// The exception whose instructions are wanted one by one, see [`Activations::profile`].
+    pub profiled: Option<u16>,
 }
+
+/// How often instructions were executed: by the return addresses of the calls that were open, the outermost first, then by address.
+pub type Profile = HashMap<Vec<u32>, HashMap<u32, u64>>;
 
 /// Figures of something that happens many times.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -102,6 +107,7 @@ struct Context {
     locked_from: (u64, u64),
     task: TaskCount,
     functions: Vec<(u32, u64)>,
+    profile: Profile,
 }
 
 impl Context {
@@ -119,6 +125,12 @@ impl Context {
             }
         }
         self.own += 1;
+        if listing.profiled == Some(self.exception) {
+            match self.profile.get_mut(self.returns.as_slice()) {
+                Some(place) => *place.entry(address).or_default() += 1,
+                None => _ = self.profile.insert(self.returns.clone(), HashMap::from([(address, 1)])),
+            }
+        }
         match listing.steps.get(&address) {
             Some(Step::Call(returns_to)) => self.returns.push(*returns_to),
             Some(Step::Lock) => self.lock(),
@@ -162,6 +174,7 @@ pub struct Activations {
     thread: TaskCount,
     tasks: BTreeMap<u16, TaskCount>,
     functions: BTreeMap<String, Spread>,
+    profile: Profile,
 }
 
 impl Activations {
@@ -177,6 +190,7 @@ impl Activations {
             thread: TaskCount::default(),
             tasks: BTreeMap::new(),
             functions: BTreeMap::new(),
+            profile: Profile::new(),
         }
     }
 
@@ -190,6 +204,12 @@ impl Activations {
     #[must_use]
     pub fn functions(&self) -> &BTreeMap<String, Spread> {
         &self.functions
+    }
+
+    /// Every instruction of the activations of [`Listing::profiled`], without what interrupted them.
+    #[must_use]
+    pub const fn profile(&self) -> &Profile {
+        &self.profile
     }
 
     /// Critical sections of the thread, which has no activations.
@@ -235,6 +255,12 @@ impl Activations {
         task.bus.add(ended.bus);
         merge(&mut task.locked, ended.task.locked);
         merge(&mut task.bus_locked, ended.task.bus_locked);
+        for (path, places) in ended.profile {
+            let known = self.profile.entry(path).or_default();
+            for (address, times) in places {
+                *known.entry(address).or_default() += times;
+            }
+        }
         for (entry, instructions) in ended.functions {
             if let Some(name) = self.listing.functions.get(&entry) {
                 self.functions.entry(name.clone()).or_default().add(instructions);
@@ -287,6 +313,7 @@ mod tests {
             ]),
             functions: HashMap::from([(CORE, "core".to_owned())]),
             slow_bus: 0x6000_0000..0x7000_0000,
+            profiled: Some(70),
         }
     }
 
@@ -352,6 +379,27 @@ mod tests {
         );
         // 200, 204, the callee's 400 and 402, 208, 20a.
         assert_eq!(count.functions()["core"], once(6));
+    }
+
+    #[test]
+    fn the_profile_has_every_instruction_of_its_task_below_the_calls_that_led_there() {
+        let count = counted(
+            [
+                vec![Entered(70)],
+                run([0x100, 0x104, CORE, 0x202]),
+                vec![Entered(34), Instruction(0x202), Left(34)],
+                run([0x202, 0x108]),
+                vec![Left(70), Entered(70)],
+                run([0x100]),
+                vec![Left(70)],
+            ]
+            .concat(),
+        );
+        let expected = Profile::from([
+            (vec![], HashMap::from([(0x100, 2), (0x104, 1), (0x108, 1)])),
+            (vec![0x108], HashMap::from([(CORE, 1), (0x202, 2)])),
+        ]);
+        assert_eq!(count.profile(), &expected);
     }
 
     #[test]

@@ -35,7 +35,7 @@ mod thumb_tests;
 mod trace;
 pub mod wiring;
 
-pub use activations::{Activations, Listing, Spread, Step, TaskCount};
+pub use activations::{Activations, Listing, Profile, Spread, Step, TaskCount};
 pub use audit::{Finding, audit, audit_power_stage};
 pub use clock::CYCLES_PER_INSTRUCTION_TENTHS;
 pub use environment::{DigitalInputs, Environment, IndexEdge};

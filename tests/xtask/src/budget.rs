@@ -1,6 +1,7 @@
 //! `cargo xtask budget`: what every task takes, counted on the ELF that is flashed, and what it must not contain.
 
 mod gates;
+mod profile;
 mod response;
 mod table;
 mod verdict;
@@ -14,14 +15,16 @@ use crate::{Verdict, firmware, setup};
 use anyhow::{Context, Result};
 use bench::TraceError;
 
-/// Builds, looks, counts, prints, judges.
-pub(crate) fn run(style: Style, installing: Installing) -> Result<Verdict> {
+/// Builds, looks, counts, prints, judges; of a task named, only prints where its instructions go.
+pub(crate) fn run(style: Style, profiled: Option<&str>, installing: Installing) -> Result<Verdict> {
+    let profiled = profiled.map(task_of).transpose()?;
     // Asked for before the build: a missing QEMU is known at once.
     let version = setup::qemu(installing)?;
     let elves = firmware::build(installing)?;
     let product = std::fs::read(&elves.product).with_context(|| format!("cannot read {}", elves.product.display()))?;
     let graph = Graph::new(Program::parse(&product)?)?;
-    let listing = verdict::listing(&graph, gates::GATES)?;
+    let mut listing = verdict::listing(&graph, gates::GATES)?;
+    listing.profiled = profiled.and_then(|task| Some(graph.program.vector(task.vector)?.1));
     eprintln!("counting the instructions of the ELF in QEMU {version}");
     let mut bars = PhaseBars::new();
     let traced = bench::traced(&elves, listing, &mut |progress| bars.show(progress));
@@ -35,12 +38,23 @@ pub(crate) fn run(style: Style, installing: Installing) -> Result<Verdict> {
         }
         Err(error) => return Err(error.into()),
     };
+    if let Some(exception) = profiled.and_then(|task| Some(graph.program.vector(task.vector)?.1)) {
+        let activations = traced.activations.tasks().get(&exception).map_or(0, |task| task.own.count);
+        print!("{}", profile::tree(&elves.product, traced.activations.profile(), activations)?);
+        return Ok(Verdict::Passed);
+    }
     let report = verdict::judge(&graph, &traced, gates::GATES);
     print!("{}", table::tables(&report, style));
     for failure in &report.failures {
         eprintln!("failed: {failure}");
     }
     Ok(if report.failures.is_empty() { Verdict::Passed } else { Verdict::Failed })
+}
+
+fn task_of(name: &str) -> Result<&'static gates::Task> {
+    let names = || gates::GATES.tasks.iter().map(|task| task.name).collect::<Vec<_>>().join(", ");
+    let task = gates::GATES.tasks.iter().find(|task| task.name == name);
+    task.with_context(|| format!("{name} is no task of the application; the tasks are {}", names()))
 }
 
 #[cfg(test)]

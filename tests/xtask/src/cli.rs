@@ -52,6 +52,9 @@ pub(crate) enum Command {
         /// Print the tables as Markdown
         #[arg(long)]
         markdown: bool,
+        /// Instead of the tables: where the instructions of this task go, function by function, inlined ones too
+        #[arg(long, value_name = "TASK", conflicts_with = "markdown")]
+        profile: Option<String>,
     },
     /// Run clippy over the host crates and, where the compiler can, the target crates; warnings are errors
     Clippy,

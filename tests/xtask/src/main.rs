@@ -59,8 +59,9 @@ fn run(command_line: CommandLine) -> anyhow::Result<Verdict> {
     match command_line.command {
         Command::Setup => setup::everything(installing),
         Command::Build { accept_size } => firmware::build_and_print(accept_size, installing),
-        Command::Budget { markdown } => {
-            budget::run(if markdown { budget::Style::Markdown } else { budget::Style::Text }, installing)
+        Command::Budget { markdown, profile } => {
+            let style = if markdown { budget::Style::Markdown } else { budget::Style::Text };
+            budget::run(style, profile.as_deref(), installing)
         }
         Command::Clippy => clippy::run(installing),
         Command::Test { host, qemu } => suite::run(suite::Selection::from_flags(host, qemu), installing),

@@ -87,7 +87,7 @@ pub(crate) fn listing(graph: &Graph, gates: Gates) -> Result<Listing> {
     let wanted = |name: &str| gates.functions.iter().any(|function| name.contains(function.symbol));
     let functions = graph.program.functions().iter().filter(|function| wanted(&function.name));
     let functions = functions.map(|function| (function.address, function.name.clone())).collect();
-    Ok(Listing { steps, functions, slow_bus: SLOW_BUS })
+    Ok(Listing { steps, functions, slow_bus: SLOW_BUS, profiled: None })
 }
 
 /// Judges.
