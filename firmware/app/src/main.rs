@@ -8,6 +8,7 @@
 //! | [`app::command_valid`] | CAN1_TX | 4 | started by the two above at t3 | 15 us |
 //! | [`app::capture_feedback`] | CAN1_RX0 | 4 | started by the two above at t4 | 30 us |
 //! | [`app::control_loop`] | CAN2_TX | 4 | started by every second current loop, every 125 us | 60 us |
+//! | [`app::supervision`] | CAN2_RX0 | 4 | started by every fourth control loop, every 500 us | 125 us |
 //! | [`app::phase_change`] | CAN1_RX1 | 2 | the MST shows another phase, or supervision gives the ring up | one communication cycle |
 //! | [`app::service_channel`] | CAN1_SCE | 2 | the service container waits for us; the drive has become another state or has an error | 100 us |
 //! | [`app::idle`] | - | 0 | nothing else to do | - |
@@ -15,7 +16,7 @@
 //! Higher numbers interrupt lower ones. The current loop is alone at the top, owns what it works with and talks to the others through
 //! [`drive::CurrentLink`], without a lock: nobody can hold it up. Everything that belongs to the cycle has one priority below, so these
 //! tasks never interrupt each other and wait for at most one of the others; at equal priority the lower vector number goes first: the
-//! chip's interrupts, then t3, t4, then the control loop. Priorities 3 and 1 are free: 3 for what must not delay the cycle but may
+//! chip's interrupts, then t3, t4, then the control loop, then its supervision. Priorities 3 and 1 are free: 3 for what must not delay the cycle but may
 //! delay the bus, 1 for an operator's port.
 //!
 //! Tasks without an interrupt of their own borrow the vectors of CAN1 and CAN2, which this drive has no use for; they are started by setting
@@ -169,17 +170,31 @@ mod app {
         context.shared.motion.lock(Motion::capture_feedback);
     }
 
-    /// Motor supervision, position and velocity loop, order to the current loop, and the flywheel that stands in for a missing t3.
+    /// Position and velocity loop, order to the current loop, and the flywheel that stands in for a missing t3.
     ///
     /// Contract: the order is there before the next current loop, 62.5 us after the one that started this, so that it counts from the second
     /// cycle of the tick on; t3 and t4 may come before, and then it counts a cycle later. Done before the next tick in any case. The chip
     /// is looked at only while its timers are being learned, in CP0.
-    #[task(binds = CAN2_TX, priority = 4, shared = [interrupts, motion])]
+    #[task(binds = CAN2_TX, priority = 4, local = [polls: bool = true], shared = [interrupts, motion])]
     fn control_loop(context: control_loop::Context) {
-        let control_loop::SharedResources { interrupts, motion, .. } = context.shared;
+        let control_loop::SharedResources { mut interrupts, mut motion, .. } = context.shared;
         PROGRESS.tick();
-        let work = (interrupts, motion).lock(|interrupts, motion| motion.control_loop() | interrupts.poll(motion));
+        let mut work = motion.lock(Motion::control_loop);
+        if *context.local.polls {
+            work |= (&mut interrupts, &mut motion).lock(|interrupts, motion| interrupts.poll(motion));
+            *context.local.polls = interrupts.lock(|interrupts| interrupts.need_polling());
+        }
         start(work);
+    }
+
+    /// Bus, loads, temperatures, encoder, brake, state machine and diagnostic words: all whose times are milliseconds.
+    ///
+    /// Contract: done before the next loop tick. What it decides acts in that tick; what must be faster is in the current loop, the control
+    /// loop or the hardware.
+    #[task(binds = CAN2_RX0, priority = 4, shared = [motion])]
+    fn supervision(mut context: supervision::Context) {
+        PROGRESS.begun(Work::SUPERVISION.bits());
+        start(context.shared.motion.lock(Motion::supervise));
     }
 
     /// Follows the MST into another phase, or falls back to CP0, and sets the chip up for it.
@@ -215,6 +230,7 @@ mod app {
         for (task, vector) in [
             (Work::COMMAND_VALID, Interrupt::CAN1_TX),
             (Work::CAPTURE_FEEDBACK, Interrupt::CAN1_RX0),
+            (Work::SUPERVISION, Interrupt::CAN2_RX0),
             (Work::PHASE_CHANGE, Interrupt::CAN1_RX1),
             (Work::SERVICE_CHANNEL, Interrupt::CAN1_SCE),
         ] {

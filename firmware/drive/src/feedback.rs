@@ -1,7 +1,5 @@
 //! The feedback values of one instant, in the weight of their IDNs.
 
-use servo::{AxisOutput, CurrentFraction, Position, Velocity};
-
 /// What the AT and the service channel show of the motor side.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct FeedbackValues {
@@ -15,21 +13,9 @@ pub struct FeedbackValues {
     pub following_distance: i32,
     /// S-0-0347.
     pub velocity_error: i32,
-    pub(crate) measured_velocity: Velocity,
-    pub(crate) velocity_deviation: Velocity,
-    pub(crate) following_error: Position,
-    pub(crate) current: CurrentFraction,
 }
 
 impl FeedbackValues {
-    /// Keeps what the loops gave in their last tick; it is weighted when it is asked for.
-    pub(crate) fn take_output(&mut self, output: &AxisOutput, current: CurrentFraction) {
-        self.measured_velocity = output.velocity;
-        self.velocity_deviation = output.velocity_command - output.velocity;
-        self.following_error = output.following_error;
-        self.current = current;
-    }
-
     /// S-0-0084 as it is transmitted, limited to 16 bits.
     pub(crate) fn torque_word(&self) -> u32 {
         let limited = self.torque.clamp(i64::from(i16::MIN), i64::from(i16::MAX));

@@ -64,17 +64,21 @@ impl<B: Bus + Clone> Interrupts<B> {
         self.sort(events)
     }
 
-    /// In every tick of the loop timer: learns the chip's timers in CP0, and stands in for interrupts that do not arrive.
+    /// [`Interrupts::poll`] still has something to do. Once it has not, it never has again.
+    pub fn need_polling(&self) -> bool {
+        // Interrupts may arrive later than the learning ends: only then are the conditions that nobody waits for taken off the lines.
+        self.learning || !self.interrupts_arrive || !self.chip.errors_are_masked()
+    }
+
+    /// In every tick of the loop timer, while [`Interrupts::need_polling`]: learns the chip's timers in CP0, and stands in for interrupts that
+    /// do not arrive.
     ///
-    /// Two bus accesses while there is something to learn, one when that is over, none later.
+    /// Two bus accesses while there is something to learn, one when that is over.
     pub fn poll<H: Hardware>(&mut self, motion: &mut Motion<B, H>) -> Work {
         self.time_us = self.time_us.wrapping_add(u32::from(LOOP_PERIOD_MICROSECONDS));
         self.interrupts_arrive |= self.interrupted;
         if !self.learning && self.interrupts_arrive {
-            // Not only in the poll that ends the learning: interrupts may arrive later than that.
-            if !self.chip.errors_are_masked() {
-                self.chip.mask_errors();
-            }
+            self.chip.mask_errors();
             return Work::empty();
         }
         let events = self.chip.take();

@@ -27,7 +27,7 @@ use crate::settings::motor::FREQUENCY;
 use crate::settings::{InvalidSetting, MotionSettings, OperationMode, homing};
 
 /// So long S-0-0128 waits for the loops to lock to the ring: 200 ms in loop ticks, twice what a lock takes.
-const LOCK_PATIENCE_TICKS: u16 = 1_600;
+const LOCK_PATIENCE_TICKS: u16 = 400;
 
 /// Period of the current loop in 0.1 us.
 const CURRENT_LOOP: u16 = 10 * LOOP_PERIOD_MICROSECONDS / FREQUENCY.cycles_per_tick() as u16;

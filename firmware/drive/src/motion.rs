@@ -1,21 +1,25 @@
-//! The hot tasks of the loop tick: command values at t3, feedback at t4, the loops every 125 us. The current loop runs above them,
-//! see [`crate::CurrentControl`].
+//! The hot tasks of the drive: command values at t3, feedback at t4, the loops every 125 us, the supervision every 500 us. The current loop
+//! runs above them, see [`crate::CurrentControl`].
 //!
-//! All three run at one priority and share [`Motion`] without locks. The background tasks (phase change, service channel)
+//! All four run at one priority and share [`Motion`] without locks. The background tasks (phase change, service channel)
 //! take it under a short lock to hand over settings or to read a snapshot.
+//!
+//! What the loops themselves need stays in the loop tick. All that looks after them (bus, loads, temperatures, brake, state machine,
+//! diagnostic words) has time constants of milliseconds and its own, slower task.
 
 use sercon816::{Bus, CommandPort, FeedbackPort};
 use sercos::Phase;
 use sercos::diagnostic::{Class1, Class2, Class3};
 use sercos::phase::PhaseError;
 use sercos::supervision::Supervision;
-use servo::{Axis, CurrentFraction, Encoder, Limiting, LoopClock, Mode, Position, Scope, Velocity};
+use servo::{Axis, AxisOutput, Encoder, LOOP_TICKS_PER_SUPERVISION, Limiting, LoopClock, Mode, Position, Scope};
 
 mod background;
 mod clock_monitor;
 mod cycle;
 mod identifying;
 mod recording;
+mod supervision;
 mod travel;
 mod words;
 
@@ -29,16 +33,13 @@ use crate::feedback::FeedbackValues;
 use crate::hardware::{Hardware, Inputs, InterruptLine};
 use crate::identification::{Identification, Outcome};
 use crate::link::CurrentLink;
-use crate::motor::{Findings, Motor, Progress, Sequence, SequenceInputs, Surroundings};
+use crate::motor::{Motor, Progress};
 use crate::mst::MstMonitor;
 use crate::oscilloscope::Oscilloscope;
 use crate::record::Records;
-use crate::settings::{MotionSettings, OperationMode, Reaction};
-use crate::state::{Conditions, DriveState, StateMachine, Switches};
+use crate::settings::{MotionSettings, OperationMode};
+use crate::state::{DriveState, StateMachine, Switches};
 use crate::work::Work;
-
-/// So long the two channels of safe torque off may differ, in loop ticks: relays do not switch at the same instant.
-const CHANNELS_DIFFER_TICKS: u16 = 800;
 
 /// The cyclic command values as they came last, each in the weight of its IDN.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -90,11 +91,12 @@ pub struct Motion<B, H> {
     /// The bridge as it was last set.
     bridge_on: bool,
     /// What the loops gave in the last tick.
-    torque_command: CurrentFraction,
-    velocity_command: Velocity,
+    output: AxisOutput,
     /// What limits the drive right now (P-0-0160).
     limiting: Limiting,
-    /// Ticks for which the two channels of safe torque off have differed.
+    /// Loop ticks until the next look of the supervision.
+    until_supervision: u8,
+    /// Ticks of the supervision for which the two channels of safe torque off have differed.
     channels_differ: u16,
     /// Phase of the last edge that may have been t3.
     edge_phase: u16,
@@ -131,28 +133,26 @@ pub struct Motion<B, H> {
     probe_run: ProbeRun,
     /// S-0-0258 and the place that it means.
     target: Option<(i32, Position)>,
-    /// The movement of the drive itself has reached its target.
-    travelled: bool,
     /// S-0-0403 bit 0.
     referenced: bool,
     /// S-0-0148 holds the position until it is cancelled.
     homing: bool,
     /// Homing has just ended with torque on: the next command is looked at before it is followed.
     resuming: bool,
-    /// Loop ticks for which a lost telegram is still a warning.
+    /// Ticks of the supervision for which a lost telegram is still a warning.
     loss_shown: u16,
-    /// Loop ticks since the start.
-    ticks: u64,
+    /// Ticks of the supervision since the start.
+    supervisions: u64,
     diagnostic_number: u16,
     interface_status: u16,
     latch: u32,
-    /// Loop ticks since the last t3 event, or since the flywheel stood in for one.
-    ticks_since_t3: u16,
+    /// Loop ticks until a t3 event is overdue; 0 outside the cyclic phases.
+    until_overdue: u16,
     fatal: bool,
     without_lag: bool,
     /// Cycles since a command value was last handed to the axis.
     cycles_since_command: u16,
-    /// Ticks for which somebody still waits for the loop clock to lock, see [`Motion::wait_for_lock`].
+    /// Ticks of the supervision for which somebody still waits for the loop clock to lock, see [`Motion::wait_for_lock`].
     lock_patience: u16,
     /// CP3 was entered in this cycle.
     entered_cyclic: bool,
@@ -172,12 +172,13 @@ impl<B: Bus + Clone, H: Hardware> Motion<B, H> {
         hardware.set_bridge(false);
         hardware.set_brake(false);
         let inputs = hardware.inputs();
+        let position = encoder.position();
         Self {
             hardware,
             command_port: CommandPort::new(bus.clone(), address),
             feedback_port: FeedbackPort::new(bus.clone()),
             mst: MstMonitor::new(bus),
-            axis: Axis::new(settings.with_lag, encoder.position()),
+            axis: Axis::new(settings.with_lag, position),
             encoder,
             clock: LoopClock::new(settings.clock),
             clock_monitor: ClockMonitor::default(),
@@ -188,9 +189,9 @@ impl<B: Bus + Clone, H: Hardware> Motion<B, H> {
             inputs,
             progress: Progress::default(),
             bridge_on: false,
-            torque_command: CurrentFraction::ZERO,
-            velocity_command: Velocity::ZERO,
+            output: AxisOutput::at_rest(position),
             limiting: Limiting::empty(),
+            until_supervision: 1,
             channels_differ: 0,
             edge_phase: 0,
             switches: Switches::default(),
@@ -219,16 +220,15 @@ impl<B: Bus + Clone, H: Hardware> Motion<B, H> {
             homing_run: HomingRun::default(),
             probe_run: ProbeRun::default(),
             target: None,
-            travelled: true,
             referenced: false,
             homing: false,
             resuming: false,
             loss_shown: 0,
-            ticks: 0,
+            supervisions: 0,
             diagnostic_number: 0,
             interface_status: 0,
             latch: 0,
-            ticks_since_t3: 0,
+            until_overdue: 0,
             fatal: false,
             without_lag: false,
             cycles_since_command: 0,
@@ -256,7 +256,7 @@ impl<B: Bus + Clone, H: Hardware> Motion<B, H> {
             Phase::Cp3 | Phase::Cp4 => {
                 self.clock.on_t3(self.edge_phase);
                 self.clock_monitor.take(self.clock.phase_error(), self.clock.is_locked());
-                self.ticks_since_t3 = 0;
+                self.until_overdue = self.settings.ticks_to_overdue;
                 self.take_cycle()
             }
         }
@@ -283,44 +283,41 @@ impl<B: Bus + Clone, H: Hardware> Motion<B, H> {
         }
     }
 
-    /// Task of the loop tick, every 125 us, started by the current loop: looks after the motor side, steps the state machine and the
-    /// loops, and gives the current loop its order.
+    /// Task of the loop tick, every 125 us, started by the current loop: position, velocity and torque, and the order to the current loop.
     ///
-    /// Contract: done before the next tick, 125 us later, with the tasks of the chip in between; 28 us when nothing is in between, so that the
-    /// current loop's second cycle of the tick has the order. No bus access but when a t3 event is overdue.
+    /// Contract: done before the current loop's second cycle of the tick, 62.5 us after the one that started it, with t3 or t4 in between;
+    /// then the order acts in it. No bus access but when a t3 event is overdue.
     pub fn control_loop(&mut self) -> Work {
-        self.ticks = self.ticks.wrapping_add(1);
-        self.inputs = self.hardware.inputs();
         let count = self.motor.measure().count;
-        let _ = self.encoder.update(self.counted(count));
-        let index = self.hardware.index_latch().map(|latch| self.counted(latch));
-        self.look_after_the_motor(index);
-        self.update_state();
-        let index = index.map(|count| self.encoder.position_of(count));
-        self.step_sequence(index);
-        let homed = self.home(index);
-        self.probe();
-        if self.is_positioning() {
-            self.position_to_target();
+        let count = self.counted(count);
+        let mut position = self.encoder.update(count);
+        self.watch_encoder(count);
+        self.align(position);
+        let mut work = Work::empty();
+        if self.is_travelling_home() {
+            if self.home() {
+                work = Work::SERVICE_CHANNEL;
+            }
+            // Homing may just have moved the zero.
+            position = self.encoder.position();
         }
-        // Only now: homing may just have moved the zero.
-        let position = self.encoder.position();
         self.identify(position);
-        let output = self.axis.tick(position, self.motor.torque_limits());
-        if output.excessive_deviation {
+        self.output = self.axis.tick(position, self.motor.torque_limits());
+        if self.output.excessive_deviation {
             self.class_1 |= Class1::EXCESSIVE_DEVIATION;
         }
         let trim = self.clock.on_tick();
-        self.motor.command(position, output.current, output.loop_velocity, trim);
-        self.torque_command = output.current;
-        self.velocity_command = output.velocity_command;
-        self.limiting = output.limiting | self.motor.limiting();
-        self.travelled = output.travelled;
-        self.values.take_output(&output, self.motor.torque_current());
-        self.refresh_words(&output);
-        self.record(position, &output);
-        let homed = if homed { Work::SERVICE_CHANNEL } else { Work::empty() };
-        self.flywheel() | self.tell_lock() | self.tell_news() | homed
+        self.motor.command(position, self.output.current, self.output.loop_velocity, trim);
+        self.record(position);
+        self.until_supervision = self.until_supervision.wrapping_sub(1);
+        if self.until_supervision == 0 {
+            self.until_supervision = LOOP_TICKS_PER_SUPERVISION as u8;
+            work |= Work::SUPERVISION;
+        }
+        if self.until_overdue != 0 {
+            work |= self.flywheel();
+        }
+        work
     }
 
     /// The drive follows S-0-0258 by itself.
@@ -348,142 +345,6 @@ impl<B: Bus + Clone, H: Hardware> Motion<B, H> {
     /// The latch that belongs to t4.
     pub fn set_latch(&mut self, latch: u32) {
         self.latch = latch;
-    }
-
-    fn conditions(&self) -> Conditions {
-        Conditions {
-            operating_phase: self.phase == Phase::Cp4
-                && self.lost.is_none()
-                && !self.manufacturer_3.contains(Manufacturer3::PARKED),
-            power: self.motor.has_power(&self.inputs) && self.inputs.bridge_ready && self.permits_torque(),
-            fault: !self.class_1.is_empty(),
-            fatal: self.fatal || (!self.class_1.is_empty() && self.settings.reaction == Reaction::TorqueFree),
-            standstill: self.class_3.contains(Class3::STANDSTILL),
-            released: self.progress.released,
-            torque_off: self.progress.torque_off,
-        }
-    }
-
-    /// Both channels of safe torque off permit torque.
-    const fn permits_torque(&self) -> bool {
-        self.inputs.safe_torque_1 && self.inputs.safe_torque_2
-    }
-
-    /// Supervision of everything below the velocity loop, and of what only counts while torque is on.
-    fn look_after_the_motor(&mut self, index: Option<u32>) {
-        let torque = self.machine.state().has_torque();
-        let in_operation = self.machine.state().is_in_operation();
-        let findings = self.motor.supervise(&Surroundings {
-            torque,
-            count: self.counted(self.motor.measured().count),
-            index,
-            velocity_command: if in_operation && self.axis.mode() != Mode::Torque {
-                self.velocity_command
-            } else {
-                Velocity::ZERO
-            },
-        });
-        self.take(findings);
-        self.watch_safe_torque_off(torque);
-        if !torque {
-            return;
-        }
-        let mut findings = Findings::default();
-        if !self.inputs.bridge_ready
-            || (self.bridge_on && !self.hardware.bridge_is_on() && self.motor.measured().trip.is_none())
-        {
-            findings.add_own(Manufacturer1::AMPLIFIER_FAULT, true);
-        } else if !self.motor.has_power(&self.inputs) {
-            // Without power the torque goes, and a drive that is off for no reason would help nobody.
-            findings.class_1 |= Class1::UNDERVOLTAGE;
-        }
-        if self.values.measured_velocity.abs() > self.settings.overspeed {
-            findings.add_own(Manufacturer1::OVERSPEED, false);
-        }
-        if self.is_leaving_its_range() {
-            findings.class_1 |= Class1::POSITION_LIMIT;
-        }
-        if in_operation && self.phase == Phase::Cp4 && self.lost.is_none() && !self.clock.is_locked() {
-            findings.add_own(Manufacturer1::SYNCHRONISATION, false);
-        }
-        self.take(findings);
-    }
-
-    /// The axis is beyond S-0-0049 or S-0-0050 and moves further out. The way back is free, so that S-0-0099 and a command inwards
-    /// bring it home. Without reference the limits mean nothing.
-    fn is_leaving_its_range(&self) -> bool {
-        let Some((highest, lowest)) = self.settings.position_limits.filter(|_| self.referenced) else { return false };
-        let position = self.encoder.position();
-        let outwards = |velocity: Velocity| {
-            (position > highest && velocity > Velocity::ZERO) || (position < lowest && velocity < Velocity::ZERO)
-        };
-        outwards(self.velocity_command) && self.machine.state().is_in_operation()
-    }
-
-    /// The two channels are observed, never relied on: the hardware behind them takes the torque away by itself.
-    fn watch_safe_torque_off(&mut self, torque: bool) {
-        let differ = self.inputs.safe_torque_1 != self.inputs.safe_torque_2;
-        self.channels_differ = if differ { self.channels_differ.saturating_add(1) } else { 0 };
-        let mut findings = Findings::default();
-        if self.channels_differ >= CHANNELS_DIFFER_TICKS {
-            findings.add_own(Manufacturer1::SAFE_TORQUE_CHANNELS, true);
-        }
-        if torque && !self.permits_torque() {
-            findings.add_own(Manufacturer1::SAFE_TORQUE_OFF, true);
-        }
-        self.take(findings);
-    }
-
-    fn take(&mut self, findings: Findings) {
-        self.class_1 |= findings.class_1;
-        self.manufacturer_1 |= findings.manufacturer_1;
-        self.fatal |= findings.fatal;
-        // Increments were lost or added: nobody knows any more where the axis is.
-        self.referenced &= !findings.class_1.contains(Class1::FEEDBACK);
-    }
-
-    /// One tick of switching on or off, and what it asks of bridge and brake.
-    fn step_sequence(&mut self, index: Option<Position>) {
-        let state = self.machine.state();
-        let wanted = match state {
-            DriveState::Off | DriveState::Fault => Sequence::Off,
-            DriveState::Engaging => Sequence::Stop,
-            _ => Sequence::Start,
-        };
-        let mut findings = Findings::default();
-        let bridge_on = self.bridge_on && self.hardware.bridge_is_on();
-        self.progress = self.motor.sequence(
-            &SequenceInputs {
-                wanted,
-                bridge_on,
-                standstill: self.class_3.contains(Class3::STANDSTILL),
-                position: self.encoder.position(),
-                torque_command: self.torque_command,
-                brake_contact: self.inputs.brake_open,
-                blocked: self.class_3.contains(Class3::TORQUE_LIMIT | Class3::STANDSTILL)
-                    && self.velocity_command.abs() > self.settings.standstill_window,
-                index,
-            },
-            &mut findings,
-        );
-        self.take(findings);
-        if let Some(current) = self.progress.preload {
-            self.axis.preload(current);
-        }
-        self.set_bridge(self.progress.bridge);
-        self.hardware.set_brake(self.progress.brake);
-    }
-
-    fn set_bridge(&mut self, on: bool) {
-        if on == self.bridge_on {
-            return;
-        }
-        self.bridge_on = on;
-        if on {
-            // A break without torque, as when the gate drivers had no supply yet, was nobody's error; one with torque is kept in C1D.
-            self.hardware.reset_bridge();
-        }
-        self.hardware.set_bridge(on);
     }
 
     /// Steps the state machine and puts its state into axis, bridge and brake.
@@ -520,7 +381,11 @@ impl<B: Bus + Clone, H: Hardware> Motion<B, H> {
         if mode != Mode::Travel {
             self.target = None;
         }
-        self.axis.set_mode(mode);
+        if mode != self.axis.mode() {
+            // An axis that stands although it is to move, because it is blocked, has a ramp before it.
+            self.output.standstill &= self.output.velocity_command.abs() <= self.settings.standstill_window;
+            self.axis.set_mode(mode);
+        }
         if state != before && !state.has_torque() {
             self.set_bridge(false);
             self.hardware.set_brake(false);
@@ -534,23 +399,5 @@ impl<B: Bus + Clone, H: Hardware> Motion<B, H> {
 
     fn apply_axis_settings(&mut self) {
         self.axis.apply_settings(if self.without_lag { self.settings.without_lag } else { self.settings.with_lag });
-    }
-
-    fn tell_lock(&mut self) -> Work {
-        if self.lock_patience == 0 {
-            return Work::empty();
-        }
-        self.lock_patience = if self.clock.is_locked() { 0 } else { self.lock_patience.saturating_sub(1) };
-        if self.lock_patience == 0 { Work::SERVICE_CHANNEL } else { Work::empty() }
-    }
-
-    /// Asks the background to look at what has become of the drive: its diagnosis and its error memory.
-    fn tell_news(&mut self) -> Work {
-        let now = (self.machine.state(), self.class_1, self.class_2);
-        if now == self.told && self.identified.is_none() {
-            return Work::empty();
-        }
-        self.told = now;
-        Work::SERVICE_CHANNEL
     }
 }

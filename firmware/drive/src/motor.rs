@@ -1,8 +1,8 @@
 //! The motor side below the velocity loop: what comes up from the current loop, what goes down to it, and everything that stands guard
 //! over bridge, motor, encoder and brake.
 //!
-//! A loop tick calls, in this order: [`Motor::measure`], [`Motor::supervise`], [`Motor::sequence`], then the loops with
-//! [`Motor::torque_limits`], and [`Motor::command`] last.
+//! A loop tick calls [`Motor::measure`] and [`Motor::watch_motion`], then the loops with [`Motor::torque_limits`], and [`Motor::command`]
+//! last; the supervision calls [`Motor::supervise`] and [`Motor::sequence`].
 
 mod sequence;
 mod supervision;
@@ -10,8 +10,9 @@ mod supervision;
 use servo::current::{BusScale, CurrentCommand, CurrentReadings, FieldWeakening, Trip};
 use servo::identification::CurrentRequest;
 use servo::{
-    Alignment, BrakeOutput, BrakeSequencer, BusVoltage, CommutationAngle, CurrentFraction, EncoderMonitor,
-    IndexCorrection, Limiting, LoadModel, Position, Rotation, Temperature, TorqueLimits, Velocity, VoltageOutput,
+    Alignment, AlignmentError, BrakeOutput, BrakeSequencer, BusVoltage, CommutationAngle, CurrentFraction,
+    EncoderMonitor, EncoderMotion, IndexCorrection, Limiting, LoadModel, Position, Rotation, Temperature, TorqueLimits,
+    Velocity, VoltageOutput,
 };
 
 pub(crate) use sequence::{Progress, Sequence, SequenceInputs};
@@ -57,8 +58,11 @@ pub(crate) struct Motor {
     motor_load: LoadModel,
     amplifier_load: LoadModel,
     encoder: EncoderMonitor,
+    encoder_motion: EncoderMotion,
     commutation: Option<CommutationAngle>,
     alignment: Option<Alignment>,
+    /// Why the search for the commutation angle has failed, until the sequence has taken it.
+    alignment_error: Option<AlignmentError>,
     index: IndexCorrection,
     index_armed: bool,
     brake: BrakeSequencer,
@@ -72,7 +76,7 @@ pub(crate) struct Motor {
     /// Torque-producing current of the last order, and the voltage that the rotation induces, volt 2^-14.
     commanded: CurrentFraction,
     induced: i32,
-    /// Ticks for which the current has not followed.
+    /// Ticks of the supervision for which the current has not followed.
     blind: u16,
     weakening: FieldWeakening,
     /// Flux-producing current that weakens the field.
@@ -83,7 +87,6 @@ pub(crate) struct Motor {
     watched: Watched,
     /// Bridge as it was last set.
     bridge_on: bool,
-    slot: u8,
     encoder_reversed: bool,
 }
 
@@ -110,8 +113,10 @@ impl Motor {
             motor_load: LoadModel::new(),
             amplifier_load: LoadModel::new(),
             encoder: EncoderMonitor::new(count),
+            encoder_motion: EncoderMotion::new(count),
             commutation: None,
             alignment: None,
+            alignment_error: None,
             index: IndexCorrection::start(settings.index_angle),
             index_armed: false,
             brake,
@@ -129,7 +134,6 @@ impl Motor {
             limiting: Limiting::empty(),
             watched: Watched::default(),
             bridge_on: false,
-            slot: 0,
             encoder_reversed: false,
         }
     }
@@ -140,6 +144,7 @@ impl Motor {
         if settings.commutation != self.settings.commutation || encoder_reversed != self.encoder_reversed {
             self.commutation = None;
             self.encoder = EncoderMonitor::new(self.measured.count);
+            self.encoder_motion = EncoderMotion::new(self.measured.count);
         }
         if settings.index_angle != self.settings.index_angle {
             self.index = IndexCorrection::start(settings.index_angle);
@@ -177,13 +182,13 @@ impl Motor {
         &self.measured
     }
 
-    /// Limits of the torque in this tick.
+    /// Limits of the torque.
     #[inline]
     pub(crate) const fn torque_limits(&self) -> &TorqueLimits {
         &self.limits
     }
 
-    /// What limits the motor side in this tick, apart from the loops.
+    /// What limits the motor side, apart from the loops.
     pub(crate) const fn limiting(&self) -> Limiting {
         self.limiting
     }

@@ -143,6 +143,8 @@ pub struct MotionSettings {
     pub clock: LoopClockSettings,
     /// Loop ticks in a communication cycle (S-0-0002).
     pub ticks_per_cycle: u16,
+    /// Loop ticks from one t3 event to the time at which the next is overdue: a cycle and a quarter, at least two ticks.
+    pub ticks_to_overdue: u16,
     /// Communication cycles in a control unit cycle (S-0-0001): the command value changes once in so many.
     pub cycles_per_command: u16,
     /// S-0-0057.
@@ -261,6 +263,7 @@ impl MotionSettings {
             has_feedback_2: parameters.get_word(Idn::POSITION_FEEDBACK_2_SOURCE) != 0,
             clock,
             ticks_per_cycle,
+            ticks_to_overdue: ticks_per_cycle.saturating_add((ticks_per_cycle >> 2).max(2)),
             cycles_per_command,
             position_window: position.to_position(signed(parameters, 57)),
             velocity_window: velocity.to_velocity(signed(parameters, 157)),

@@ -17,12 +17,14 @@ bitflags! {
         const SERVICE_CHANNEL = 8;
         /// `control_loop`: a loop tick has begun.
         const CONTROL_LOOP = 16;
+        /// `supervision`: every fourth loop tick.
+        const SUPERVISION = 32;
     }
 }
 
 #[cfg(feature = "defmt")]
 impl defmt::Format for Work {
     fn format(&self, formatter: defmt::Formatter<'_>) {
-        defmt::write!(formatter, "Work({=u8:05b})", self.bits());
+        defmt::write!(formatter, "Work({=u8:06b})", self.bits());
     }
 }

@@ -65,6 +65,26 @@ pub struct AxisOutput {
     pub excessive_deviation: bool,
 }
 
+impl AxisOutput {
+    /// Of an axis that stands at `position` with its loops open.
+    #[must_use]
+    pub const fn at_rest(position: Position) -> Self {
+        Self {
+            current: CurrentFraction::ZERO,
+            following_error: Position::ZERO,
+            velocity: Velocity::ZERO,
+            loop_velocity: Velocity::ZERO,
+            velocity_command: Velocity::ZERO,
+            position_command: position,
+            command_source: CommandSource::Interpolated,
+            standstill: true,
+            limiting: Limiting::empty(),
+            travelled: true,
+            excessive_deviation: false,
+        }
+    }
+}
+
 /// State of an axis.
 ///
 /// Call order in a control unit cycle: at t3 [`Axis::set_mode`] when the mode changes, then [`Axis::command_position`] or

@@ -116,8 +116,8 @@ pub struct BrakeSequencer {
     load: i32,
 }
 
-/// The load is filtered with 2^6 ticks, 8 ms.
-const LOAD_FILTER_SHIFT: u32 = 6;
+/// The load is filtered with 2^4 ticks of the supervision, 8 ms.
+const LOAD_FILTER_SHIFT: u32 = 4;
 
 impl Default for BrakeSequencer {
     fn default() -> Self {
@@ -143,7 +143,7 @@ impl BrakeSequencer {
         }
     }
 
-    /// One tick.
+    /// One tick of the supervision.
     #[inline]
     pub fn tick(&mut self, settings: &BrakeSettings, inputs: &BrakeInputs) -> BrakeOutput {
         let before = self.state;
@@ -362,7 +362,7 @@ impl BrakeSequencer {
 }
 
 /// A contact that answers within so many ticks is not slow, even with a delay of zero.
-const CONTACT_TICKS: u32 = 8;
+const CONTACT_TICKS: u32 = 2;
 
 /// 2^-15 in 0.1 %.
 #[inline]

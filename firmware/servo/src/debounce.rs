@@ -1,17 +1,19 @@
 //! A condition that must hold for a while before it counts.
 
-/// Loop ticks in a millisecond.
-const TICKS_PER_MILLISECOND: u32 = 8;
+use crate::SUPERVISION_PERIOD_MICROSECONDS;
 
-/// Loop ticks in so many milliseconds; saturates after 6 days.
+/// Ticks of the supervision in a millisecond.
+const TICKS_PER_MILLISECOND: u32 = 1_000 / SUPERVISION_PERIOD_MICROSECONDS;
+
+/// Ticks of the supervision in so many milliseconds; saturates after 24 days.
 pub(crate) const fn ticks_of(milliseconds: u32) -> u32 {
     milliseconds.saturating_mul(TICKS_PER_MILLISECOND)
 }
 
-/// Whole milliseconds in so many loop ticks.
+/// Whole milliseconds in so many ticks of the supervision.
 #[inline]
 pub(crate) const fn milliseconds_of(ticks: u32) -> u32 {
-    ticks >> 3
+    ticks / TICKS_PER_MILLISECOND
 }
 
 /// Counts the ticks in a row in which a condition was met.
@@ -55,9 +57,9 @@ mod tests {
     }
 
     #[test]
-    fn a_millisecond_has_eight_ticks() {
-        assert_eq!(ticks_of(125), 1_000);
-        assert_eq!(milliseconds_of(1_000), 125);
+    fn a_millisecond_has_two_ticks() {
+        assert_eq!(ticks_of(125), 250);
+        assert_eq!(milliseconds_of(251), 125);
         assert_eq!(ticks_of(u32::MAX), u32::MAX);
     }
 }

@@ -49,6 +49,7 @@ mod debounce;
 mod derivatives;
 mod encoder;
 mod encoder_monitor;
+mod encoder_motion;
 mod filter;
 mod friction;
 mod gain;
@@ -89,6 +90,7 @@ pub use encoder::{Encoder, EncoderSettings};
 pub use encoder_monitor::{
     EncoderError, EncoderMonitor, EncoderMonitorInputs, EncoderMonitorParameters, EncoderMonitorSettings,
 };
+pub use encoder_motion::EncoderMotion;
 pub use filter::{CurrentFilter, CurrentFilterSettings, FilterSection};
 pub use friction::{FrictionParameters, FrictionSettings};
 pub use gain::Gain;
@@ -115,7 +117,10 @@ pub use temperature::{Temperature, TemperatureError, TemperatureOutput, Temperat
 pub use trajectory::Trajectory;
 pub use trigonometry::Rotation;
 pub use tuning::{CurrentGains, VelocityGains, current_gains, position_gain, velocity_gains};
-pub use units::{Acceleration, CurrentFraction, LOOP_PERIOD_MICROSECONDS, LOOP_TICKS_PER_SECOND, Position, Velocity};
+pub use units::{
+    Acceleration, CurrentFraction, LOOP_PERIOD_MICROSECONDS, LOOP_TICKS_PER_SECOND, LOOP_TICKS_PER_SUPERVISION,
+    Position, SUPERVISION_PERIOD_MICROSECONDS, Velocity,
+};
 pub use velocity_estimate::{ExpectedVelocity, VelocityEstimate, VelocityFilter};
 pub use velocity_loop::{VelocityLoop, VelocityLoopOutput, VelocityLoopSettings};
 pub use voltage::{

@@ -74,9 +74,9 @@ impl LoadSettings {
         let above_warning = warning.saturating_add(1);
         in_range("load limit S-0-0114", parameters.shutdown_level.into(), above_warning, u16::MAX.into())?;
 
-        // Peak heating falls by 2 r (r - 1) over the span of the foldback; a quarter of the span in a tick of 1/8 ms.
+        // Peak heating falls by 2 r (r - 1) over the span of the foldback; a quarter of the span in a tick of 1/2 ms.
         let (peak_wide, continuous_wide) = (u128::from(peak), u128::from(continuous));
-        let steepness = peak_wide.saturating_mul(peak_wide.saturating_sub(continuous_wide)).saturating_mul(1_000);
+        let steepness = peak_wide.saturating_mul(peak_wide.saturating_sub(continuous_wide)).saturating_mul(4_000);
         let span =
             continuous_wide.saturating_mul(continuous_wide).saturating_mul(1_000_u128.saturating_sub(warning.into()));
         let shortest = steepness.div_ceil(span.max(1)).clamp(10, HOUR.into());
@@ -156,7 +156,7 @@ impl LoadModel {
         Self { load: level(load) << FINE_BITS, warning: false }
     }
 
-    /// One tick with the measured currents of both axes of the rotor frame.
+    /// One tick of the supervision with the measured currents of both axes of the rotor frame.
     #[inline]
     pub fn tick(
         &mut self,
@@ -226,10 +226,10 @@ mod tests {
         let settings = LoadSettings::new(&PARAMETERS).unwrap();
         for (ratio, level, expected) in [
             // t = T ln(r^2 / (r^2 - level))
-            (2.0, 1_000_u16, 16_000.0 * (4.0_f64 / 3.0).ln()),
-            (2.0, 900, 16_000.0 * (4.0_f64 / 3.1).ln()),
-            (3.0, 1_000, 16_000.0 * (9.0_f64 / 8.0).ln()),
-            (1.2, 1_000, 16_000.0 * (1.44_f64 / 0.44).ln()),
+            (2.0, 1_000_u16, 4_000.0 * (4.0_f64 / 3.0).ln()),
+            (2.0, 900, 4_000.0 * (4.0_f64 / 3.1).ln()),
+            (3.0, 1_000, 4_000.0 * (9.0_f64 / 8.0).ln()),
+            (1.2, 1_000, 4_000.0 * (1.44_f64 / 0.44).ln()),
         ] {
             let ticks = ticks_until(&settings, current(ratio / 4.0), |output| output.load >= level);
             assert!((ticks / expected - 1.0).abs() < 0.002, "{ticks} ticks at {ratio}, expected {expected}");
@@ -240,9 +240,9 @@ mod tests {
     fn warning_and_shutdown_come_at_their_levels() {
         let settings = LoadSettings::new(&PARAMETERS).unwrap();
         let warned = ticks_until(&settings, current(0.5), |output| output.warning);
-        assert!((warned / (16_000.0 * (4.0_f64 / 3.1).ln()) - 1.0).abs() < 0.002);
+        assert!((warned / (4_000.0 * (4.0_f64 / 3.1).ln()) - 1.0).abs() < 0.002);
         let shut_down = ticks_until(&settings, current(0.5), |output| output.shutdown);
-        assert!((shut_down / (16_000.0 * (4.0_f64 / 2.9).ln()) - 1.0).abs() < 0.002);
+        assert!((shut_down / (4_000.0 * (4.0_f64 / 2.9).ln()) - 1.0).abs() < 0.002);
     }
 
     #[test]
@@ -261,7 +261,7 @@ mod tests {
     fn field_current_heats_like_torque_current() {
         let settings = LoadSettings::new(&PARAMETERS).unwrap();
         let (mut both, mut one) = (LoadModel::new(), LoadModel::new());
-        for _ in 0..16_000 {
+        for _ in 0..4_000 {
             both.tick(&settings, current(0.15), current(-0.2));
             one.tick(&settings, current(-0.25), current(0.0));
         }
@@ -287,7 +287,7 @@ mod tests {
         let settings = LoadSettings::new(&LoadParameters { time_constant: HOUR, ..PARAMETERS }).unwrap();
         let mut model = LoadModel::at(995);
         let first = model.load;
-        for _ in 0..80_000 {
+        for _ in 0..20_000 {
             model.tick(&settings, current(0.25), CurrentFraction::ZERO);
         }
         // 10 s of 3600 s: 1 - exp(-1/360) of the 0.5 % that are missing
@@ -307,8 +307,8 @@ mod tests {
         };
         assert_eq!(refused(|p| p.amplifier_peak_current = 0), ("amplifier peak current S-0-0110", 1));
         assert_eq!(refused(|p| p.continuous_current = 312), ("continuous current", 313));
-        assert_eq!(refused(|p| p.time_constant = 119), ("thermal time constant", 120));
-        assert_eq!(refused(|p| p.time_constant = HOUR + 1), ("thermal time constant", 120));
+        assert_eq!(refused(|p| p.time_constant = 479), ("thermal time constant", 480));
+        assert_eq!(refused(|p| p.time_constant = HOUR + 1), ("thermal time constant", 480));
         assert_eq!(refused(|p| p.warning_level = 991), ("warning level of the load", 100));
         assert_eq!(refused(|p| p.shutdown_level = 900), ("load limit S-0-0114", 901));
     }
@@ -355,7 +355,7 @@ mod tests {
             let settings = LoadSettings::new(&parameters).unwrap();
             let mut model = LoadModel::new();
             let mut output = model.tick(&settings, CurrentFraction::MAX, CurrentFraction::ZERO);
-            for _ in 0..10 * 8 * parameters.time_constant {
+            for _ in 0..10 * 2 * parameters.time_constant {
                 output = model.tick(&settings, output.allowed, CurrentFraction::ZERO);
             }
             prop_assert!((998..=1_000).contains(&output.load), "{:?}", output);

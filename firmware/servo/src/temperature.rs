@@ -7,7 +7,7 @@ use core::fmt;
 
 use crate::debounce::{Debounce, ticks_of};
 use crate::settings::in_range;
-use crate::{Gain, LOOP_PERIOD_MICROSECONDS, SettingsError};
+use crate::{Gain, SUPERVISION_PERIOD_MICROSECONDS, SettingsError};
 
 /// Parameters of a temperature measurement.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -65,7 +65,7 @@ impl TemperatureSettings {
         let shutdown =
             in_range("shut-down temperature", parameters.shutdown.into(), 1, i16::MAX.unsigned_abs().into())?;
         let warning = in_range("warning temperature", parameters.warning.into(), 0, shutdown.saturating_sub(1))?;
-        let period = u128::from(LOOP_PERIOD_MICROSECONDS);
+        let period = u128::from(SUPERVISION_PERIOD_MICROSECONDS);
         let time_constant = u128::from(parameters.filter).saturating_mul(1_000);
         Ok(Self {
             zero: i64::from(parameters.zero_counts) << COUNT_BITS,
@@ -249,7 +249,7 @@ mod tests {
         let settings = TemperatureSettings::new(&TemperatureParameters { filter: 1_000, ..PARAMETERS }).unwrap();
         let mut state = Temperature::new();
         assert_eq!(run(&settings, &mut state, 500, 100).temperature, Some(0));
-        let temperature = run(&settings, &mut state, 1_500, 8_000).temperature.unwrap();
+        let temperature = run(&settings, &mut state, 1_500, 2_000).temperature.unwrap();
         assert!((628..=636).contains(&temperature), "{temperature}");
     }
 
@@ -259,7 +259,7 @@ mod tests {
         let mut state = Temperature::new();
         state.tick(&settings, 500);
         // 15 time constants; a step of half a count is 0.05 K
-        let temperature = run(&settings, &mut state, 600, 7_200_000).temperature.unwrap();
+        let temperature = run(&settings, &mut state, 600, 1_800_000).temperature.unwrap();
         assert!((97..=100).contains(&temperature), "{temperature}");
     }
 
@@ -268,10 +268,10 @@ mod tests {
         let settings = TemperatureSettings::new(&PARAMETERS).unwrap();
         let mut state = Temperature::new();
         assert!(!run(&settings, &mut state, 1_299, 1_000).warning, "79.9 °C");
-        assert!(!run(&settings, &mut state, 1_300, 79).warning, "80 °C, 79 ticks");
+        assert!(!run(&settings, &mut state, 1_300, 19).warning, "80 °C, 19 ticks");
         assert!(run(&settings, &mut state, 1_300, 1).warning);
         assert!(!run(&settings, &mut state, 1_399, 1_000).shutdown);
-        assert!(!run(&settings, &mut state, 1_400, 79).shutdown);
+        assert!(!run(&settings, &mut state, 1_400, 19).shutdown);
         let hot = run(&settings, &mut state, 1_400, 1);
         assert!(hot.shutdown && hot.warning);
         assert!(run(&settings, &mut state, 1_350, 1_000).shutdown, "85.0 °C");
@@ -290,7 +290,7 @@ mod tests {
             let mut state = Temperature::new();
             assert_eq!(run(&settings, &mut state, sample, 1).temperature, None);
             run(&settings, &mut state, 750, 5);
-            assert_eq!(run(&settings, &mut state, sample, 79).error, None);
+            assert_eq!(run(&settings, &mut state, sample, 19).error, None);
             let output = run(&settings, &mut state, sample, 1);
             assert_eq!(output.error, Some(expected));
             assert_eq!(output.temperature, Some(250), "the last sound one");

@@ -14,6 +14,12 @@ use fixed::types::{I1F15, I32F32};
 /// Period of the position and velocity loop in microseconds.
 pub const LOOP_PERIOD_MICROSECONDS: u32 = 125;
 
+/// Loop ticks between two looks of the supervision: bus, loads, temperatures, brake, state.
+pub const LOOP_TICKS_PER_SUPERVISION: u32 = 4;
+
+/// Period of the supervision in microseconds.
+pub const SUPERVISION_PERIOD_MICROSECONDS: u32 = LOOP_PERIOD_MICROSECONDS * LOOP_TICKS_PER_SUPERVISION;
+
 /// Loop ticks in a second.
 pub const LOOP_TICKS_PER_SECOND: u32 = 8_000;
 

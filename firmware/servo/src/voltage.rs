@@ -1,6 +1,6 @@
 //! Voltage of the DC bus: supervision, and the reciprocal that turns a voltage command into a duty cycle without a division.
 //!
-//! The reciprocal `r` of the filtered voltage `V` is followed with Newton's iteration, one step a tick: `r := r (2 - V r)`. It squares
+//! The reciprocal `r` of the filtered voltage `V` is followed with Newton's iteration, one step a tick of the supervision: `r := r (2 - V r)`. It squares
 //! the relative error, so behind a filtered voltage it is always exact to the last bits. From far below it doubles at each step; from
 //! far above the iteration would turn negative, so a step never takes more than half away.
 
@@ -8,7 +8,7 @@ use core::fmt;
 
 use crate::debounce::{Debounce, ticks_of};
 use crate::settings::in_range;
-use crate::{Gain, LOOP_PERIOD_MICROSECONDS, SettingsError};
+use crate::{Gain, SUPERVISION_PERIOD_MICROSECONDS, SettingsError};
 
 /// Voltage in V, steps of 2^-16 V.
 pub type Volts = fixed::types::I16F16;
@@ -71,7 +71,7 @@ impl VoltageSettings {
         in_range("undervoltage threshold", parameters.undervoltage.into(), 0, overvoltage.saturating_sub(1))?;
         let power_on = in_range("main power threshold", parameters.power_on.into(), 1, overvoltage)?;
         in_range("main power off threshold", parameters.power_off.into(), 0, power_on.saturating_sub(1))?;
-        let period = u128::from(LOOP_PERIOD_MICROSECONDS);
+        let period = u128::from(SUPERVISION_PERIOD_MICROSECONDS);
         let fine = |volts: u16| i64::from(volts) << FINE_BITS;
         let (undervoltage, overvoltage) = (fine(parameters.undervoltage), fine(parameters.overvoltage));
         Ok(Self {
@@ -308,8 +308,9 @@ mod tests {
     fn the_filter_rises_to_63_percent_in_its_time_constant() {
         let settings = VoltageSettings::new(&VoltageParameters { filter: 10_000, ..PARAMETERS }).unwrap();
         let mut state = BusVoltage::new(&settings, sample(500.0));
-        let voltage = run(&mut state, &settings, 600.0, 80).voltage.to_num::<f64>();
-        assert!((562.7..563.8).contains(&voltage), "{voltage}");
+        let voltage = run(&mut state, &settings, 600.0, 20).voltage.to_num::<f64>();
+        // In 20 ticks 1 - (20/21)^20.
+        assert!((561.8..562.8).contains(&voltage), "{voltage}");
     }
 
     #[test]
@@ -317,7 +318,7 @@ mod tests {
         let settings = VoltageSettings::new(&PARAMETERS).unwrap();
         let mut state = BusVoltage::new(&settings, sample(560.0));
         assert_eq!(run(&mut state, &settings, 301.0, 1_000).error, None);
-        assert_eq!(run(&mut state, &settings, 299.0, 39).error, None);
+        assert_eq!(run(&mut state, &settings, 299.0, 9).error, None);
         let error = run(&mut state, &settings, 299.0, 1).error;
         let Some(VoltageError::Undervoltage { expected: 300_000, actual }) = error else { panic!("{error:?}") };
         assert!(actual.abs_diff(299_000) < 130, "{actual}");

@@ -58,9 +58,9 @@ impl Bench {
         self.events.extend(self.output.event);
     }
 
-    /// Ticks until `reached`, at most a second.
+    /// Ticks of 500 us until `reached`, at most a second.
     fn until(&mut self, reached: impl Fn(&BrakeOutput) -> bool) -> u32 {
-        (1..=8_000)
+        (1..=2_000)
             .find(|_| {
                 self.tick();
                 reached(&self.output)
@@ -90,10 +90,10 @@ fn switching_on_takes_proof_and_delay_in_this_order() {
     bench.tick();
     assert!(bench.output.torque && bench.output.hold && !bench.output.energise && !bench.output.finished);
     assert_eq!(bench.output.test_current, PARAMETERS.proof_current);
-    assert_eq!(bench.until(|output| output.energise), 16, "2 ms of proof");
+    assert_eq!(bench.until(|output| output.energise), 4, "2 ms of proof");
     assert!(bench.output.hold);
     assert_eq!(bench.output.test_current, CurrentFraction::ZERO);
-    assert_eq!(bench.until(|output| !output.hold), 160, "S-0-0206");
+    assert_eq!(bench.until(|output| !output.hold), 40, "S-0-0206");
     assert!(bench.output.finished && bench.events.is_empty());
 }
 
@@ -111,10 +111,10 @@ fn a_current_that_does_not_follow_keeps_the_brake_closed() {
         bench.inputs.bridge_on = bridge;
         bench.inputs.field_current = CurrentFraction::from_num(field);
         bench.inputs.torque_current = CurrentFraction::from_num(torque);
-        for tick in 1..=400 {
+        for tick in 1..=100 {
             bench.output = bench.sequencer.tick(&bench.settings, &bench.inputs);
             assert!(!bench.output.energise);
-            assert_eq!(bench.output.event, (tick == 400).then_some(error));
+            assert_eq!(bench.output.event, (tick == 100).then_some(error));
         }
         assert!(!bench.output.torque);
         bench.run(1_000);
@@ -131,11 +131,11 @@ fn a_current_that_does_not_follow_keeps_the_brake_closed() {
 fn a_gap_in_the_proof_starts_it_again() {
     let mut bench = Bench::new(PARAMETERS);
     bench.inputs.request = BrakeRequest::Release;
-    bench.run(16);
+    bench.run(4);
     bench.inputs.torque_current = CurrentFraction::from_num(0.1);
     bench.tick();
     bench.inputs.torque_current = CurrentFraction::ZERO;
-    assert_eq!(bench.until(|output| output.energise), 16);
+    assert_eq!(bench.until(|output| output.energise), 4);
 }
 
 #[test]
@@ -143,15 +143,15 @@ fn switching_off_takes_delay_ramp_and_watch_in_this_order() {
     let mut bench = Bench::released(PARAMETERS);
     bench.inputs.request = BrakeRequest::Engage;
     bench.inputs.standstill = false;
-    bench.run(100);
+    bench.run(25);
     assert!(bench.output.energise && !bench.output.hold, "it still stops");
     bench.inputs.standstill = true;
     bench.tick();
     assert!(!bench.output.energise && bench.output.torque && bench.output.hold);
-    assert_eq!(bench.until(|output| output.torque_scale < 1), 241, "S-0-0207, then the ramp");
-    assert_eq!(bench.until(|output| output.torque_scale < 0.5), 159);
-    assert_eq!(bench.until(|output| output.torque_scale == 0), 160);
-    assert_eq!(bench.until(|output| !output.torque), 320, "watched without torque");
+    assert_eq!(bench.until(|output| output.torque_scale < 1), 61, "S-0-0207, then the ramp");
+    assert_eq!(bench.until(|output| output.torque_scale < 0.5), 39);
+    assert_eq!(bench.until(|output| output.torque_scale == 0), 40);
+    assert_eq!(bench.until(|output| !output.torque), 80, "watched without torque");
     assert!(bench.output.finished && bench.events.is_empty());
 }
 
@@ -175,26 +175,26 @@ fn an_axis_that_moves_in_its_brake_gets_its_torque_back() {
         bench.inputs.request = BrakeRequest::Release;
         bench.tick();
         assert!(bench.output.energise, "to be lowered under control");
-        assert_eq!(bench.until(|output| !output.hold), 160);
+        assert_eq!(bench.until(|output| !output.hold), 40);
     }
 }
 
 #[test]
 fn a_slow_contact_is_a_warning_and_a_silent_one_an_error() {
-    // S-0-0206 is 160 ticks.
+    // S-0-0206 is 40 ticks.
     for (answer, event) in [
-        (100, None),
-        (160, None),
-        (168, Some(BrakeError::ReleaseSlow { expected: 20, actual: 21 })),
-        (319, Some(BrakeError::ReleaseSlow { expected: 20, actual: 39 })),
-        (321, Some(BrakeError::NotReleased { expected: 40 })),
+        (25, None),
+        (40, None),
+        (42, Some(BrakeError::ReleaseSlow { expected: 20, actual: 21 })),
+        (79, Some(BrakeError::ReleaseSlow { expected: 20, actual: 39 })),
+        (81, Some(BrakeError::NotReleased { expected: 40 })),
     ] {
         let mut bench = Bench::new(WITH_CONTACT);
         bench.inputs.request = BrakeRequest::Release;
         bench.until(|output| output.energise);
         bench.run(answer - 1);
         bench.inputs.contact_open = true;
-        bench.run(200);
+        bench.run(50);
         assert_eq!(bench.events, Vec::from_iter(event), "contact after {answer} ticks");
         let failed = event.is_some_and(|event| !event.is_warning());
         assert_eq!(bench.output.finished, !failed);
@@ -205,12 +205,12 @@ fn a_slow_contact_is_a_warning_and_a_silent_one_an_error() {
 
 #[test]
 fn a_brake_that_is_slow_or_silent_when_it_closes_never_takes_the_torque_early() {
-    // S-0-0207 is 240 ticks.
+    // S-0-0207 is 60 ticks.
     for (answer, event) in [
-        (240, None),
-        (248, Some(BrakeError::EngageSlow { expected: 30, actual: 31 })),
-        (479, Some(BrakeError::EngageSlow { expected: 30, actual: 59 })),
-        (481, Some(BrakeError::NotEngaged { expected: 60 })),
+        (60, None),
+        (62, Some(BrakeError::EngageSlow { expected: 30, actual: 31 })),
+        (119, Some(BrakeError::EngageSlow { expected: 30, actual: 59 })),
+        (121, Some(BrakeError::NotEngaged { expected: 60 })),
     ] {
         let mut bench = Bench::released(WITH_CONTACT);
         bench.inputs.request = BrakeRequest::Engage;
@@ -229,7 +229,7 @@ fn a_brake_that_stays_closed_is_found_in_the_first_motion_only() {
     let mut bench = Bench::released(PARAMETERS);
     bench.inputs.blocked = true;
     bench.inputs.position = Position::from_bits(1 << 24);
-    bench.run(79);
+    bench.run(19);
     assert!(bench.events.is_empty());
     bench.tick();
     let window = Position::from_bits(1 << 24);
@@ -252,7 +252,7 @@ fn an_axis_that_does_not_stop_is_braked_after_the_maximum_delay() {
     let mut bench = Bench::released(PARAMETERS);
     bench.inputs.request = BrakeRequest::Engage;
     bench.inputs.standstill = false;
-    assert_eq!(bench.until(|output| !output.energise), 800);
+    assert_eq!(bench.until(|output| !output.energise), 200);
     assert_eq!(bench.events, [BrakeError::NoStandstill { expected: 100 }]);
     assert!(bench.output.torque);
     let mut patient = Bench::released(BrakeParameters { maximum_drive_off_delay: 0, ..PARAMETERS });
@@ -266,11 +266,11 @@ fn an_axis_that_does_not_stop_is_braked_after_the_maximum_delay() {
 fn switching_on_again_while_the_brake_closes_opens_it_again_without_a_gap_in_the_torque() {
     let mut bench = Bench::released(PARAMETERS);
     bench.inputs.request = BrakeRequest::Engage;
-    bench.run(50);
+    bench.run(12);
     bench.inputs.request = BrakeRequest::Release;
     bench.tick();
     assert!(bench.output.energise && bench.output.torque && bench.output.hold);
-    assert_eq!(bench.until(|output| output.finished), 160, "the whole delay");
+    assert_eq!(bench.until(|output| output.finished), 40, "the whole delay");
 }
 
 #[test]
@@ -278,8 +278,8 @@ fn an_immediate_request_and_a_lost_bridge_close_the_brake_in_the_same_tick_in_ev
     let mut kinds = Vec::new();
     let mut bench = Bench::new(PARAMETERS);
     bench.inputs.request = BrakeRequest::Release;
-    for tick in 0..1_400 {
-        if tick == 300 {
+    for tick in 0..350 {
+        if tick == 75 {
             bench.inputs.request = BrakeRequest::Engage;
         }
         bench.tick();
@@ -309,7 +309,7 @@ fn an_immediate_request_and_a_lost_bridge_close_the_brake_in_the_same_tick_in_ev
 fn without_a_brake_only_the_proof_is_left() {
     let mut bench = Bench::new(BrakeParameters { fitted: false, contact_fitted: true, ..PARAMETERS });
     bench.inputs.request = BrakeRequest::Release;
-    assert_eq!(bench.until(|output| output.finished), 1 + 16 + 1);
+    assert_eq!(bench.until(|output| output.finished), 1 + 4 + 1);
     assert!(!bench.output.energise);
     bench.inputs.blocked = true;
     bench.run(1_000);
@@ -365,7 +365,7 @@ proptest! {
         contact_fitted in any::<bool>(),
         on_delay in 0_u16..30, off_delay in 0_u16..30,
         steps in proptest::collection::vec(
-            (request(), 1_u32..900, any::<bool>(), any::<bool>(), 0_i64..1 << 25, prop::bool::weighted(0.03), any::<bool>()), 1..40,
+            (request(), 1_u32..225, any::<bool>(), any::<bool>(), 0_i64..1 << 25, prop::bool::weighted(0.03), any::<bool>()), 1..40,
         ),
     ) {
         let mut bench = Bench::new(BrakeParameters {
@@ -389,13 +389,13 @@ proptest! {
                 let proving = before.test_current > 0 && bench.inputs.bridge_on;
                 if proving { proven_for += 1 } else if !before.torque || !bench.inputs.bridge_on { proven_for = 0 }
                 if output.energise && !before.energise {
-                    prop_assert!(output.torque && output.hold && proven_for >= 16, "opened after {} ticks", proven_for);
+                    prop_assert!(output.torque && output.hold && proven_for >= 4, "opened after {} ticks", proven_for);
                     opened = true;
                 }
                 closed_for = if output.energise { 0 } else { closed_for.saturating_add(1) };
                 let orderly = request != BrakeRequest::Immediate && bench.inputs.bridge_on;
                 if before.torque && !output.torque && orderly && opened {
-                    let least = u32::from(off_delay) * 8 + 640;
+                    let least = u32::from(off_delay) * 2 + 160;
                     prop_assert!(closed_for >= least, "torque off {} ticks after the brake, {} needed", closed_for, least);
                     prop_assert_eq!(before.torque_scale, 0);
                 }

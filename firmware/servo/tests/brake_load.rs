@@ -2,7 +2,7 @@
 
 use servo::{
     BrakeError, BrakeInputs, BrakeOutput, BrakeParameters, BrakeRequest, BrakeSequencer, BrakeSettings,
-    CurrentFraction, Position,
+    CurrentFraction, LOOP_TICKS_PER_SUPERVISION, Position,
 };
 
 const TICK: f64 = 125e-6;
@@ -78,6 +78,8 @@ struct Axis {
     lowest: f64,
     highest: f64,
     events: Vec<BrakeError>,
+    /// Loop ticks since the start.
+    ticks: u32,
 }
 
 impl Axis {
@@ -113,6 +115,7 @@ impl Axis {
             lowest: 0.0,
             highest: 0.0,
             events: Vec::new(),
+            ticks: 0,
         }
     }
 
@@ -148,7 +151,7 @@ impl Axis {
             self.integral = 0.0;
             return 0.0;
         }
-        if let Some(preload) = self.output.preload {
+        if let Some(preload) = self.output.preload.take() {
             self.integral = preload.to_num();
         }
         if !self.output.hold {
@@ -176,6 +179,10 @@ impl Axis {
         };
         // The current loop is a tick behind.
         self.current = torque_command.to_num();
+        self.ticks += 1;
+        if !self.ticks.is_multiple_of(LOOP_TICKS_PER_SUPERVISION) {
+            return;
+        }
         let before = self.output.energise;
         self.output = self.sequencer.tick(&self.settings, &inputs);
         if self.output.energise != before {

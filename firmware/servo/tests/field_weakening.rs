@@ -3,8 +3,10 @@
 mod inverter;
 
 use inverter::{Drive, MotorData};
-use servo::current::{CurrentReadings, FieldWeakening, FieldWeakeningParameters, FieldWeakeningSettings, PwmFrequency};
-use servo::current_gains;
+use servo::current::{
+    CurrentReadings, FieldWeakening, FieldWeakeningParameters, FieldWeakeningSettings, PwmFrequency, WeakeningOutput,
+};
+use servo::{CurrentFraction, LOOP_TICKS_PER_SUPERVISION, current_gains};
 
 /// 0.2 Vs on 320 V: the longest vector is 181 V, 905 rad/s without load. 4 mH at 20 A are 0.08 Vs: at 0.9 of peak 36 % of the flux.
 const MOTOR: MotorData =
@@ -26,6 +28,8 @@ struct Run {
     drive: Drive,
     weakening: FieldWeakening,
     settings: FieldWeakeningSettings,
+    output: WeakeningOutput,
+    ticks: u32,
 }
 
 impl Run {
@@ -36,6 +40,12 @@ impl Run {
             drive: Drive::new(MOTOR, gains.proportional, gains.integral_time),
             weakening: FieldWeakening::new(),
             settings: FieldWeakeningSettings::new(&parameters).unwrap(),
+            output: WeakeningOutput {
+                direct: CurrentFraction::ZERO,
+                quadrature_limit: CurrentFraction::MAX,
+                active: false,
+            },
+            ticks: 0,
         }
     }
 
@@ -43,7 +53,11 @@ impl Run {
     fn tick(&mut self, quadrature: f64, speed: f64) -> Seen {
         let bus = self.drive.bus();
         let readings: CurrentReadings = *self.drive.current_loop.readings();
-        let output = self.weakening.tick(&self.settings, &readings, &bus);
+        if self.ticks.is_multiple_of(LOOP_TICKS_PER_SUPERVISION) {
+            self.output = self.weakening.tick(&self.settings, &readings, &bus);
+        }
+        self.ticks += 1;
+        let output = self.output;
         let limit = output.quadrature_limit.to_num::<f64>();
         for _ in 0..2 {
             self.drive.cycle(output.direct.to_num(), quadrature.clamp(-limit, limit), speed);

@@ -125,6 +125,9 @@ impl HostDrive {
         if work.contains(Work::CAPTURE_FEEDBACK) {
             self.motion.capture_feedback();
         }
+        if work.contains(Work::SUPERVISION) {
+            work |= self.motion.supervise();
+        }
         let low = work & (Work::PHASE_CHANGE | Work::SERVICE_CHANNEL);
         if !low.is_empty() {
             let (due, pending) = self.background.unwrap_or((now + self.latency.background, Work::empty()));
@@ -157,8 +160,10 @@ impl Processor for HostDrive {
         let tick = due && self.current.current_loop().contains(Work::CONTROL_LOOP);
         self.chip_interrupts(now);
         if tick {
-            let mut work = self.interrupts.poll(&mut self.motion);
-            work |= self.motion.control_loop();
+            let mut work = self.motion.control_loop();
+            if self.interrupts.need_polling() {
+                work |= self.interrupts.poll(&mut self.motion);
+            }
             self.start_tasks(now, work);
         }
         self.background_tasks(now);

@@ -122,8 +122,8 @@ const WHEN_STOPPING: Places = &[(Stopping, Velocity)];
 
 /// Within two cycles of the current loop.
 const AT_ONCE: Time = Some((0, 125));
-/// Within two ticks of the loops.
-const NEXT_TICK: Time = Some((60, 260));
+/// At the next look of the supervision, every 500 us, and a tick of the loops more.
+const NEXT_SUPERVISION: Time = Some((60, 760));
 /// 63 ms of ramp from 600 rpm and what the fault takes to be found after one or two cycles of 2 ms.
 const RAMP: Time = Some((62_000, 70_000));
 /// What is left of the ramp 5 ms after its beginning.
@@ -158,7 +158,7 @@ const TABLE: &[Row] = &[
     row(Fault::MainsFailure, &[(AtSpeed, Torque)], GoesOn, None, 0, NoError),
     row(Fault::MainsFailure, LOOPS, TorqueOff, Some((50_000, 400_000)), 0xF109, RunsAgain),
     row(Fault::MainPowerLost, WHEN_OFF, GoesOn, None, 0, NoError),
-    row(Fault::MainPowerLost, WITH_TORQUE, TorqueOff, NEXT_TICK, 0xF109, RunsAgain),
+    row(Fault::MainPowerLost, WITH_TORQUE, TorqueOff, NEXT_SUPERVISION, 0xF109, RunsAgain),
     row(Fault::GateDriver, WHEN_OFF, Warning, None, 0xE003, NoError),
     row(Fault::GateDriver, WITH_TORQUE, TorqueOff, AT_ONCE, 0xF10F, RunsAgain),
     row(Fault::EncoderFrozen, WHEN_SWITCHING_ON, TorqueOff, Some((250_000, 500_000)), 0xF118, RunsAgain),
@@ -195,9 +195,9 @@ const TABLE: &[Row] = &[
     row(Fault::AxisBlocked, POSITIONED, Ramp, Some((65_000, 100_000)), 0xF10B, RunsAgain),
     row(Fault::Overspeed, EVERY_MODE, Ramp, Some((3_000, 400_000)), 0xF115, RunsAgain),
     row(Fault::SafeTorqueOff, WHEN_OFF, GoesOn, None, 0, NoError),
-    row(Fault::SafeTorqueOff, WITH_TORQUE, TorqueOff, NEXT_TICK, 0xF113, RunsAgain),
+    row(Fault::SafeTorqueOff, WITH_TORQUE, TorqueOff, NEXT_SUPERVISION, 0xF113, RunsAgain),
     row(Fault::OneSafeTorqueChannel, WHEN_OFF, Error, None, 0xF114, RunsAgain),
-    row(Fault::OneSafeTorqueChannel, WITH_TORQUE, TorqueOff, NEXT_TICK, 0xF114, RunsAgain),
+    row(Fault::OneSafeTorqueChannel, WITH_TORQUE, TorqueOff, NEXT_SUPERVISION, 0xF114, RunsAgain),
     row(Fault::PositionLimit, EVERY_MODE, GoesOn, None, 0, NoError),
     row(Fault::RingJitter, EVERY_MODE, Ramp, Some((70_000, 100_000)), 0xF116, RunsAgain),
     row(Fault::MstLost, IN_OPERATION, Warning, None, 0xE001, NoError),
@@ -215,7 +215,7 @@ const TABLE: &[Row] = &[
     row(Fault::FibreBroken, EVERY_MODE, Ramp, RAMP, 0xF003, RunsAgain),
     row(Fault::FibreBroken, WHEN_STOPPING, Ramp, REST_OF_RAMP, 0xF003, RunsAgain),
     row(Fault::PhaseRegression, WHEN_OFF, Error, None, 0xF007, RunsAgain),
-    row(Fault::PhaseRegression, STANDING, TorqueOff, NEXT_TICK, 0xF007, RunsAgain),
+    row(Fault::PhaseRegression, STANDING, TorqueOff, NEXT_SUPERVISION, 0xF007, RunsAgain),
     row(Fault::PhaseRegression, EVERY_MODE, Ramp, RAMP, 0xF007, RunsAgain),
     row(Fault::PhaseRegression, WHEN_STOPPING, Ramp, REST_OF_RAMP, 0xF007, RunsAgain),
     row(Fault::OneLateCycle, IN_OPERATION, GoesOn, None, 0, NoError),

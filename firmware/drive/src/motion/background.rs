@@ -1,10 +1,10 @@
 //! What the tasks of low priority ask of the motor side, each under one short lock.
 
 use sercon816::Bus;
-use sercos::diagnostic::{Class1, Class3};
+use sercos::diagnostic::Class1;
 use sercos::phase::PhaseError;
 use sercos::{Idn, Phase};
-use servo::{Axis, Encoder, LOOP_PERIOD_MICROSECONDS, LoopClock};
+use servo::{Axis, Encoder, LoopClock, SUPERVISION_PERIOD_MICROSECONDS};
 
 use super::{CommandValues, Motion};
 use crate::diagnosis::{Manufacturer1, Manufacturer3};
@@ -72,7 +72,7 @@ impl<B: Bus + Clone, H: Hardware> Motion<B, H> {
         self.abandon_homing();
         self.set_probing(None);
         self.target = None;
-        self.ticks_since_t3 = 0;
+        self.until_overdue = if phase < Phase::Cp3 { 0 } else { self.settings.ticks_to_overdue };
         self.cycles_since_command = 0;
         self.entered_cyclic = phase == Phase::Cp3;
         match phase {
@@ -152,7 +152,7 @@ impl<B: Bus + Clone, H: Hardware> Motion<B, H> {
         true
     }
 
-    /// Asks for [`Work::SERVICE_CHANNEL`] when the loop clock has locked to the ring, or after so many loop ticks without.
+    /// Asks for [`Work::SERVICE_CHANNEL`] when the loop clock has locked to the ring, or after so many ticks of the supervision without.
     pub fn wait_for_lock(&mut self, ticks: u16) {
         self.lock_patience = ticks;
     }
@@ -187,7 +187,7 @@ impl<B: Bus + Clone, H: Hardware> Motion<B, H> {
             values: self.values,
             mst_errors: self.supervision.mst_errors(),
             mdt_errors: self.supervision.mdt_errors(),
-            operating_time: self.ticks.wrapping_mul(LOOP_PERIOD_MICROSECONDS.into()),
+            operating_time: self.supervisions.wrapping_mul(SUPERVISION_PERIOD_MICROSECONDS.into()),
         }
     }
 
@@ -234,7 +234,7 @@ impl<B: Bus + Clone, H: Hardware> Motion<B, H> {
 
     /// Whether the motor stands (C3D bit 1).
     pub const fn is_standing(&self) -> bool {
-        self.class_3.contains(Class3::STANDSTILL)
+        self.output.standstill
     }
 
     /// The place where the motor stands is the position `value`, in the weight of S-0-0052, from now on. Divides.

@@ -14,8 +14,8 @@ use crate::settings::{OperationMode, Polarity};
 use crate::state::Switches;
 use crate::work::Work;
 
-/// So long a lost telegram is a warning: one second.
-const LOSS_SHOWN_TICKS: u16 = 8_000;
+/// So long a lost telegram is a warning, in ticks of the supervision: one second.
+const LOSS_SHOWN_TICKS: u16 = 2_000;
 
 /// Largest current fraction, in 2^-15.
 const MOST_CURRENT: i64 = i16::MAX as i64;
@@ -23,17 +23,13 @@ const MOST_CURRENT: i64 = i16::MAX as i64;
 impl<B: Bus + Clone, H: Hardware> Motion<B, H> {
     /// A t3 event that is overdue by a quarter of a cycle (at least two ticks) is stood in for, so that supervision and
     /// extrapolation go on at the ring's rhythm whatever the chip does without an MST (G28).
+    #[inline]
     pub(super) fn flywheel(&mut self) -> Work {
-        if self.phase < Phase::Cp3 {
+        self.until_overdue = self.until_overdue.wrapping_sub(1);
+        if self.until_overdue != 0 {
             return Work::empty();
         }
-        self.ticks_since_t3 = self.ticks_since_t3.saturating_add(1);
-        let cycle = self.settings.ticks_per_cycle;
-        let overdue = cycle.saturating_add((cycle >> 2).max(2));
-        if self.ticks_since_t3 < overdue {
-            return Work::empty();
-        }
-        self.ticks_since_t3 = self.ticks_since_t3.saturating_sub(cycle);
+        self.until_overdue = self.settings.ticks_per_cycle;
         self.take_cycle()
     }
 
@@ -81,6 +77,9 @@ impl<B: Bus + Clone, H: Hardware> Motion<B, H> {
         self.mode = mode;
         self.refuse_a_jump();
         self.update_state();
+        if self.is_positioning() {
+            self.position_to_target();
+        }
         self.cycles_since_command = self.cycles_since_command.saturating_add(1);
         // A control unit slower than the ring repeats its values; a repeated value is no new point of the path.
         let fresh = before.path() != self.commands.path();

@@ -1,7 +1,7 @@
 //! What the oscilloscope records of the motor side.
 
 use sercon816::Bus;
-use servo::{AxisOutput, Position, SCOPE_CHANNELS};
+use servo::{Position, SCOPE_CHANNELS};
 
 use super::Motion;
 use crate::bits::Source;
@@ -25,11 +25,11 @@ impl<B: Bus + Clone, H: Hardware> Motion<B, H> {
     /// Gives the oscilloscope the values of this tick, if it wants any. A recording of the current loop takes both cycles since the last
     /// tick, with the values of this tick's loops.
     #[inline]
-    pub(super) fn record(&mut self, position: Position, output: &AxisOutput) {
+    pub(super) fn record(&mut self, position: Position) {
         if !self.oscilloscope.is_recording() {
             return;
         }
-        let loops = LoopValues { position, output: *output };
+        let loops = LoopValues { position, output: self.output };
         if let Some(signals) = self.oscilloscope.wanted(Task::ControlLoop) {
             let points = self.points(signals, loops, self.motor.cycle_values());
             self.oscilloscope.record(&points);

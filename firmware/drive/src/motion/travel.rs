@@ -82,16 +82,15 @@ impl<B: Bus + Clone, H: Hardware> Motion<B, H> {
         self.homing_run.running.is_some()
     }
 
-    /// One tick of homing, before the loops. Returns whether the service channel has something to take.
-    pub(super) fn home(&mut self, index: Option<Position>) -> bool {
+    /// One loop tick of homing, before the loops: the edge of a switch is found at their rate. Returns whether the service channel has
+    /// something to take.
+    pub(super) fn home(&mut self) -> bool {
         let Some((mut homing, settings, limits)) = self.homing_run.running else { return false };
         if !self.machine.state().is_in_operation() {
             self.end_homing(CommandState::Failed, Some(HomingFailure::Torque));
             return true;
         }
-        if let Some(first) = &mut self.homing_run.index {
-            *first = first.or(index);
-        }
+        self.inputs = self.hardware.inputs();
         let output = homing.tick(
             &settings,
             HomingInputs {
@@ -99,8 +98,8 @@ impl<B: Bus + Clone, H: Hardware> Motion<B, H> {
                 home_switch: self.home_switch(settings.is_switch_at_drive()),
                 homing_enable: self.controlled & HOMING_ENABLE != 0,
                 index: self.homing_run.index.flatten(),
-                standstill: self.class_3.contains(sercos::diagnostic::Class3::STANDSTILL),
-                moving_finished: self.travelled,
+                standstill: self.output.standstill,
+                moving_finished: self.output.travelled,
                 run: self.switches.run,
             },
         );
@@ -129,6 +128,13 @@ impl<B: Bus + Clone, H: Hardware> Motion<B, H> {
             (HomingState::Done, None) => self.end_homing(CommandState::Failed, None),
         }
         true
+    }
+
+    /// The position of an index pulse, if the supervision has seen one: the first since the homing armed it counts.
+    pub(super) fn note_marker(&mut self, index: Option<Position>) {
+        if let Some(first) = &mut self.homing_run.index {
+            *first = first.or(index);
+        }
     }
 
     fn end_homing(&mut self, result: CommandState, error: Option<HomingFailure>) {
@@ -185,7 +191,7 @@ impl<B: Bus + Clone, H: Hardware> Motion<B, H> {
         self.axis.travel(self.settings.positioning, travel);
     }
 
-    /// One tick of the probes.
+    /// One look at the probes, whose edges the hardware has latched.
     pub(super) fn probe(&mut self) {
         let Some(settings) = self.probe_run.settings else { return };
         let mut side = |probe: ProbeInput, level: bool, enable: bool| {

@@ -3,7 +3,7 @@
 use sercon816::Bus;
 use sercos::Phase;
 use sercos::diagnostic::{Class1, Class2, Class3};
-use servo::{AxisOutput, Limiting, Mode, Position, Velocity};
+use servo::{Limiting, Mode, Position, Velocity};
 
 use super::Motion;
 use crate::bits::{Source, SourceBit, Word};
@@ -16,8 +16,8 @@ use crate::state::status_bits;
 const CLASS_2_CHANGE: u16 = 1 << 12;
 const CLASS_3_CHANGE: u16 = 1 << 11;
 
-/// Ticks after the start in which the current sensors have found their zero.
-const CALIBRATION_TICKS: u64 = 2_000;
+/// Ticks of the supervision after the start in which the current sensors have found their zero.
+const CALIBRATION_TICKS: u64 = 500;
 
 /// The limits that C3D bit 4 stands for.
 const TORQUE_LIMITS: Limiting = Limiting::TORQUE_POSITIVE
@@ -52,12 +52,12 @@ impl<B: Bus + Clone, H: Hardware> Motion<B, H> {
         self.settings.bits.status.map(|bit| self.source_bit(bit))
     }
 
-    /// S-0-0012, S-0-0013 and their manufacturer's words, from what the loops gave in this tick.
-    pub(super) fn refresh_words(&mut self, output: &AxisOutput) {
-        let class_2 = self.class_2_of(output);
+    /// S-0-0012, S-0-0013 and their manufacturer's words, from what the loops gave in their last tick.
+    pub(super) fn refresh_words(&mut self) {
+        let class_2 = self.class_2_of();
         self.class_2_change |= (class_2 ^ self.class_2).bits() & self.settings.class_2_mask != 0;
         self.class_2 = class_2;
-        let class_3 = self.class_3_of(output);
+        let class_3 = self.class_3_of();
         self.class_3_change |= (class_3 ^ self.class_3).bits() & self.settings.class_3_mask != 0;
         self.class_3 = class_3;
     }
@@ -84,10 +84,10 @@ impl<B: Bus + Clone, H: Hardware> Motion<B, H> {
         self.values.position = settings.position.from_position(within);
         let reversed = settings.velocity_polarity.feedback;
         let shown = |velocity: Velocity| settings.velocity.from_velocity(if reversed { -velocity } else { velocity });
-        self.values.velocity = shown(self.values.measured_velocity);
-        self.values.velocity_error = shown(self.values.velocity_deviation);
-        self.values.following_distance = settings.position.from_position(self.values.following_error);
-        let torque = settings.torque.apply(i64::from(self.values.current.to_bits()));
+        self.values.velocity = shown(self.output.velocity);
+        self.values.velocity_error = shown(self.output.velocity_command - self.output.velocity);
+        self.values.following_distance = settings.position.from_position(self.output.following_error);
+        let torque = settings.torque.apply(i64::from(self.motor.torque_current().to_bits()));
         self.values.torque = if settings.torque_polarity.feedback { torque.wrapping_neg() } else { torque };
     }
 
@@ -141,7 +141,7 @@ impl<B: Bus + Clone, H: Hardware> Motion<B, H> {
         status_bits(self.machine.state(), self.conditions()) | mode | class_2 | class_3
     }
 
-    fn class_2_of(&mut self, output: &AxisOutput) -> Class2 {
+    fn class_2_of(&mut self) -> Class2 {
         self.loss_shown = self.loss_shown.saturating_sub(1);
         let torque = self.machine.state().has_torque();
         let mut own = Manufacturer2::empty();
@@ -149,7 +149,10 @@ impl<B: Bus + Clone, H: Hardware> Motion<B, H> {
         own.set(Manufacturer2::TELEGRAM_LOST, self.loss_shown > 0);
         let known = self.class_1.contains(Class1::MANUFACTURER);
         own.set(Manufacturer2::AMPLIFIER_NOT_READY, !self.inputs.bridge_ready && !torque && !known);
-        own.set(Manufacturer2::NOT_CALIBRATED, !self.motor.measured().calibrated && self.ticks > CALIBRATION_TICKS);
+        own.set(
+            Manufacturer2::NOT_CALIBRATED,
+            !self.motor.measured().calibrated && self.supervisions > CALIBRATION_TICKS,
+        );
         self.manufacturer_2 = own;
 
         let mut class_2 = Class2::empty();
@@ -160,22 +163,24 @@ impl<B: Bus + Clone, H: Hardware> Motion<B, H> {
         class_2.set(Class2::AMPLIFIER_TEMPERATURE, watched.heat_sink_warning);
         class_2.set(Class2::MOTOR_TEMPERATURE, watched.winding_warning);
         let window = self.settings.velocity_monitoring_window;
+        let output = &self.output;
         let deviation = (output.velocity_command - output.velocity).abs();
         class_2.set(Class2::VELOCITY_DEVIATION, torque && window != Velocity::ZERO && deviation > window);
         class_2.set(Class2::MANUFACTURER, !own.is_empty());
         class_2
     }
 
-    fn class_3_of(&mut self, output: &AxisOutput) -> Class3 {
+    fn class_3_of(&mut self) -> Class3 {
         self.manufacturer_3.set(Manufacturer3::LOCKED, self.clock.is_locked());
         let settings = &self.settings;
+        let output = &self.output;
         let mut class_3 = Class3::empty();
         let velocity = output.velocity.abs();
         let velocity_error = output.velocity_command - output.velocity;
         class_3.set(Class3::VELOCITY_REACHED, velocity_error.abs() <= settings.velocity_window);
         class_3.set(Class3::STANDSTILL, output.standstill);
         class_3.set(Class3::BELOW_THRESHOLD, velocity < settings.velocity_threshold);
-        let torque = i32::from(self.values.current.to_bits()).unsigned_abs();
+        let torque = i32::from(self.motor.torque_current().to_bits()).unsigned_abs();
         class_3.set(Class3::TORQUE_THRESHOLD, torque >= settings.torque_threshold);
         class_3.set(Class3::TORQUE_LIMIT, output.limiting.intersects(TORQUE_LIMITS));
         class_3.set(Class3::VELOCITY_LIMIT, output.limiting.intersects(VELOCITY_LIMITS));

@@ -72,7 +72,7 @@ pub(super) fn at_rest(brake: &mut BrakeSequencer, settings: &MotorSettings) -> B
 }
 
 impl Motor {
-    /// One tick of the sequence.
+    /// One step of the sequence.
     pub(crate) fn sequence(&mut self, inputs: &SequenceInputs, findings: &mut Findings) -> Progress {
         self.correct_at_the_index(inputs.index, findings);
         let aligning = self.align(inputs, findings);
@@ -112,10 +112,11 @@ impl Motor {
         }
     }
 
-    /// Finds the commutation angle when torque is wanted and the angle is not known. Returns whether it is under way.
+    /// Has the commutation angle searched for when torque is wanted and the angle is not known. Returns whether that is under way.
     fn align(&mut self, inputs: &SequenceInputs, findings: &mut Findings) -> bool {
         if inputs.wanted != Sequence::Start || self.commutation.is_some() {
             self.alignment = None;
+            self.alignment_error = None;
             self.aligning = None;
             return false;
         }
@@ -127,40 +128,47 @@ impl Motor {
             findings.add_fatal(Class1::COMMUTATION);
             return false;
         }
-        let alignment =
-            self.alignment.get_or_insert_with(|| Alignment::start(self.settings.alignment, inputs.position));
-        if !inputs.bridge_on {
-            // The first tick: the bridge is on its way.
-            self.aligning = Some((0, CurrentFraction::ZERO, CurrentFraction::ZERO));
-            return true;
+        if let Some(error) = self.alignment_error.take() {
+            let own = match error {
+                AlignmentError::NoMovement => Manufacturer1::ALIGNMENT_NO_MOVEMENT,
+                AlignmentError::WrongDirection => Manufacturer1::ALIGNMENT_DIRECTION,
+                _ => Manufacturer1::ALIGNMENT,
+            };
+            findings.add_own(own, true);
+            findings.add_fatal(Class1::COMMUTATION);
+            return false;
         }
-        let output = alignment.tick(inputs.position);
+        if self.alignment.is_none() {
+            self.alignment = Some(Alignment::start(self.settings.alignment, inputs.position));
+            // The bridge is on its way.
+            self.aligning = Some((0, CurrentFraction::ZERO, CurrentFraction::ZERO));
+        }
+        true
+    }
+
+    /// A search for the commutation angle is under way.
+    #[inline]
+    pub(crate) const fn is_searching(&self) -> bool {
+        self.alignment.is_some()
+    }
+
+    /// One loop tick of the search, while the bridge switches.
+    pub(crate) fn search(&mut self, position: Position) {
+        let Some(alignment) = &mut self.alignment else { return };
+        let output = alignment.tick(position);
         match output.state {
             AlignmentState::Running => {
                 self.aligning = Some((output.angle, output.id, output.iq));
-                true
+                return;
             }
             AlignmentState::Done => {
-                self.commutation =
-                    Some(CommutationAngle::new(self.settings.commutation, inputs.position, output.angle));
+                self.commutation = Some(CommutationAngle::new(self.settings.commutation, position, output.angle));
                 self.index_armed = true;
-                self.alignment = None;
-                self.aligning = None;
-                false
             }
-            AlignmentState::Failed(error) => {
-                self.alignment = None;
-                self.aligning = None;
-                let own = match error {
-                    AlignmentError::NoMovement => Manufacturer1::ALIGNMENT_NO_MOVEMENT,
-                    AlignmentError::WrongDirection => Manufacturer1::ALIGNMENT_DIRECTION,
-                    _ => Manufacturer1::ALIGNMENT,
-                };
-                findings.add_own(own, true);
-                findings.add_fatal(Class1::COMMUTATION);
-                false
-            }
+            AlignmentState::Failed(error) => self.alignment_error = Some(error),
         }
+        self.alignment = None;
+        self.aligning = None;
     }
 
     fn correct_at_the_index(&mut self, index: Option<Position>, findings: &mut Findings) {

@@ -1,10 +1,10 @@
-//! What is watched in every tick: bus, temperatures, loads, encoder, the current loop itself.
+//! What is watched: bus, temperatures, loads, encoder, the current loop itself.
 
 use sercos::diagnostic::Class1;
 use servo::current::{BusScale, Trip};
 use servo::{
-    CurrentFraction, EncoderMonitorInputs, IndexCorrection, Limiting, LoadOutput, TemperatureOutput, Velocity,
-    VoltageError, VoltageOutput,
+    CurrentFraction, EncoderMonitorInputs, IndexCorrection, Limiting, TemperatureOutput, Velocity, VoltageError,
+    VoltageOutput,
 };
 
 use super::Motor;
@@ -13,7 +13,7 @@ use crate::hardware::Inputs;
 use crate::link::get;
 use crate::settings::motor::FREQUENCY;
 
-/// What supervision has found in a tick.
+/// What the supervision has found.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub(crate) struct Findings {
     /// Errors for C1D.
@@ -75,47 +75,21 @@ pub(crate) struct Surroundings {
     pub(crate) torque: bool,
     /// Encoder count in the direction of positive current.
     pub(crate) count: u32,
-    /// Count at an index pulse since the last tick.
+    /// Count at an index pulse since the last time.
     pub(crate) index: Option<u32>,
-    /// Command of the velocity loop in the last tick; zero where none is followed.
+    /// Command of the velocity loop; zero where none is followed.
     pub(crate) velocity_command: Velocity,
 }
 
 impl Motor {
-    /// Looks at everything once; slow quantities take turns.
+    /// Looks at everything once.
     pub(crate) fn supervise(&mut self, surroundings: &Surroundings) -> Findings {
         let mut findings = Findings::default();
         self.watch_bus(surroundings.torque, &mut findings);
         self.watch_current_loop(&mut findings);
         self.watch_encoder(surroundings, &mut findings);
-        self.slot = self.slot.wrapping_add(1) & 3;
-        let temperatures = get(&self.link.report.temperatures);
-        match self.slot {
-            0 => {
-                let output = self.heat_sink.tick(&self.settings.heat_sink, (temperatures & 0xFFFF) as u16);
-                self.watched.heat_sink = output.temperature.unwrap_or_default();
-                self.watched.heat_sink_warning = output.warning;
-                watch_temperature(&output, Class1::AMPLIFIER_TEMPERATURE, &mut findings);
-            }
-            1 => {
-                let output = self.winding.tick(&self.settings.winding, (temperatures >> 16) as u16);
-                self.watched.winding = output.temperature.unwrap_or_default();
-                self.watched.winding_warning = output.warning;
-                watch_temperature(&output, Class1::MOTOR_TEMPERATURE, &mut findings);
-            }
-            2 => {
-                let (torque, field) = self.currents();
-                let output = self.motor_load.tick(&self.settings.motor_load, torque, field);
-                self.watched.motor_load = output.load;
-                self.take_load(0, &output, &mut findings);
-            }
-            _ => {
-                let (torque, field) = self.currents();
-                let output = self.amplifier_load.tick(&self.settings.amplifier_load, torque, field);
-                self.watched.amplifier_load = output.load;
-                self.take_load(1, &output, &mut findings);
-            }
-        }
+        self.watch_temperatures(&mut findings);
+        self.watch_loads(&mut findings);
         let [motor, amplifier] = self.watched.allowed;
         self.limits = self.settings.torque_limits.combine(motor, amplifier);
         self.limiting = Limiting::empty();
@@ -165,8 +139,36 @@ impl Motor {
         inputs.main_power && self.bus.main_power
     }
 
-    fn currents(&self) -> (CurrentFraction, CurrentFraction) {
-        (self.measured.torque_current, self.measured.field_current)
+    /// One loop tick: a counter that jumps, or stands still at once. What must be done about it, if anything.
+    #[inline]
+    pub(crate) fn watch_motion(&mut self, count: u32, torque: bool) -> Option<Findings> {
+        self.encoder_motion.tick(&self.settings.encoder, count)?;
+        Some(self.encoder_failed(torque))
+    }
+
+    fn watch_temperatures(&mut self, findings: &mut Findings) {
+        let temperatures = get(&self.link.report.temperatures);
+        let heat_sink = self.heat_sink.tick(&self.settings.heat_sink, (temperatures & 0xFFFF) as u16);
+        self.watched.heat_sink = heat_sink.temperature.unwrap_or_default();
+        self.watched.heat_sink_warning = heat_sink.warning;
+        watch_temperature(&heat_sink, Class1::AMPLIFIER_TEMPERATURE, findings);
+        let winding = self.winding.tick(&self.settings.winding, (temperatures >> 16) as u16);
+        self.watched.winding = winding.temperature.unwrap_or_default();
+        self.watched.winding_warning = winding.warning;
+        watch_temperature(&winding, Class1::MOTOR_TEMPERATURE, findings);
+    }
+
+    fn watch_loads(&mut self, findings: &mut Findings) {
+        let (torque, field) = (self.measured.torque_current, self.measured.field_current);
+        let motor = self.motor_load.tick(&self.settings.motor_load, torque, field);
+        let amplifier = self.amplifier_load.tick(&self.settings.amplifier_load, torque, field);
+        self.watched.motor_load = motor.load;
+        self.watched.amplifier_load = amplifier.load;
+        self.watched.allowed = [motor.allowed, amplifier.allowed];
+        self.watched.overload = motor.load >= WARNING || amplifier.load >= WARNING;
+        if motor.shutdown || amplifier.shutdown {
+            findings.class_1 |= Class1::OVERLOAD;
+        }
     }
 
     fn watch_bus(&mut self, torque: bool, findings: &mut Findings) {
@@ -208,14 +210,15 @@ impl Motor {
                 current: self.measured.torque_current,
             },
         );
-        if error.is_none() {
-            return;
+        if error.is_some() {
+            findings.add(self.encoder_failed(surroundings.torque));
         }
+    }
+
+    fn encoder_failed(&mut self, torque: bool) -> Findings {
         self.forget_the_angle();
         // What a motor without torque does is nobody's fault: it may be turned by hand while the encoder is being wired.
-        if surroundings.torque {
-            findings.add_fatal(Class1::FEEDBACK);
-        }
+        if torque { Findings::fatal(Class1::FEEDBACK) } else { Findings::default() }
     }
 
     /// Increments were lost or added: torque at the old angle could turn the motor anywhere.
@@ -224,21 +227,11 @@ impl Motor {
         self.index = IndexCorrection::start(self.settings.index_angle);
         self.index_armed = false;
     }
-
-    fn take_load(&mut self, which: usize, output: &LoadOutput, findings: &mut Findings) {
-        if let Some(allowed) = self.watched.allowed.get_mut(which) {
-            *allowed = output.allowed;
-        }
-        self.watched.overload = self.watched.motor_load >= WARNING || self.watched.amplifier_load >= WARNING;
-        if output.shutdown {
-            findings.class_1 |= Class1::OVERLOAD;
-        }
-    }
 }
 
 /// A tenth of the peak current, for 2 ms: twenty times what the loop needs at this voltage.
 const BLIND_DEVIATION: u32 = 3_277;
-const BLIND_TICKS: u16 = 16;
+const BLIND_TICKS: u16 = 4;
 
 /// Load from which C2D bit 0 is set, in 0.1 %.
 const WARNING: u16 = 900;

@@ -61,9 +61,6 @@ pub struct MotorSettings {
     pub bus_millivolts: Gain,
 }
 
-/// Slow supervision looks at one of so many quantities in a tick; its times are scaled by it.
-pub(crate) const SLOTS: u32 = 4;
-
 /// What the bridge of this board puts between the two transistors of a phase, in ns.
 pub(crate) const DEAD_TIME: u32 = 1_000;
 
@@ -121,8 +118,8 @@ impl MotorSettings {
                 highest_sample: SENSOR_HIGHEST,
                 warning: word(S(warning)),
                 shutdown: word(S(shutdown)),
-                filter: (2_000 / SLOTS) as u16,
-                debounce: (200 / SLOTS) as u16,
+                filter: 2_000,
+                debounce: 200,
             })
             .map_err(of(S(warning)))
         };
@@ -131,7 +128,7 @@ impl MotorSettings {
                 continuous_current: long(S(continuous)),
                 peak_current: long(S(peak_current)),
                 amplifier_peak_current: peak,
-                time_constant: long(P(time)) / SLOTS,
+                time_constant: long(P(time)),
                 warning_level: WARNING_LEVEL,
                 shutdown_level: word(S(114)).max(WARNING_LEVEL.saturating_add(1)),
             })
@@ -161,7 +158,7 @@ impl MotorSettings {
                 power_on: word(P(104)).saturating_add(word(P(104)) / 8).max(1),
                 power_off: word(P(104)),
                 undervoltage_time: 2,
-                overvoltage_ticks: 2,
+                overvoltage_ticks: 1,
             })
             .map_err(of(P(105)))?,
             heat_sink: temperature(200, 203)?,

@@ -10,8 +10,8 @@ use super::DEGREE;
 /// A larger deviation between alignment and stored angle is no inaccuracy of the alignment but a fault: 30 electrical degrees.
 const LARGEST_DEVIATION: i32 = 30 * DEGREE;
 
-/// The angle is turned by so much in a tick: 30 degrees take 5 ms.
-const SLEW: i32 = LARGEST_DEVIATION / 40;
+/// The angle is turned by so much in a tick of the supervision: 30 degrees take 5 ms.
+const SLEW: i32 = LARGEST_DEVIATION / 10;
 
 /// The stored angle and the aligned one do not belong together.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -144,7 +144,7 @@ mod tests {
                 // Later pulses, or the same one seen under the corrected angle, change nothing.
                 index = Some(angle ^ 0x4000_0000);
                 angle = angle.wrapping_add_signed(output.correction);
-                assert!(output.correction.abs() <= 3 * DEGREE / 4);
+                assert!(output.correction.abs() <= 3 * DEGREE);
                 ticks += 1;
                 if output.state != IndexState::Correcting {
                     assert_eq!(output.state, IndexState::Corrected { deviation });
@@ -152,7 +152,7 @@ mod tests {
                 }
             }
             assert_eq!(angle, stored);
-            let expected = (degrees.abs() * 4 + 2) / 3;
+            let expected = (degrees.abs() + 2) / 3;
             assert!((expected.max(1)..=expected + 1).contains(&ticks), "{ticks} ticks for {degrees} degrees");
             assert_eq!(correction.tick(index).correction, 0, "once");
         }

@@ -18,7 +18,8 @@ pub struct FieldWeakeningParameters {
     /// Voltage that is held, in 0.01 % of the longest vector, 5 000 ..= 9 700. The rest is what the current loop controls with; above
     /// 97 % the voltage limit of the current loop would hide the need.
     pub voltage: u16,
-    /// Integral action time in 0.1 ms, 10 ..= 10 000: after it, a motor without voltage at all would have gained the peak current.
+    /// Integral action time in 0.1 ms, 40 ..= 10 000: after it, a motor without voltage at all would have gained the peak current. Eight
+    /// ticks of the supervision leave a margin of eight to the gain at which the voltage would swing.
     pub integral_time: u16,
 }
 
@@ -30,7 +31,7 @@ pub struct FieldWeakeningSettings {
     limit: i32,
     /// Square of the voltage that is held, 2^-30 of the longest vector's.
     square: i32,
-    /// From the difference of squares, 2^-30, to the current per tick, 2^-30 of peak, in 2^-32.
+    /// From the difference of squares, 2^-30, to the current per tick of the supervision, 2^-30 of peak, in 2^-32.
     rate: i32,
 }
 
@@ -45,13 +46,13 @@ impl FieldWeakeningSettings {
     pub fn new(parameters: &FieldWeakeningParameters) -> Result<Self, SettingsError> {
         let limit = in_range("field weakening current", parameters.limit.into(), 0, 9_000)?;
         let voltage = in_range("field weakening voltage", parameters.voltage.into(), 5_000, 9_700)?;
-        let time = in_range("field weakening integral action time", parameters.integral_time.into(), 10, 10_000)?;
+        let time = in_range("field weakening integral action time", parameters.integral_time.into(), 40, 10_000)?;
         let square = i128::from(voltage).saturating_mul(voltage.into());
-        // All below 2^31. A tick is 1.25 times 0.1 ms.
+        // All below 2^31. A tick is 5 times 0.1 ms.
         Ok(Self {
             limit: divide_rounding(i128::from(limit) << 30, 10_000) as i32,
             square: divide_rounding(square << 30, 100_000_000) as i32,
-            rate: divide_rounding(5 << 30, time.into()) as i32,
+            rate: divide_rounding(5 << 32, time.into()) as i32,
         })
     }
 }
@@ -87,7 +88,7 @@ impl FieldWeakening {
         self.direct = 0;
     }
 
-    /// One tick of 125 us, with what the current loop gave last and the bus voltage that it worked with.
+    /// One tick of the supervision, with what the current loop gave last and the bus voltage that it worked with.
     #[inline]
     pub fn tick(
         &mut self,
@@ -159,12 +160,12 @@ mod tests {
             let bus = bus(volts);
             for angle in [0.0, 0.7, 1.57, 2.5, -1.0] {
                 let mut weakening = FieldWeakening::new();
-                for _ in 0..800 {
+                for _ in 0..200 {
                     let output = weakening.tick(&settings, &readings(&bus, 0.949, angle), &bus);
                     assert!(!output.active && output.direct == 0, "{volts} V {angle}: {output:?}");
                     assert_eq!(output.quadrature_limit, CurrentFraction::MAX);
                 }
-                for _ in 0..800 {
+                for _ in 0..200 {
                     weakening.tick(&settings, &readings(&bus, 0.951, angle), &bus);
                 }
                 assert!(weakening.tick(&settings, &readings(&bus, 0.951, angle), &bus).active, "{volts} V {angle}");
@@ -178,7 +179,7 @@ mod tests {
         let bus = bus(320);
         let mut weakening = FieldWeakening::new();
         let mut current = 0.0;
-        for _ in 0..80 {
+        for _ in 0..20 {
             current = weakening.tick(&settings, &readings(&bus, 0.999, 1.2), &bus).direct.to_num::<f64>();
         }
         let expected = 0.95_f64.powi(2) - 0.999_f64.powi(2);
@@ -191,13 +192,13 @@ mod tests {
         let bus = bus(320);
         let mut weakening = FieldWeakening::new();
         let mut output = weakening.tick(&settings, &readings(&bus, 1.9, 0.785), &bus);
-        for _ in 0..2_000 {
+        for _ in 0..500 {
             output = weakening.tick(&settings, &readings(&bus, 1.9, 0.785), &bus);
         }
         assert_eq!(output.direct, CurrentFraction::from_num(-0.6));
         let back = weakening.tick(&settings, &readings(&bus, 0.0, 0.5), &bus).direct;
         let step = (back - output.direct).to_num::<f64>();
-        assert!((step - 0.9025 / 80.0).abs() < 1e-4, "{step}");
+        assert!((step - 0.9025 / 20.0).abs() < 1e-4, "{step}");
         weakening.reset();
         assert!(!weakening.tick(&settings, &readings(&bus, 0.5, 0.5), &bus).active);
         let off = FieldWeakening::new().tick(&FieldWeakeningSettings::OFF, &readings(&bus, 1.0, 0.5), &bus);
@@ -228,8 +229,8 @@ mod tests {
             out_of_range("field weakening voltage", 9_701, 5_000, 9_700)
         );
         assert_eq!(
-            refused(FieldWeakeningParameters { integral_time: 9, ..PARAMETERS }),
-            out_of_range("field weakening integral action time", 9, 10, 10_000)
+            refused(FieldWeakeningParameters { integral_time: 39, ..PARAMETERS }),
+            out_of_range("field weakening integral action time", 39, 40, 10_000)
         );
     }
 }

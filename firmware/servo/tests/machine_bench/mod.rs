@@ -4,6 +4,7 @@
 //! peak of the period      currents, bus sampled; 2.2 us later the encoder count; a cycle of the current loop
 //! bottom, 31.25 us later  its compare values act
 //! every second cycle      position and velocity loop; their order is taken by the next cycle of the current loop
+//! every eighth            bus voltage and field weakening, behind the loops
 //! ```
 #![allow(dead_code, reason = "every test file uses its own part of the bench")]
 
@@ -14,11 +15,11 @@ pub(crate) mod setup;
 use plant::Machine;
 use servo::current::{
     BusScale, CurrentCommand, CurrentLoop, CurrentLoopSettings, CurrentReadings, FieldWeakening,
-    FieldWeakeningSettings, MotorModel, Offsets, Protection, PwmFrequency, Trip,
+    FieldWeakeningSettings, MotorModel, Offsets, Protection, PwmFrequency, Trip, WeakeningOutput,
 };
 use servo::{
-    Axis, AxisOutput, AxisSettings, BusVoltage, CommutationAngle, CurrentFraction, Encoder, EncoderSettings, Limiting,
-    Mode, Position, Rotation, TorqueLimits, Velocity, VoltageSettings,
+    Axis, AxisOutput, AxisSettings, BusVoltage, CommutationAngle, CurrentFraction, Encoder, EncoderSettings,
+    LOOP_TICKS_PER_SUPERVISION, Limiting, Mode, Position, Rotation, TorqueLimits, Velocity, VoltageSettings,
 };
 
 use setup::Setup;
@@ -66,6 +67,9 @@ pub(crate) struct Bench {
     bus_scale: BusScale,
     weakening: FieldWeakening,
     weakening_settings: FieldWeakeningSettings,
+    weakened: WeakeningOutput,
+    /// Loop ticks since the start.
+    ticks: u32,
     /// The next cycle is the first of a tick.
     first: bool,
 }
@@ -130,6 +134,12 @@ impl Bench {
             bus_scale: BusScale::default(),
             weakening: FieldWeakening::new(),
             weakening_settings: setup.weakening(),
+            weakened: WeakeningOutput {
+                direct: CurrentFraction::ZERO,
+                quadrature_limit: CurrentFraction::MAX,
+                active: false,
+            },
+            ticks: 0,
             first: true,
             encoder,
             machine,
@@ -260,20 +270,31 @@ impl Bench {
         self.machine.set_duties(duties, self.time + CYCLE / 2);
     }
 
-    /// Bus, field weakening and loops; gives what the axis wants and the flux-producing current that weakens the field.
-    fn outer_tick(&mut self) -> (AxisOutput, CurrentFraction) {
+    /// Bus and field weakening.
+    fn supervise(&mut self) {
         let sample = self.machine.bus_sample(self.time);
         let bus = self.bus.tick(&self.voltage, sample);
         self.bus_scale = BusScale::new(bus.voltage.to_bits() >> 2, bus.reciprocal.of_fine_volts(), RELOAD);
-        let weakened = self.weakening.tick(&self.weakening_settings, self.current_loop.readings(), &self.bus_scale);
-        self.limiting.set(Limiting::FIELD_WEAKENING, weakened.active);
+        self.weakened = self.weakening.tick(&self.weakening_settings, self.current_loop.readings(), &self.bus_scale);
+        self.limiting.set(Limiting::FIELD_WEAKENING, self.weakened.active);
+    }
+
+    /// The loops, and behind them the supervision, when it is its turn; gives what the axis wants and the flux-producing current that
+    /// weakens the field.
+    fn outer_tick(&mut self) -> (AxisOutput, CurrentFraction) {
+        let weakened = self.weakened;
         let limits = if weakened.active {
             self.limits.narrowed(weakened.quadrature_limit, Limiting::FIELD_WEAKENING)
         } else {
             self.limits
         };
         let measured = self.encoder.update(self.count);
-        (self.axis.tick(measured, &limits), weakened.direct)
+        let output = self.axis.tick(measured, &limits);
+        self.ticks += 1;
+        if self.ticks.is_multiple_of(LOOP_TICKS_PER_SUPERVISION) {
+            self.supervise();
+        }
+        (output, weakened.direct)
     }
 
     /// The order to the current loop, as the motor side of the drive makes it.

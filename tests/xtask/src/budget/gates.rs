@@ -66,8 +66,8 @@ pub(crate) const GATES: Gates = Gates {
         task("command_valid", "CAN1_TX", 4, Rate::EachCycle, Some(1_050), OF_THE_CYCLE),
         task("capture_feedback", "CAN1_RX0", 4, Rate::EachCycle, Some(600), OF_THE_CYCLE),
         task("current_loop", "ADC", 5, Rate::Every(62_500), Some(600), OF_THE_CURRENT_LOOP),
-        // Position, velocity, state, brake and all slow supervision in one; 900 with the current loop is the aim, and it is far off.
         task("control_loop", "CAN2_TX", 4, Rate::Every(125_000), Some(3_350), OF_THE_CYCLE),
+        task("supervision", "CAN2_RX0", 4, Rate::Every(500_000), Some(3_350), OF_THE_CYCLE),
         task("phase_change", "CAN1_RX1", 2, Rate::OutsideTheCycle, None, &[]),
         task("service_channel", "CAN1_SCE", 2, Rate::EachCycle, None, &[]),
     ],
