@@ -156,8 +156,8 @@ impl<B: Bus + Clone> Communication<B> {
         Some(report)
     }
 
-    /// Task of INT_SC_0: serves every step that waits in the service container. Also started by the motion side when it has become another
-    /// state, error or warning, to bring diagnosis and error memory up to date.
+    /// Task of INT_SC_0: serves the step that waits in the service container; the next one starts it anew, also while it runs. Also started by
+    /// the motion side when it has become another state, error or warning, to bring diagnosis and error memory up to date.
     ///
     /// Contract: at most 100 us from the end of the MDT to the release (S-0-0326 takes 92, the average is 17); settings that a write has changed, and the checks of
     /// S-0-0127 and S-0-0128, are worked out after the release.
@@ -192,7 +192,7 @@ impl<B: Bus + Clone> Communication<B> {
                 self.service.set_command_change(self.server.command_change());
             }
         }
-        while let Some(step) = self.service.pending() {
+        if let Some(step) = self.service.pending() {
             if let Some(info) = step.silent {
                 // The controller has accepted this word by itself; an error in it comes back with the next step.
                 let before = Step { info, end: false, ..protocol_step(&step) };
