@@ -438,6 +438,15 @@ fn the_command_change_bit_shows_at_once_only_between_transfers() {
     assert_eq!(bus.take_accesses(), 0, "it stands there already");
     port.set_command_change(false);
     assert_eq!(bus.ram(0x070), 0x0080);
+    // The bit that a release has shown counts as well as one that was shown at once.
+    port.set_command_change(true);
+    bus.set_ram(0x071, 0x003F);
+    bus.set_ram(0x070, 0x808A);
+    port.set_command_change(false);
+    assert!(port.pending().is_some());
+    port.release(ServiceAnswer::Accept { info: 0 });
+    port.set_command_change(true);
+    assert_eq!(bus.ram(0x070), 0x0089);
 }
 
 #[test]
