@@ -144,9 +144,10 @@ fn an_activation_belongs_to_the_cycle_in_which_it_began() {
     let twice = |address| [vec![Entered(34)], run([address, 0x302]), vec![Left(34)]].concat();
     let count = counted(
         [
-            // Before the first cycle, two in the first of which the second is interrupted by the end of it, one in the second.
+            // One before the first cycle, three in it, of which the last is interrupted by its end, and one in the second.
             twice(0x300),
             vec![Entered(36), Instruction(0x700), Left(36)],
+            twice(0x300),
             twice(0x300),
             vec![Entered(34), Instruction(0x300), Entered(36), Instruction(0x700), Left(36)],
             run([0x302, 0x304, 0x306]),
@@ -156,7 +157,7 @@ fn an_activation_belongs_to_the_cycle_in_which_it_began() {
         .concat(),
     );
     let worst = count.tasks()[&34].worst;
-    assert_eq!(worst.cycle, Demand { activations: 2, instructions: 6, bus: 0 });
+    assert_eq!(worst.cycle, Demand { activations: 3, instructions: 8, bus: 0 });
     assert_eq!(worst.activation, Demand { activations: 1, instructions: 4, bus: 0 });
     assert_eq!(count.tasks()[&36].worst.cycle, Demand { activations: 1, instructions: 1, bus: 0 });
 }
