@@ -4,7 +4,6 @@ use core::fmt;
 
 use rtic_core::Mutex;
 use sercon816::{Block, Boundary, Bus, Configuration, InitialiseError, ServiceAnswer, ServicePort, ServiceStep, Slave};
-use sercos::diagnostic::Class1;
 use sercos::parameters::Parameters;
 use sercos::phase::{PhaseChange, PhaseError};
 use sercos::service::{Progress, Reply, Server, Step};
@@ -12,8 +11,9 @@ use sercos::transition::OPERATION_MODES;
 use sercos::{Idn, Phase, PhaseMachine};
 
 use crate::access::Access;
+use crate::announcement::Announcement;
 use crate::commissioning::Commissioning;
-use crate::diagnosis::{Diagnosis, Manufacturer1, diagnose, drive_errors, of_phase_error};
+use crate::diagnosis::of_phase_error;
 use crate::error_memory::{ErrorMemory, ErrorRecord};
 use crate::hardware::Hardware;
 use crate::identity::Identity;
@@ -66,8 +66,7 @@ pub struct Communication<B> {
     commissioning: Commissioning,
     access: Access,
     errors: ErrorMemory,
-    /// The bits of C1D that the error memory has already.
-    remembered: (Class1, Manufacturer1),
+    announcement: Announcement,
 }
 
 impl<B: Bus + Clone> Communication<B> {
@@ -84,7 +83,7 @@ impl<B: Bus + Clone> Communication<B> {
             commissioning: Commissioning::default(),
             access: Access::default(),
             errors: ErrorMemory::new(),
-            remembered: (Class1::empty(), Manufacturer1::empty()),
+            announcement: Announcement::default(),
         }
     }
 
@@ -144,7 +143,7 @@ impl<B: Bus + Clone> Communication<B> {
                 if let PhaseError::UninitialisedMode { selected } = error {
                     self.checks.missing_mode = OPERATION_MODES.get(usize::from(selected)).copied();
                 }
-                let seconds = seconds(motion.lock(|motion| motion.snapshot()).operating_time);
+                let seconds = seconds(motion.lock(|motion| motion.operating_time()));
                 self.errors.add(ErrorRecord { number: of_phase_error(error).number, seconds });
                 motion.lock(Motion::communication_fault);
                 self.enter(Phase::Cp0, interrupts, motion);
@@ -153,12 +152,12 @@ impl<B: Bus + Clone> Communication<B> {
                 PhaseReport { from, to: Phase::Cp0, error: Some(error) }
             }
         };
-        self.show_diagnosis(motion);
+        self.announce(motion);
         Some(report)
     }
 
-    /// Task of INT_SC_0: serves every step that waits in the service container. Also started by the motion side when it has become another
-    /// state, error or warning, to bring diagnosis and error memory up to date.
+    /// Task of INT_SC_0: serves the step that waits in the service container; the next one starts it anew, also while it runs. Also started by
+    /// the motion side when it has become another state, error or warning, to bring diagnosis and error memory up to date.
     ///
     /// Contract: at most 100 us from the end of the MDT to the release (S-0-0326 takes 92, the average is 17); settings that a write has changed, and the checks of
     /// S-0-0127 and S-0-0128, are worked out after the release.
@@ -181,17 +180,19 @@ impl<B: Bus + Clone> Communication<B> {
             self.server.command_progress(Idn::CP4_TRANSITION_CHECK, state);
             self.service.set_command_change(self.server.command_change());
         }
-        if let Some((idn, state)) = context.conclude_identification(&mut self.parameters) {
-            self.server.command_progress(idn, state);
-            self.service.set_command_change(self.server.command_change());
+        if context.motion.lock(|motion| motion.has_results()) {
+            if let Some((idn, state)) = context.conclude_identification(&mut self.parameters) {
+                self.server.command_progress(idn, state);
+                self.service.set_command_change(self.server.command_change());
+            }
+            if let Some(state) = context.motion.lock(Motion::take_homing_result) {
+                let failure = context.motion.lock(|motion| motion.homing_error());
+                context.checks.finding = failure.map(Finding::Homing);
+                self.server.command_progress(Idn::standard(148), state);
+                self.service.set_command_change(self.server.command_change());
+            }
         }
-        if let Some(state) = context.motion.lock(|motion| motion.take_homing_result()) {
-            let failure = context.motion.lock(|motion| motion.homing_error());
-            context.checks.finding = failure.map(Finding::Homing);
-            self.server.command_progress(Idn::standard(148), state);
-            self.service.set_command_change(self.server.command_change());
-        }
-        while let Some(step) = self.service.pending() {
+        if let Some(step) = self.service.pending() {
             if let Some(info) = step.silent {
                 // The controller has accepted this word by itself; an error in it comes back with the next step.
                 let before = Step { info, end: false, ..protocol_step(&step) };
@@ -208,7 +209,7 @@ impl<B: Bus + Clone> Communication<B> {
         if settings_changed && let Ok(settings) = MotionSettings::new(&self.parameters, H::LOOP_TIMER_COUNTS) {
             motion.lock(|motion| motion.apply_settings(settings));
         }
-        self.show_diagnosis(motion);
+        self.announce(motion);
     }
 
     fn enter<H: Hardware>(
@@ -243,19 +244,18 @@ impl<B: Bus + Clone> Communication<B> {
         self.service.set_command_change(self.server.command_change());
     }
 
-    /// Works the diagnosis out for the AT, and keeps new errors.
-    fn show_diagnosis<H: Hardware>(&mut self, motion: &mut impl Mutex<T = Motion<B, H>>) {
-        let interface = self.phases.interface_status();
-        let snapshot = motion.lock(|motion| motion.snapshot());
-        let number = diagnose(&snapshot, self.phases.current(), interface).number;
-        motion.lock(|motion| motion.set_diagnostics(interface.raw_value(), number));
-        for &Diagnosis { number, .. } in drive_errors(
-            snapshot.class_1.difference(self.remembered.0),
-            snapshot.manufacturer_1.difference(self.remembered.1),
-        ) {
-            self.errors.add(ErrorRecord { number, seconds: seconds(snapshot.operating_time) });
+    /// Shows the diagnosis in the AT and keeps new errors, if anything about them has changed.
+    fn announce<H: Hardware>(&mut self, motion: &mut impl Mutex<T = Motion<B, H>>) {
+        let (phase, interface) = (self.phases.current(), self.phases.interface_status());
+        let now = motion.lock(|motion| motion.circumstances(phase, interface));
+        let Some(news) = self.announcement.news(&now) else { return };
+        let operating_time = motion.lock(|motion| {
+            motion.set_diagnostics(news.interface_status, news.number);
+            motion.operating_time()
+        });
+        for error in news.errors() {
+            self.errors.add(ErrorRecord { number: error.number, seconds: seconds(operating_time) });
         }
-        self.remembered = (snapshot.class_1, snapshot.manufacturer_1);
     }
 }
 

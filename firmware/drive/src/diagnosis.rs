@@ -6,7 +6,6 @@ use sercos::Phase;
 use sercos::diagnostic::{Class1, Class2};
 use sercos::phase::{InterfaceStatus, PhaseError};
 
-use crate::snapshot::Snapshot;
 use crate::state::DriveState;
 
 /// One diagnosis. Numbers A0xxH are states, E0xxH warnings, F0xxH errors of communication, F1xxH errors of the drive.
@@ -272,7 +271,7 @@ diagnoses! {
 const PHASES: [&Diagnosis; 4] = [&PHASE_0, &PHASE_1, &PHASE_2, &PHASE_3];
 
 /// The errors of the drive, the gravest first.
-const ERRORS: [(Class1, &Diagnosis); 12] = [
+static ERRORS: [(Class1, &Diagnosis); 12] = [
     (Class1::OVERCURRENT, &OVERCURRENT),
     (Class1::OVERVOLTAGE, &OVERVOLTAGE),
     (Class1::FEEDBACK, &ENCODER),
@@ -289,7 +288,7 @@ const ERRORS: [(Class1, &Diagnosis); 12] = [
 ];
 
 /// The errors of S-0-0129, the gravest first. They stand before those of C1D: they say more.
-const OWN_ERRORS: [(Manufacturer1, &Diagnosis); 12] = [
+static OWN_ERRORS: [(Manufacturer1, &Diagnosis); 12] = [
     (Manufacturer1::AMPLIFIER_FAULT, &AMPLIFIER_FAULT),
     (Manufacturer1::CURRENT_SENSOR, &CURRENT_SENSOR),
     (Manufacturer1::DEADLINE, &DEADLINE),
@@ -304,14 +303,39 @@ const OWN_ERRORS: [(Manufacturer1, &Diagnosis); 12] = [
     (Manufacturer1::TEMPERATURE_SENSOR, &TEMPERATURE_SENSOR),
 ];
 
+/// What a diagnosis is made of, and all that it is made of.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Circumstances {
+    /// Of the slave.
+    pub phase: Phase,
+    /// S-0-0014.
+    pub interface: InterfaceStatus,
+    /// State of the drive.
+    pub state: DriveState,
+    /// Main power is applied, and nothing stands in the way of torque.
+    pub power: bool,
+    /// S-0-0148 holds the position.
+    pub homing: bool,
+    /// S-0-0011.
+    pub class_1: Class1,
+    /// S-0-0012.
+    pub class_2: Class2,
+    /// S-0-0129.
+    pub manufacturer_1: Manufacturer1,
+    /// S-0-0181.
+    pub manufacturer_2: Manufacturer2,
+    /// S-0-0182.
+    pub manufacturer_3: Manufacturer3,
+}
+
 /// The diagnosis to show: an error before a warning before a state, the cause of a communication error before the fact.
 #[must_use]
-pub fn diagnose(snapshot: &Snapshot, phase: Phase, interface: InterfaceStatus) -> &'static Diagnosis {
-    let only_communication = snapshot.class_1 == Class1::COMMUNICATION || snapshot.class_1.is_empty();
-    let of_communication = if only_communication { communication_error(interface) } else { None };
-    let of_drive = drive_errors(snapshot.class_1, snapshot.manufacturer_1).next();
-    let of_drive = of_drive.or_else(|| snapshot.class_1.contains(Class1::COMMUNICATION).then_some(&COMMUNICATION));
-    of_communication.or(of_drive).or_else(|| warning(snapshot)).unwrap_or_else(|| state(snapshot, phase))
+pub fn diagnose(now: &Circumstances) -> &'static Diagnosis {
+    let only_communication = now.class_1 == Class1::COMMUNICATION || now.class_1.is_empty();
+    let of_communication = if only_communication { communication_error(now.interface) } else { None };
+    let of_drive = drive_errors(now.class_1, now.manufacturer_1).next();
+    let of_drive = of_drive.or_else(|| now.class_1.contains(Class1::COMMUNICATION).then_some(&COMMUNICATION));
+    of_communication.or(of_drive).or_else(|| warning(now)).unwrap_or_else(|| state(now))
 }
 
 /// The diagnosis of an error that makes the slave fall back to CP0.
@@ -335,8 +359,8 @@ pub(crate) fn drive_errors(class_1: Class1, own: Manufacturer1) -> impl Iterator
     let explained = if own.intersects(Manufacturer1::ALIGNMENTS) { Class1::COMMUTATION } else { Class1::empty() };
     let explained = if own.is_empty() { explained } else { explained | Class1::MANUFACTURER };
     let class_1 = class_1.difference(Class1::COMMUNICATION | explained);
-    let special = OWN_ERRORS.into_iter().filter(move |(bit, _)| own.contains(*bit)).map(|(_, diagnosis)| diagnosis);
-    let general = ERRORS.into_iter().filter(move |(bit, _)| class_1.contains(*bit)).map(|(_, diagnosis)| diagnosis);
+    let special = OWN_ERRORS.iter().filter(move |(bit, _)| own.contains(*bit)).map(|(_, diagnosis)| *diagnosis);
+    let general = ERRORS.iter().filter(move |(bit, _)| class_1.contains(*bit)).map(|(_, diagnosis)| *diagnosis);
     special.chain(general)
 }
 
@@ -354,34 +378,34 @@ fn communication_error(interface: InterfaceStatus) -> Option<&'static Diagnosis>
     errors.into_iter().find(|(present, _)| *present).map(|(_, diagnosis)| diagnosis)
 }
 
-fn warning(snapshot: &Snapshot) -> Option<&'static Diagnosis> {
-    let own = snapshot.manufacturer_2;
+fn warning(now: &Circumstances) -> Option<&'static Diagnosis> {
+    let own = now.manufacturer_2;
     let warnings: [(bool, &'static Diagnosis); 9] = [
         (own.contains(Manufacturer2::AMPLIFIER_NOT_READY), &AMPLIFIER_NOT_READY),
         (own.contains(Manufacturer2::NOT_CALIBRATED), &NOT_CALIBRATED),
-        (snapshot.class_2.contains(Class2::OVERLOAD), &OVERLOAD_WARNING),
-        (snapshot.class_2.contains(Class2::AMPLIFIER_TEMPERATURE), &HEAT_SINK_WARNING),
-        (snapshot.class_2.contains(Class2::MOTOR_TEMPERATURE), &WINDING_WARNING),
-        (snapshot.class_2.contains(Class2::UNDERVOLTAGE), &NO_POWER_AT_SWITCH_ON),
-        (snapshot.class_2.contains(Class2::VELOCITY_DEVIATION), &VELOCITY_DEVIATION),
+        (now.class_2.contains(Class2::OVERLOAD), &OVERLOAD_WARNING),
+        (now.class_2.contains(Class2::AMPLIFIER_TEMPERATURE), &HEAT_SINK_WARNING),
+        (now.class_2.contains(Class2::MOTOR_TEMPERATURE), &WINDING_WARNING),
+        (now.class_2.contains(Class2::UNDERVOLTAGE), &NO_POWER_AT_SWITCH_ON),
+        (now.class_2.contains(Class2::VELOCITY_DEVIATION), &VELOCITY_DEVIATION),
         (own.contains(Manufacturer2::TELEGRAM_LOST), &TELEGRAM_LOST),
         (own.contains(Manufacturer2::NOT_LOCKED), &NOT_LOCKED),
     ];
     warnings.into_iter().find(|(present, _)| *present).map(|(_, diagnosis)| diagnosis)
 }
 
-fn state(snapshot: &Snapshot, phase: Phase) -> &'static Diagnosis {
-    match snapshot.state {
+fn state(now: &Circumstances) -> &'static Diagnosis {
+    match now.state {
         DriveState::Following => &FOLLOWING,
-        DriveState::Halted if snapshot.homing => &HOMING,
+        DriveState::Halted if now.homing => &HOMING,
         DriveState::Halted => &HALTED,
         DriveState::SwitchingOff => &SWITCHING_OFF,
         DriveState::SwitchingOn => &SWITCHING_ON,
         DriveState::Engaging => &ENGAGING,
-        _ => match PHASES.get(usize::from(phase.number())) {
+        _ => match PHASES.get(usize::from(now.phase.number())) {
             Some(diagnosis) => diagnosis,
-            None if snapshot.manufacturer_3.contains(Manufacturer3::PARKED) => &PARKED,
-            None if snapshot.conditions.power => &READY,
+            None if now.manufacturer_3.contains(Manufacturer3::PARKED) => &PARKED,
+            None if now.power => &READY,
             None => &NO_POWER,
         },
     }

@@ -26,6 +26,7 @@
 extern crate std;
 
 mod access;
+mod announcement;
 mod bits;
 mod commissioning;
 mod communication;
@@ -54,7 +55,8 @@ pub use bits::{BitSettings, SIGNAL_BITS, Source, SourceBit, Word};
 pub use communication::{Communication, PhaseReport, StartError};
 pub use current_control::{CurrentControl, CurrentOrder, CurrentSettings};
 pub use diagnosis::{
-    DIAGNOSES, Diagnosis, Manufacturer1, Manufacturer2, Manufacturer3, Severity, diagnose, of_phase_error,
+    Circumstances, DIAGNOSES, Diagnosis, Manufacturer1, Manufacturer2, Manufacturer3, Severity, diagnose,
+    of_phase_error,
 };
 pub use error_memory::{ERRORS, ErrorMemory, ErrorRecord};
 pub use feedback::FeedbackValues;

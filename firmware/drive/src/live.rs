@@ -293,8 +293,8 @@ where
     }
 
     fn diagnosis(&mut self) -> &'static Diagnosis {
-        let snapshot = self.motion.lock(|motion| motion.snapshot());
-        diagnose(&snapshot, self.phases.current(), self.phases.interface_status())
+        let (phase, interface) = (self.phases.current(), self.phases.interface_status());
+        diagnose(&self.motion.lock(|motion| motion.circumstances(phase, interface)))
     }
 }
 
@@ -306,7 +306,7 @@ where
 {
     fn read(&mut self, idn: Idn, parameters: &Parameters) -> u64 {
         match idn {
-            OPERATING_TIME => return self.motion.lock(|motion| motion.snapshot()).operating_time,
+            OPERATING_TIME => return self.motion.lock(|motion| motion.operating_time()),
             RESET_CAUSE => return self.motion.lock(|motion| motion.reset_cause()).code().into(),
             INTERFACE_STATUS => return self.phases.interface_status().raw_value().into(),
             CHECKSUM => return parameters.checksum().into(),

@@ -5,8 +5,9 @@
 //! is not published (G20, G21, G24); [`ServicePort`] is written so that no answer to these questions matters:
 //!
 //! * The info word of a held step is read from the MDT record itself, never from a buffer.
-//! * Sending, both buffers are filled alike. Every step flips the handshake bit, so its parity tells whether a held step
-//!   is the one that carried the last word of the segment or the one behind it.
+//! * Sending, both buffers are filled alike until the chip has shown, by reporting the end of one of them alone, which one it sends.
+//!   Every step flips the handshake bit, so its parity tells whether a held step is the one that carried the last word of the
+//!   segment or the one behind it.
 //! * Receiving, both buffer pointers name one shared cell. Between two held steps no step or one passes silently;
 //!   the parity tells, and the silent word stands in the cell.
 //! * When no word of the element is left, the container is given element 0: whatever the master does next is a change of
@@ -110,6 +111,15 @@ struct Held {
     request: Request,
     /// The word of this read step stands in the AT already.
     sent: bool,
+    /// The container reports a protocol error, which the release clears.
+    protocol_error: bool,
+}
+
+/// The two buffers of the container, by their pointers.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Buffer {
+    Write,
+    Read,
 }
 
 /// The engine of service container 0.
@@ -123,12 +133,24 @@ pub struct ServicePort<B> {
     transfer: Transfer,
     held: Option<Held>,
     command_change: bool,
+    /// The command-change bit that stands in the container; nobody else writes it.
+    shown_command_change: bool,
+    /// The buffer from which the AT is sent, once the chip has shown it (G21).
+    sent: Option<Buffer>,
 }
 
 impl<B: Bus> ServicePort<B> {
     /// A port that receives through the MDT of CP0 to CP2. Call [`ServicePort::reset`] once the chip is initialised.
     pub fn new(bus: B) -> Self {
-        Self { bus, info: info_of(&Block::INITIAL), transfer: Transfer::None, held: None, command_change: false }
+        Self {
+            bus,
+            info: info_of(&Block::INITIAL),
+            transfer: Transfer::None,
+            held: None,
+            command_change: false,
+            shown_command_change: false,
+            sent: None,
+        }
     }
 
     /// The MDT record from which info words are read: that of the block in force. A transfer under way goes on.
@@ -141,6 +163,7 @@ impl<B: Bus> ServicePort<B> {
         self.transfer = Transfer::None;
         self.held = None;
         self.command_change = false;
+        self.shown_command_change = false;
         self.point_at_cell(0);
         self.bus.write_ram(SUPERVISION, 0);
         self.bus.write_ram(REQUEST, 0);
@@ -153,14 +176,15 @@ impl<B: Bus> ServicePort<B> {
     /// writing the same word.
     pub fn set_command_change(&mut self, set: bool) {
         self.command_change = set;
-        if self.transfer != Transfer::None {
+        if set == self.shown_command_change || self.transfer != Transfer::None {
             return;
         }
         let answer = self.answer();
         // A container that is held gets the bit with the release; and should a step arrive between this read and the
         // write, the chip finds the same difference of the handshake bits again in the next MDT.
-        if !answer.is_held() && answer.command_change() != set {
+        if !answer.is_held() {
             self.bus.write_ram(SERVICE_CONTAINER, answer.with_command_change(set).raw_value());
+            self.shown_command_change = set;
         }
     }
 
@@ -194,6 +218,7 @@ impl<B: Bus> ServicePort<B> {
         match self.transfer {
             Transfer::Sending { element, first, words } if element == request.element() && !request.write() => {
                 step.new_transfer = false;
+                self.learn_sent_buffer(answer);
                 step.boundary = self.boundary(answer, request, first, words);
                 sent = step.boundary != Boundary::SegmentExhausted;
             }
@@ -210,7 +235,7 @@ impl<B: Bus> ServicePort<B> {
             }
             _ => {}
         }
-        self.held = Some(Held { request, sent });
+        self.held = Some(Held { request, sent, protocol_error: step.protocol_error });
         Some(step)
     }
 
@@ -218,7 +243,7 @@ impl<B: Bus> ServicePort<B> {
     ///
     /// An answer that does not fit the step (`Send` to a write) is taken as accepted with info word 0.
     pub fn release(&mut self, answer: ServiceAnswer<'_>) {
-        let Some(Held { request, sent }) = self.held.take() else { return };
+        let Some(Held { request, sent, protocol_error }) = self.held.take() else { return };
         let element = request.element();
         let read = !request.write() && element != u3::new(0);
         let mut error = false;
@@ -257,7 +282,9 @@ impl<B: Bus> ServicePort<B> {
             }
         };
         let under_way = matches!(self.transfer, Transfer::Sending { .. } | Transfer::Receiving { .. });
-        self.bus.write_ram(SUPERVISION, 0);
+        if protocol_error {
+            self.bus.write_ram(SUPERVISION, 0);
+        }
         let word = Answer::DEFAULT
             .with_handshake(request.handshake())
             .with_error(error)
@@ -265,6 +292,7 @@ impl<B: Bus> ServicePort<B> {
             .with_element(if under_way { element } else { u3::new(0) })
             .with_write(request.write());
         self.bus.write_ram(SERVICE_CONTAINER, word.raw_value());
+        self.shown_command_change = self.command_change;
     }
 
     fn answer(&mut self) -> Answer {
@@ -292,18 +320,33 @@ impl<B: Bus> ServicePort<B> {
         })
     }
 
-    /// Fills both buffers alike and returns how many words were taken.
-    fn fill(&mut self, words: &[u16]) -> u8 {
-        let mut last = 0;
-        for (offset, &word) in (0_u8..).zip(words.iter().take(SEGMENT_WORDS)) {
-            for region in [REGION_A, REGION_B] {
-                self.bus.write_ram(SERVICE_BUFFERS.offset(u16::from(region | offset)), word);
-            }
-            last = offset;
+    /// While a segment is sent, the end of one buffer alone is that of the buffer which is sent: the other one is not used, or would end
+    /// with it.
+    fn learn_sent_buffer(&mut self, answer: Answer) {
+        match (answer.end_of_write_buffer(), answer.end_of_read_buffer()) {
+            (true, false) => self.sent = Some(Buffer::Write),
+            (false, true) => self.sent = Some(Buffer::Read),
+            _ => {}
         }
+    }
+
+    /// Fills the buffer that is sent, or both alike while that is not known, and returns how many words were taken. The pointers are the same
+    /// in both cases: a chip that looks at both of them finds no difference.
+    fn fill(&mut self, words: &[u16]) -> u8 {
+        let words = words.get(..SEGMENT_WORDS).unwrap_or(words);
+        for (buffer, region) in [(Buffer::Write, REGION_A), (Buffer::Read, REGION_B)] {
+            if self.sent.is_none_or(|sent| sent == buffer) {
+                for (offset, &word) in (u16::from(region)..).zip(words) {
+                    self.bus.write_ram(SERVICE_BUFFERS.offset(offset), word);
+                }
+            }
+        }
+        // At most SEGMENT_WORDS, and at least one.
+        let count = words.len() as u8;
+        let last = count.saturating_sub(1);
         self.bus.write_ram(WRITE_POINTER, BufferPointer::span(REGION_A, REGION_A | last).raw_value());
         self.bus.write_ram(READ_POINTER, BufferPointer::span(REGION_B, REGION_B | last).raw_value());
-        last.saturating_add(1)
+        count
     }
 
     fn point_at_cell(&mut self, info: u16) {

@@ -11,7 +11,7 @@
 //! | G17 | does VAL fall by itself before the next telegram | clears VAL after reading it |
 //! | G18 | bit 13 of a receive header | writes 0, ignores it on reading |
 //! | G20 | HS_AT held or toggled with BUSY at an element change | the release writes HS_AT = HS_MDT, BUSY = 0, flags 0 |
-//! | G21 | which buffer of a service container is sent | fills both alike, receives into one cell that both pointers name |
+//! | G21 | which buffer of a service container is sent | fills both alike until the chip has reported the end of one of them; receives into one cell that both pointers name |
 //! | G24 | end of buffer reported with its last word or after it | the parity of the handshake tells, see [`crate::ServicePort`] |
 //! | G27 | does NMSTERR saturate or wrap | uses differences |
 //! | G29 | reaction in CP0 | transmit headers off, repeater on |

@@ -6,6 +6,7 @@
 use std::collections::{BTreeMap, HashMap};
 use std::ops::Range;
 
+use crate::demand::{Demand, Price, Worst};
 use crate::trace::{TraceEvent, TraceSink};
 
 /// What an instruction means to the count.
@@ -28,6 +29,10 @@ pub struct Listing {
     pub functions: HashMap<u32, String>,
     /// Addresses whose accesses cost wait states.
     pub slow_bus: Range<u32>,
+    /// What both cost.
+    pub price: Price,
+    /// The exception with which a communication cycle begins: one that comes once in each.
+    pub cycle: Option<u16>,
     /// The exception whose instructions are wanted one by one, see [`Activations::profile`].
     pub profiled: Option<u16>,
 }
@@ -82,6 +87,8 @@ pub struct TaskCount {
     pub locked: Spread,
     /// Accesses to the slow bus in each outermost critical section.
     pub bus_locked: Spread,
+    /// The longest activation, critical section and cycle.
+    pub worst: Worst,
 }
 
 /// A function that is being executed.
@@ -97,6 +104,8 @@ struct Running {
 #[derive(Clone, Debug, Default)]
 struct Context {
     exception: u16,
+    /// The communication cycle in which it began.
+    cycle: u64,
     own: u64,
     preempted_by: u64,
     bus: u64,
@@ -134,7 +143,7 @@ impl Context {
         match listing.steps.get(&address) {
             Some(Step::Call(returns_to)) => self.returns.push(*returns_to),
             Some(Step::Lock) => self.lock(),
-            Some(Step::Unlock) => self.unlock(),
+            Some(Step::Unlock) => self.unlock(listing.price),
             None => {}
         }
     }
@@ -153,10 +162,12 @@ impl Context {
     }
 
     /// A task restores the ceiling once more at its end, where nothing is locked.
-    fn unlock(&mut self) {
+    fn unlock(&mut self, price: Price) {
         if self.locks == 1 {
-            self.task.locked.add(self.own - self.locked_from.0);
-            self.task.bus_locked.add(self.bus - self.locked_from.1);
+            let (instructions, bus) = (self.own - self.locked_from.0, self.bus - self.locked_from.1);
+            self.task.locked.add(instructions);
+            self.task.bus_locked.add(bus);
+            self.task.worst.add_lock(Demand { activations: 0, instructions, bus }, price);
         }
         self.locks = self.locks.saturating_sub(1);
     }
@@ -171,6 +182,8 @@ pub struct Activations {
     base: Context,
     recording: bool,
     executed: u64,
+    /// Communication cycles that have begun since the mark.
+    cycles: u64,
     thread: TaskCount,
     tasks: BTreeMap<u16, TaskCount>,
     functions: BTreeMap<String, Spread>,
@@ -187,6 +200,7 @@ impl Activations {
             base: Context::default(),
             recording: false,
             executed: 0,
+            cycles: 0,
             thread: TaskCount::default(),
             tasks: BTreeMap::new(),
             functions: BTreeMap::new(),
@@ -253,6 +267,9 @@ impl Activations {
         task.own.add(ended.own);
         task.with_preemption.add(whole);
         task.bus.add(ended.bus);
+        let activation = Demand { activations: 1, instructions: ended.own, bus: ended.bus };
+        task.worst.add(activation, ended.cycle, self.listing.price);
+        task.worst.add_lock(ended.task.worst.lock, self.listing.price);
         merge(&mut task.locked, ended.task.locked);
         merge(&mut task.bus_locked, ended.task.bus_locked);
         for (path, places) in ended.profile {
@@ -290,191 +307,14 @@ impl TraceSink for Activations {
                     self.contexts.last_mut().unwrap_or(&mut self.base).bus += 1;
                 }
             }
-            TraceEvent::Entered(exception) => self.contexts.push(Context { exception, ..Context::default() }),
+            TraceEvent::Entered(exception) => {
+                self.cycles += u64::from(self.listing.cycle == Some(exception));
+                self.contexts.push(Context { exception, cycle: self.cycles, ..Context::default() });
+            }
             TraceEvent::Left(exception) => self.leave(exception),
         }
     }
 }
 
 #[cfg(test)]
-mod tests {
-    use super::*;
-    use TraceEvent::{Access, Entered, Instruction, Left, Mark};
-
-    const CORE: u32 = 0x200;
-
-    fn listing() -> Listing {
-        Listing {
-            steps: HashMap::from([
-                (0x104, Step::Call(0x108)),
-                (0x10a, Step::Lock),
-                (0x110, Step::Unlock),
-                (0x204, Step::Call(0x208)),
-            ]),
-            functions: HashMap::from([(CORE, "core".to_owned())]),
-            slow_bus: 0x6000_0000..0x7000_0000,
-            profiled: Some(70),
-        }
-    }
-
-    fn counted(events: impl IntoIterator<Item = TraceEvent>) -> Activations {
-        let mut activations = Activations::new(listing());
-        activations.take(Mark);
-        events.into_iter().for_each(|event| activations.take(event));
-        activations
-    }
-
-    fn run(addresses: impl IntoIterator<Item = u32>) -> Vec<TraceEvent> {
-        addresses.into_iter().map(Instruction).collect()
-    }
-
-    fn once(value: u64) -> Spread {
-        Spread { count: 1, least: value, most: value, sum: value }
-    }
-
-    #[test]
-    fn what_interrupts_a_task_is_not_its_own() {
-        let count = counted(
-            [
-                vec![Entered(70)],
-                run([0x100, 0x102]),
-                vec![Entered(34)],
-                run([0x300, 0x302]),
-                vec![Entered(35), Instruction(0x600), Left(35)],
-                run([0x304]),
-                vec![Left(34)],
-                run([0x106]),
-                vec![Left(70)],
-            ]
-            .concat(),
-        );
-        assert_eq!((count.tasks()[&70].own, count.tasks()[&70].with_preemption), (once(3), once(7)));
-        assert_eq!((count.tasks()[&34].own, count.tasks()[&34].with_preemption), (once(3), once(4)));
-        assert_eq!(count.executed(), 7);
-    }
-
-    #[test]
-    fn two_activations_one_behind_the_other_are_two() {
-        let count = counted(
-            [vec![Entered(70)], run([0x100]), vec![Left(70), Entered(70)], run([0x100, 0x102]), vec![Left(70)]]
-                .concat(),
-        );
-        assert_eq!(count.tasks()[&70].own, Spread { count: 2, least: 1, most: 2, sum: 3 });
-        assert_eq!(count.tasks()[&70].own.mean(), 2);
-    }
-
-    #[test]
-    fn a_function_counts_with_what_it_calls_and_without_what_interrupts_it() {
-        let count = counted(
-            [
-                vec![Entered(70)],
-                run([0x100, 0x104, CORE, 0x204, 0x400, 0x402]),
-                vec![Entered(34)],
-                run([0x300]),
-                vec![Left(34)],
-                run([0x208, 0x20a, 0x108, 0x106]),
-                vec![Left(70)],
-            ]
-            .concat(),
-        );
-        // 200, 204, the callee's 400 and 402, 208, 20a.
-        assert_eq!(count.functions()["core"], once(6));
-    }
-
-    #[test]
-    fn the_profile_has_every_instruction_of_its_task_below_the_calls_that_led_there() {
-        let count = counted(
-            [
-                vec![Entered(70)],
-                run([0x100, 0x104, CORE, 0x202]),
-                vec![Entered(34), Instruction(0x202), Left(34)],
-                run([0x202, 0x108]),
-                vec![Left(70), Entered(70)],
-                run([0x100]),
-                vec![Left(70)],
-            ]
-            .concat(),
-        );
-        let expected = Profile::from([
-            (vec![], HashMap::from([(0x100, 2), (0x104, 1), (0x108, 1)])),
-            (vec![0x108], HashMap::from([(CORE, 1), (0x202, 2)])),
-        ]);
-        assert_eq!(count.profile(), &expected);
-    }
-
-    #[test]
-    fn a_function_that_ends_with_a_jump_returns_where_its_caller_was_called() {
-        // 104 calls 500, which jumps to CORE, which returns to 108.
-        let count = counted([vec![Entered(70)], run([0x104, 0x500, CORE, 0x202, 0x108]), vec![Left(70)]].concat());
-        assert_eq!(count.functions()["core"], once(2));
-    }
-
-    #[test]
-    fn a_function_that_a_handler_jumps_to_ends_with_the_handler_and_a_loop_does_not_begin_it_anew() {
-        let count = counted([vec![Entered(70)], run([0x100, CORE, 0x202, CORE, 0x202]), vec![Left(70)]].concat());
-        assert_eq!(count.functions()["core"], once(4));
-    }
-
-    #[test]
-    fn nested_critical_sections_are_one_and_the_last_restore_of_a_task_is_none() {
-        let count = counted(
-            [vec![Entered(70)], run([0x100, 0x10a, 0x10a, 0x10c, 0x110, 0x110, 0x110]), vec![Left(70)]].concat(),
-        );
-        // From behind the first lock: lock, 10c, unlock, unlock.
-        assert_eq!(count.tasks()[&70].locked, once(4));
-    }
-
-    #[test]
-    fn what_ran_at_one_mark_is_forgotten_at_the_next() {
-        let count =
-            counted([vec![Entered(70)], run([0x100]), vec![Mark, Mark], run([0x102]), vec![Left(70), Mark]].concat());
-        assert!(count.tasks().is_empty(), "{:?}", count.tasks());
-    }
-
-    #[test]
-    fn a_critical_section_of_the_thread_is_known_after_the_second_mark() {
-        let count = counted([run([0x10a, 0x10c, 0x110]), vec![Mark]].concat());
-        assert_eq!(count.thread().locked, once(2));
-    }
-
-    #[test]
-    fn only_accesses_to_the_slow_bus_are_counted() {
-        let shim = [Entered(3), Left(3)];
-        let count = counted(
-            [
-                vec![Entered(70), Instruction(0x100), Access(0x6000_0012)],
-                shim.to_vec(),
-                vec![Instruction(0x102), Access(0x4000_1010)],
-                shim.to_vec(),
-                vec![Left(70)],
-            ]
-            .concat(),
-        );
-        assert_eq!((count.tasks()[&70].bus, count.tasks()[&70].own), (once(1), once(2)));
-        assert!(!count.tasks().contains_key(&3));
-    }
-
-    #[test]
-    fn only_activations_that_lie_wholly_between_the_marks_count() {
-        let count = counted(
-            [
-                // Began before the mark.
-                run([0x100]),
-                vec![Entered(34)],
-                run([0x300]),
-                vec![Left(34)],
-                run([0x102]),
-                vec![Left(70), Entered(70)],
-                run([0x100]),
-                vec![Left(70), Entered(70)],
-                run([0x100]),
-                vec![Mark],
-                run([0x102]),
-                vec![Left(70)],
-            ]
-            .concat(),
-        );
-        assert_eq!((count.tasks()[&70].own, count.tasks()[&34].own), (once(1), once(1)));
-        assert_eq!(count.executed(), 5);
-    }
-}
+mod tests;

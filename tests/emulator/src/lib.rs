@@ -20,6 +20,7 @@
 mod activations;
 mod audit;
 mod clock;
+mod demand;
 mod environment;
 mod error;
 mod guest;
@@ -38,6 +39,7 @@ pub mod wiring;
 pub use activations::{Activations, Listing, Profile, Spread, Step, TaskCount};
 pub use audit::{Finding, audit, audit_power_stage};
 pub use clock::CYCLES_PER_INSTRUCTION_TENTHS;
+pub use demand::{Demand, Price, Worst};
 pub use environment::{DigitalInputs, Environment, IndexEdge};
 pub use error::EmulatorError;
 pub use guest::{Guest, GuestConfiguration};

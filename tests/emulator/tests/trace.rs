@@ -142,7 +142,7 @@ fn a_handler_of_known_instructions_is_counted_to_the_instruction() {
         steps: [(CALL, Step::Call(CALL + 4))].into(),
         functions: [(FUNCTION, "function".to_owned())].into(),
         slow_bus: 0x4000_0000..0x5000_0000,
-        profiled: None,
+        ..Listing::default()
     };
     let mut tracer = Tracer::new(CODE, Activations::new(listing)).unwrap();
     let mut guest = start(&product, &tracer);

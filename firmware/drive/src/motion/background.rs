@@ -2,12 +2,12 @@
 
 use sercon816::Bus;
 use sercos::diagnostic::Class1;
-use sercos::phase::PhaseError;
+use sercos::phase::{InterfaceStatus, PhaseError};
 use sercos::{Idn, Phase};
 use servo::{Axis, Encoder, LoopClock, SUPERVISION_PERIOD_MICROSECONDS};
 
 use super::{CommandValues, Motion};
-use crate::diagnosis::{Manufacturer1, Manufacturer3};
+use crate::diagnosis::{Circumstances, Manufacturer1, Manufacturer3};
 use crate::hardware::{Hardware, ResetCause};
 use crate::motion::clock_monitor::{ClockMonitor, PHASE_ERROR_CLASSES};
 use crate::record::{Command, Feedback, Records};
@@ -187,7 +187,33 @@ impl<B: Bus + Clone, H: Hardware> Motion<B, H> {
             values: self.values,
             mst_errors: self.supervision.mst_errors(),
             mdt_errors: self.supervision.mdt_errors(),
-            operating_time: self.supervisions.wrapping_mul(SUPERVISION_PERIOD_MICROSECONDS.into()),
+            operating_time: self.operating_time(),
+        }
+    }
+
+    /// A homing or an identification has ended, and nobody has asked yet how.
+    pub(crate) const fn has_results(&self) -> bool {
+        self.identified.is_some() || self.has_homing_result()
+    }
+
+    /// P-0-0006: time since the processor was started, in us.
+    pub(crate) fn operating_time(&self) -> u64 {
+        self.supervisions.wrapping_mul(SUPERVISION_PERIOD_MICROSECONDS.into())
+    }
+
+    /// What the diagnosis is made of; `phase` and `interface` are the slave's.
+    pub(crate) fn circumstances(&self, phase: Phase, interface: InterfaceStatus) -> Circumstances {
+        Circumstances {
+            phase,
+            interface,
+            state: self.machine.state(),
+            power: self.conditions().power,
+            homing: self.homing,
+            class_1: self.class_1,
+            class_2: self.class_2,
+            manufacturer_1: self.manufacturer_1,
+            manufacturer_2: self.manufacturer_2,
+            manufacturer_3: self.manufacturer_3,
         }
     }
 

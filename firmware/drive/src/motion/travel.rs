@@ -72,6 +72,11 @@ impl<B: Bus + Clone, H: Hardware> Motion<B, H> {
         self.homing_run.result.take()
     }
 
+    /// A homing has ended, see [`Motion::take_homing_result`].
+    pub(super) const fn has_homing_result(&self) -> bool {
+        self.homing_run.result.is_some()
+    }
+
     /// Why the last homing failed.
     pub(crate) const fn homing_error(&self) -> Option<HomingFailure> {
         self.homing_run.error

@@ -295,6 +295,98 @@ fn info_words_come_from_the_block_in_force() {
     assert_eq!(port.pending(), None);
 }
 
+/// A read of many words: the first segment is asked for, and its last word is taken with these flags in container word 0.
+fn read_on_until(bus: &TestBus, port: &mut ServicePort<TestBus>, flags: u16) {
+    bus.set_ram(0x071, 0x0038);
+    bus.set_ram(0x070, 0x1002);
+    assert!(port.pending().unwrap().new_transfer);
+    port.release(ServiceAnswer::Send { words: &[1, 2] });
+    bus.set_ram(0x071, 0x0039);
+    bus.set_ram(0x070, 0x0073 | flags);
+    assert_eq!(port.pending().unwrap().boundary, Boundary::SegmentSent);
+}
+
+/// The words that the next segment leaves in both buffers.
+fn next_segment(bus: &TestBus, port: &mut ServicePort<TestBus>) -> [u16; 2] {
+    bus.set_ram(0x075, 0xAAAA);
+    bus.set_ram(0x075 + 16, 0xBBBB);
+    port.release(ServiceAnswer::Send { words: &[3, 4] });
+    assert_eq!((bus.ram(0x072), bus.ram(0x073)), (0x0100, 0x1110), "the pointers are the same in any case");
+    [bus.ram(0x075), bus.ram(0x075 + 16)]
+}
+
+#[test]
+fn once_the_chip_has_shown_which_buffer_it_sends_only_that_one_is_filled() {
+    const WRITE_BUFFER: u16 = 1 << 13;
+    const READ_BUFFER: u16 = 1 << 14;
+    for (flags, expected) in [
+        (0, [3, 3]),
+        (WRITE_BUFFER | READ_BUFFER, [3, 3]),
+        (WRITE_BUFFER, [3, 0xBBBB]),
+        (READ_BUFFER, [0xAAAA, 3]),
+        // The end of the element together with that of the buffer.
+        (1 << 15 | WRITE_BUFFER, [3, 0xBBBB]),
+    ] {
+        let bus = TestBus::new();
+        let mut port = ServicePort::new(bus.clone());
+        port.reset();
+        read_on_until(&bus, &mut port, flags);
+        assert_eq!(next_segment(&bus, &mut port), expected, "{flags:#x}");
+        // It stays what it was when the channel is closed for a new run-up.
+        port.reset();
+        read_on_until(&bus, &mut port, 0);
+        assert_eq!(next_segment(&bus, &mut port), expected, "{flags:#x}");
+    }
+}
+
+#[test]
+fn the_end_of_a_buffer_that_receives_says_nothing_about_the_one_that_is_sent() {
+    let bus = TestBus::new();
+    let mut port = ServicePort::new(bus.clone());
+    port.reset();
+    bus.set_ram(0x071, 0x003A);
+    bus.set_ram(0x070, 0x1002);
+    assert!(port.pending().is_some());
+    port.release(ServiceAnswer::Accept { info: 0 });
+    bus.set_ram(0x071, 0x003B);
+    bus.set_ram(0x070, 0x40F3);
+    assert!(port.pending().is_some());
+    port.release(ServiceAnswer::Accept { info: 0 });
+    read_on_until(&bus, &mut port, 0);
+    assert_eq!(next_segment(&bus, &mut port), [3, 3]);
+}
+
+#[test]
+fn a_long_segment_takes_23_accesses_once_the_sent_buffer_is_known() {
+    let bus = TestBus::new();
+    let mut port = ServicePort::new(bus.clone());
+    port.reset();
+    read_on_until(&bus, &mut port, 1 << 13);
+    port.release(ServiceAnswer::Send { words: &[5; 2] });
+    bus.set_ram(0x071, 0x0039);
+    bus.set_ram(0x070, 0x2073);
+    bus.take_accesses();
+    assert!(port.pending().is_some());
+    port.set_command_change(false);
+    port.release(ServiceAnswer::Send { words: &[5; 16] });
+    assert_eq!(bus.take_accesses(), 4 + 16 + 3);
+}
+
+#[test]
+fn a_protocol_error_that_comes_while_a_step_is_answered_is_still_there_for_the_next() {
+    let bus = TestBus::new();
+    let mut port = ServicePort::new(bus.clone());
+    port.reset();
+    bus.set_ram(0x071, 0x000F);
+    bus.set_ram(0x070, 0x9002);
+    assert!(!port.pending().unwrap().protocol_error);
+    bus.set_ram(0x074, 0x0200);
+    port.release(ServiceAnswer::Accept { info: 7 });
+    bus.set_ram(0x071, 0x003E);
+    bus.set_ram(0x070, 0x9002);
+    assert!(port.pending().unwrap().protocol_error);
+}
+
 #[test]
 fn a_release_without_a_step_writes_nothing() {
     let bus = TestBus::new();
@@ -336,6 +428,25 @@ fn the_command_change_bit_shows_at_once_only_between_transfers() {
     assert_eq!(bus.ram(0x070), 0x00F1, "element 7, write, handshake as received, no command change");
     port.set_command_change(true);
     assert_eq!(bus.ram(0x070), 0x00F1, "within a transfer: left to the release");
+    bus.set_ram(0x071, 0x003E);
+    bus.set_ram(0x070, 0x80F2);
+    assert!(port.pending().is_some());
+    port.release(ServiceAnswer::Accept { info: 0 });
+    assert_eq!(bus.ram(0x070), 0x0088, "the release of the last step shows it");
+    bus.take_accesses();
+    port.set_command_change(true);
+    assert_eq!(bus.take_accesses(), 0, "it stands there already");
+    port.set_command_change(false);
+    assert_eq!(bus.ram(0x070), 0x0080);
+    // The bit that a release has shown counts as well as one that was shown at once.
+    port.set_command_change(true);
+    bus.set_ram(0x071, 0x003F);
+    bus.set_ram(0x070, 0x808A);
+    port.set_command_change(false);
+    assert!(port.pending().is_some());
+    port.release(ServiceAnswer::Accept { info: 0 });
+    port.set_command_change(true);
+    assert_eq!(bus.ram(0x070), 0x0089);
 }
 
 #[test]

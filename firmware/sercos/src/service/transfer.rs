@@ -66,28 +66,49 @@ impl Source {
 
     /// The words from `position` on, at most `limit` of them.
     pub(super) fn segment(self, staging: &Staging, position: usize, limit: usize) -> Vec<u16, SEGMENT_WORDS> {
-        // Both length words of what is read from flash are the same: it can be neither longer nor shorter.
-        let data_position = position.saturating_sub(2);
-        let length_words = |bytes: usize| {
-            let bytes = u16::try_from(bytes).unwrap_or(u16::MAX);
-            [bytes, bytes].into_iter().skip(position)
-        };
         let mut segment = Vec::new();
+        if let Source::Staged = self {
+            append(&mut segment, from(staging, position), limit, |&word| word);
+            return segment;
+        }
+        // Both length words of what is read from flash are the same: it can be neither longer nor shorter.
+        let bytes = match self {
+            Source::Text(text) => text.len(),
+            Source::Dictionary(selection) => dictionary::list(selection).len().saturating_mul(2),
+            Source::Staged => 0,
+        };
+        let bytes = u16::try_from(bytes).unwrap_or(u16::MAX);
+        append(&mut segment, from(&[bytes, bytes], position), limit, |&word| word);
+        let (position, limit) = (position.saturating_sub(2), limit.saturating_sub(segment.len()));
         match self {
-            Source::Staged => fill(&mut segment, staging.iter().copied().skip(position).take(limit)),
             Source::Text(text) => {
-                let pairs = text.as_bytes().chunks(2).map(packed);
-                fill(&mut segment, length_words(text.len()).chain(pairs.skip(data_position)).take(limit));
+                let bytes = from(text.as_bytes(), position.saturating_mul(2));
+                fill(&mut segment, bytes.chunks(2).map(packed).take(limit));
             }
             Source::Dictionary(selection) => {
-                let list = dictionary::list(selection);
-                let bytes = list.len().saturating_mul(2);
-                let idns = list.iter().map(|idn| idn.0);
-                fill(&mut segment, length_words(bytes).chain(idns.skip(data_position)).take(limit));
+                append(&mut segment, from(dictionary::list(selection), position), limit, |idn| idn.0);
             }
+            Source::Staged => {}
         }
         segment
     }
+}
+
+/// What is left of a slice from a place on.
+fn from<T>(items: &[T], position: usize) -> &[T] {
+    items.get(position..).unwrap_or(&[])
+}
+
+/// Appends as many as are wanted and fit, in one go.
+fn append<T>(segment: &mut Vec<u16, SEGMENT_WORDS>, items: &[T], limit: usize, word: impl Fn(&T) -> u16) {
+    let mut words = [0; SEGMENT_WORDS];
+    for (place, item) in words.iter_mut().zip(items) {
+        *place = word(item);
+    }
+    let free = SEGMENT_WORDS.saturating_sub(segment.len());
+    let count = items.len().min(limit).min(free);
+    // It fits.
+    let _ = segment.extend_from_slice(words.get(..count).unwrap_or(&[]));
 }
 
 /// Appends what fits. The vector's own `extend` panics when it is full, and the bounds that rule this out are not for

@@ -42,6 +42,10 @@ pub(crate) struct Function {
 /// Highest priority of a task that shares a resource with others: nobody above waits for a critical section.
 pub(crate) const CEILING: u8 = 4;
 
+/// Handler of the task with which a communication cycle begins for the load table: t4, the quietest instant of the ring. What the telegrams of a
+/// cycle have started is done by then, so that no task slips from one cycle into the other.
+pub(crate) const CYCLE_BEGINS: &str = "CAN1_RX0";
+
 /// All gates.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Gates {

@@ -1,4 +1,10 @@
 //! Response times: how long a task takes from its cause to its end, at worst, with everything else that may run.
+//!
+//! A task that comes several times in a communication cycle takes part with the demand of a whole cycle at once, the worst that was counted.
+//! That is a bound for every stretch of a cycle's length, wherever it begins, and so for what such a task takes away from another one
+//! in that time: the chip raises its events at fixed times of the cycle, and each of them starts an activation or two, so that the stretch has each of
+//! these places once. All but one of them are taken in every cycle. The one that is not, the service container, is taken in the
+//! cycle in which the stretch ends or in the one in which it begins, and either cycle was counted with it.
 
 /// A task, as far as time is concerned. All times in ns.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -7,10 +13,8 @@ pub(crate) struct Load {
     pub(crate) priority: u8,
     /// Between its causes, or groups of causes.
     pub(crate) period: u64,
-    /// Activations in a period, at worst all at once.
-    pub(crate) activations: u64,
-    /// Of one activation, at worst.
-    pub(crate) time: u64,
+    /// Of all activations in a period together, at worst all at once.
+    pub(crate) demand: u64,
     /// Its longest critical section.
     pub(crate) locked: u64,
     /// Its critical sections hold up the tasks above it, up to this priority.
@@ -29,12 +33,11 @@ pub(crate) fn blocking(set: &[Load], task: usize) -> u64 {
 /// The standard iteration of fixed-priority scheduling. Tasks of the same priority wait for each other, so each counts with all of its activations.
 pub(crate) fn response(set: &[Load], task: usize) -> Option<u64> {
     let own = &set[task];
-    let begin = blocking(set, task) + own.activations * own.time;
+    let begin = blocking(set, task) + own.demand;
     let mut response = begin;
     while response <= own.period {
         let others = set.iter().enumerate().filter(|(index, load)| *index != task && load.priority >= own.priority);
-        let interference: u64 =
-            others.map(|(_, load)| response.div_ceil(load.period) * load.activations * load.time).sum();
+        let interference: u64 = others.map(|(_, load)| response.div_ceil(load.period) * load.demand).sum();
         if begin + interference == response {
             return Some(response);
         }
@@ -43,17 +46,17 @@ pub(crate) fn response(set: &[Load], task: usize) -> Option<u64> {
     None
 }
 
-/// Share of the processor, in tenths of a per cent.
-pub(crate) fn load(load: &Load) -> u64 {
-    (load.activations * load.time * 1_000).div_ceil(load.period)
+/// Share of the processor in tenths of a per cent, rounded up.
+pub(crate) const fn share(demand: u64, period: u64) -> u64 {
+    (demand * 1_000).div_ceil(period)
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
 
-    const fn of(priority: u8, period: u64, time: u64) -> Load {
-        Load { priority, period, activations: 1, time, locked: 0, ceiling: 3 }
+    const fn of(priority: u8, period: u64, demand: u64) -> Load {
+        Load { priority, period, demand, locked: 0, ceiling: 3 }
     }
 
     #[test]
@@ -61,7 +64,7 @@ mod tests {
         // Periods 7, 12, 20; times 3, 3, 5: response times 3, 6, 20 (Joseph and Pandya).
         let set = [of(3, 7, 3), of(2, 12, 3), of(1, 20, 5)];
         assert_eq!([0, 1, 2].map(|task| response(&set, task)), [Some(3), Some(6), Some(20)]);
-        assert_eq!([0, 1, 2].map(|task| load(&set[task])), [429, 250, 250]);
+        assert_eq!([0, 1, 2].map(|task| share(set[task].demand, set[task].period)), [429, 250, 250]);
     }
 
     #[test]
@@ -83,8 +86,8 @@ mod tests {
 
     #[test]
     fn tasks_of_one_priority_wait_for_all_activations_of_each_other() {
-        let mut set = [of(4, 500, 10), of(4, 500, 20)];
-        set[0].activations = 3;
+        // The first one three times.
+        let set = [of(4, 500, 3 * 10), of(4, 500, 20)];
         assert_eq!([0, 1].map(|task| response(&set, task)), [Some(50), Some(50)]);
     }
 }

@@ -1,6 +1,6 @@
 //! The result as tables: aligned for a terminal, or as Markdown.
 
-use super::verdict::{CHECKS, Report, TaskReport};
+use super::verdict::{CHECKS, PRICE, Report, TaskReport};
 use crate::elf::Depth;
 use emulator::Spread;
 
@@ -62,14 +62,16 @@ fn verdict(present: bool, count: Option<Spread>, budget: Option<u64>) -> &'stati
     }
 }
 
+/// Of the longest activation its instructions, bus accesses and time; of a cycle the most activations, and the time of all of them in the worst.
 fn response_times(report: &Report) -> Rows {
     let mut rows = vec![row([
         "task",
         "priority",
         "period us",
-        "times",
-        "max",
+        "instructions",
         "bus",
+        "time us",
+        "a cycle",
         "time us",
         "blocked us",
         "response us",
@@ -78,22 +80,23 @@ fn response_times(report: &Report) -> Rows {
     let mut sum = 0;
     for TaskReport { task, count, timing, .. } in &report.tasks {
         let (Some(count), Some(timing)) = (count, timing) else { continue };
-        let load = super::response::load(&timing.load);
-        sum += load;
+        let worst = count.worst;
+        sum += timing.share;
         rows.push(vec![
             task.name.to_owned(),
             task.priority.to_string(),
             (timing.load.period / 1_000).to_string(),
-            timing.load.activations.to_string(),
-            count.own.most.to_string(),
-            count.bus.most.to_string(),
-            microseconds(timing.load.time),
+            worst.activation.instructions.to_string(),
+            worst.activation.bus.to_string(),
+            microseconds(PRICE.nanoseconds(worst.activation)),
+            format!("{} x", worst.activations),
+            microseconds(PRICE.nanoseconds(worst.cycle)),
             microseconds(timing.blocking),
             timing.response.map_or("TOO LONG".to_owned(), microseconds),
-            tenths(load),
+            tenths(timing.share),
         ]);
     }
-    rows.push(row(["in all", "", "", "", "", "", "", "", "", &tenths(sum)]));
+    rows.push(row(["in all", "", "", "", "", "", "", "", "", "", &tenths(sum)]));
     rows
 }
 

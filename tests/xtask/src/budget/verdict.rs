@@ -1,17 +1,16 @@
 //! Holds what was measured and found against the gates.
 
-use super::gates::{CEILING, Gates, Rate, Task};
+use super::gates::{CEILING, CYCLE_BEGINS, Gates, Rate, Task};
 use super::response::{self, Load};
 use crate::elf::{self, Check, Depth, Finding, Flow, Graph};
 use anyhow::{Result, bail};
 use bench::Traced;
 use bench::traced::CYCLE;
-use emulator::{CYCLES_PER_INSTRUCTION_TENTHS, Listing, Spread, Step, TaskCount};
+use emulator::{Demand, Listing, Price, Spread, Step, TaskCount};
 use std::collections::HashMap;
 
-/// The core clock, and an access to the ring controller with its slowest timing beside the instruction, in ns.
-const CORE_MEGAHERTZ: u64 = 168;
-const BUS_ACCESS: u64 = 550;
+/// The core clock, and an access to the ring controller with its slowest timing.
+pub(crate) const PRICE: Price = Price { core_megahertz: 168, bus_access: 550 };
 
 /// Addresses of the external bus.
 const SLOW_BUS: std::ops::Range<u32> = 0x6000_0000..0x7000_0000;
@@ -43,6 +42,8 @@ pub(crate) struct StaticReport {
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Timing {
     pub(crate) load: Load,
+    /// Share of the processor, in tenths of a per cent.
+    pub(crate) share: u64,
     pub(crate) blocking: u64,
     pub(crate) response: Option<u64>,
 }
@@ -87,7 +88,8 @@ pub(crate) fn listing(graph: &Graph, gates: Gates) -> Result<Listing> {
     let wanted = |name: &str| gates.functions.iter().any(|function| name.contains(function.symbol));
     let functions = graph.program.functions().iter().filter(|function| wanted(&function.name));
     let functions = functions.map(|function| (function.address, function.name.clone())).collect();
-    Ok(Listing { steps, functions, slow_bus: SLOW_BUS, profiled: None })
+    let cycle = graph.program.vector(CYCLE_BEGINS).map(|(_, exception)| exception);
+    Ok(Listing { steps, functions, slow_bus: SLOW_BUS, price: PRICE, cycle, profiled: None })
 }
 
 /// Judges.
@@ -99,7 +101,7 @@ pub(crate) fn judge(graph: &Graph, traced: &Traced, gates: Gates) -> Report {
         let found = vector.and_then(|(address, _)| static_report(graph, address));
         report.tasks.push(TaskReport { task: *task, count, found, timing: None });
     }
-    add_timing(&mut report.tasks, traced.cycles, locked_by(traced.activations.thread()));
+    add_timing(&mut report.tasks, locked_by(traced.activations.thread()));
     for function in gates.functions {
         let of_name = |name: &str| name.contains(function.symbol);
         let present = graph.program.functions().iter().any(|function| of_name(&function.name));
@@ -130,31 +132,30 @@ fn merged(first: Spread, second: Spread) -> Spread {
     }
 }
 
-/// Time of so many instructions and bus accesses, in ns, rounded up.
-pub(crate) fn nanoseconds(instructions: u64, bus: u64) -> u64 {
-    (instructions * CYCLES_PER_INSTRUCTION_TENTHS * 100).div_ceil(CORE_MEGAHERTZ) + bus * BUS_ACCESS
-}
-
 /// Longest critical section, in ns.
 fn locked_by(count: &TaskCount) -> u64 {
-    nanoseconds(count.locked.most, count.bus_locked.most)
+    PRICE.nanoseconds(count.worst.lock)
+}
+
+/// What a task asks for between two of its causes, or groups of causes: how long they are apart, and what it asks for.
+fn demand(report: &TaskReport) -> Option<(u64, Demand)> {
+    let worst = report.count?.worst;
+    match report.task.rate {
+        Rate::Every(period) => Some((period, worst.activation)),
+        Rate::EachCycle => Some((CYCLE.0, worst.cycle)),
+        Rate::OutsideTheCycle => None,
+    }
 }
 
 /// `thread`: the longest critical section of the thread, in ns.
-fn add_timing(tasks: &mut [TaskReport], cycles: u64, thread: u64) {
+fn add_timing(tasks: &mut [TaskReport], thread: u64) {
     let load = |report: &TaskReport| {
-        let count = report.count?;
-        let (period, activations) = match report.task.rate {
-            Rate::Every(period) => (period, 1),
-            Rate::EachCycle => (CYCLE.0, count.own.count.div_ceil(cycles.max(1))),
-            Rate::OutsideTheCycle => return None,
-        };
+        let (period, demand) = demand(report)?;
         Some(Load {
             priority: report.task.priority,
             period,
-            activations,
-            time: nanoseconds(count.own.most, count.bus.most),
-            locked: locked_by(&count),
+            demand: PRICE.nanoseconds(demand),
+            locked: locked_by(&report.count?),
             ceiling: CEILING,
         })
     };
@@ -162,10 +163,12 @@ fn add_timing(tasks: &mut [TaskReport], cycles: u64, thread: u64) {
         tasks.iter().enumerate().filter_map(|(place, report)| Some((place, load(report)?))).unzip();
     // The thread is below all of them; it takes nothing away but while it locks.
     let mut set = set;
-    set.push(Load { priority: 0, period: u64::MAX, activations: 0, time: 0, locked: thread, ceiling: CEILING });
+    set.push(Load { priority: 0, period: u64::MAX, demand: 0, locked: thread, ceiling: CEILING });
     for (index, place) in places.into_iter().enumerate() {
         let (blocking, response) = (response::blocking(&set, index), response::response(&set, index));
-        tasks[place].timing = Some(Timing { load: set[index], blocking, response });
+        let cycle = tasks[place].count.map_or(0, |count| PRICE.nanoseconds(count.worst.cycle));
+        let share = response::share(cycle, CYCLE.0);
+        tasks[place].timing = Some(Timing { load: set[index], share, blocking, response });
     }
 }
 
@@ -231,7 +234,10 @@ mod tests {
     }
 
     fn counted(instructions: u64) -> TaskCount {
-        TaskCount { own: once(instructions), bus: once(0), ..TaskCount::default() }
+        let demand = Demand { activations: 1, instructions, bus: 0 };
+        let mut count = TaskCount { own: once(instructions), bus: once(0), ..TaskCount::default() };
+        (count.worst.activation, count.worst.cycle) = (demand, demand);
+        count
     }
 
     fn report(instructions: Option<u64>, findings: Vec<(Check, Vec<Finding>)>) -> TaskReport {
@@ -278,26 +284,40 @@ mod tests {
     }
 
     #[test]
-    fn a_thousand_instructions_and_two_accesses_take_ten_microseconds() {
-        assert_eq!(nanoseconds(1_000, 2), 8_929 + 1_100);
+    fn a_task_of_the_cycle_takes_part_with_its_worst_cycle_and_a_task_of_a_timer_with_its_worst_activation() {
+        let demand = |activations, instructions| Demand { activations, instructions, bus: 0 };
+        let mut tasks = [report(Some(100), Vec::new()), report(Some(100), Vec::new())];
+        tasks[0].task.rate = Rate::EachCycle;
+        for task in &mut tasks {
+            let worst = &mut task.count.as_mut().unwrap().worst;
+            (worst.activation, worst.cycle) = (demand(1, 1_680), demand(4, 2_800));
+        }
+        add_timing(&mut tasks, 0);
+        let timings = tasks.map(|task| task.timing.unwrap());
+        assert_eq!(
+            timings.map(|timing| (timing.load.period, timing.load.demand)),
+            [(500_000, 25_000), (125_000, 15_000)]
+        );
+        // Its share is that of the worst cycle in both cases: 25 us of 500.
+        assert_eq!(timings.map(|timing| timing.share), [50, 50]);
     }
 
     #[test]
     fn a_task_that_overruns_its_period_fails() {
         let mut tasks = [report(Some(20_000), Vec::new())];
         tasks[0].task.budget = None;
-        add_timing(&mut tasks, 1, 0);
+        add_timing(&mut tasks, 0);
         assert!(failures_of_task(&tasks[0])[0].contains("not always done within its period of 125 us"));
         tasks[0].count = Some(counted(100));
-        add_timing(&mut tasks, 1, 0);
+        add_timing(&mut tasks, 0);
         assert_eq!(failures_of_task(&tasks[0]), [""; 0]);
     }
 
     #[test]
     fn a_task_waits_for_a_critical_section_of_the_thread() {
         let mut tasks = [report(Some(100), Vec::new())];
-        add_timing(&mut tasks, 1, 2_000);
+        add_timing(&mut tasks, 2_000);
         let timing = tasks[0].timing.unwrap();
-        assert_eq!((timing.blocking, timing.response), (2_000, Some(2_000 + nanoseconds(100, 0))));
+        assert_eq!((timing.blocking, timing.response), (2_000, Some(2_000 + timing.load.demand)));
     }
 }
