@@ -1,9 +1,9 @@
 //! One axis: modes, loops and their bumpless hand-over.
 
 use crate::{
-    AxisSettings, CommandSource, CurrentFilter, CurrentFraction, ExpectedVelocity, Interpolator, Limiting,
+    AxisSettings, CommandSource, CurrentFilter, CurrentFraction, FilteredVelocity, Interpolator, Limiting,
     ModuloCounter, MotionLimits, Position, PositionLoop, Ramp, Setpoint, SignedAcceleration, TorqueLimits, Trajectory,
-    Velocity, VelocityEstimate, VelocityFilter, VelocityInterpolator, VelocityLoop,
+    Velocity, VelocityFilter, VelocityInterpolator, VelocityLoop,
 };
 
 /// What the axis does.
@@ -95,15 +95,19 @@ pub struct Axis {
     mode: Mode,
     measured: Position,
     ranges: ModuloCounter,
-    estimate: VelocityEstimate,
-    monitored: VelocityEstimate,
+    /// Measured, as the velocity loop sees it.
+    velocity: FilteredVelocity,
+    /// Measured, as it is shown and monitored.
+    monitored: FilteredVelocity,
     monitor_filter: VelocityFilter,
     interpolator: Interpolator,
     velocity_interpolator: VelocityInterpolator,
     ramp: Ramp,
     position_loop: PositionLoop,
-    /// Of the position set-point, for the velocity feed-forward.
-    expected_velocity: ExpectedVelocity,
+    /// The velocity that an axis exactly on its set-point would be measured to have: the commanded one through the filter of the measured
+    /// one. Fed forward in its place, the commanded velocity would be ahead of the measured one by the time of the filter. The velocity loop
+    /// would take that for an error, and at constant acceleration a the position loop would have to hold a * time / Kv against it.
+    expected_velocity: FilteredVelocity,
     velocity_loop: VelocityLoop,
     velocity_command: Velocity,
     torque_command: CurrentFraction,
@@ -129,14 +133,14 @@ impl Axis {
             mode: Mode::Off,
             measured,
             ranges,
-            estimate: VelocityEstimate::new(measured),
-            monitored: VelocityEstimate::new(measured),
+            velocity: FilteredVelocity::new(Velocity::ZERO),
+            monitored: FilteredVelocity::new(Velocity::ZERO),
             monitor_filter: VelocityFilter::from_microseconds(MONITOR_TIME_CONSTANT),
             interpolator: Interpolator::new(measured, ranges),
             velocity_interpolator: VelocityInterpolator::new(Velocity::ZERO),
             ramp: Ramp::new(here),
             position_loop: PositionLoop::new(&settings.position_loop, here),
-            expected_velocity: ExpectedVelocity::new(Velocity::ZERO),
+            expected_velocity: FilteredVelocity::new(Velocity::ZERO),
             velocity_loop: VelocityLoop::new(),
             velocity_command: Velocity::ZERO,
             torque_command: CurrentFraction::ZERO,
@@ -208,7 +212,7 @@ impl Axis {
         }
         if !positioned {
             self.position_loop = PositionLoop::new(&self.settings.position_loop, setpoint);
-            self.expected_velocity = ExpectedVelocity::new(setpoint.velocity);
+            self.expected_velocity = FilteredVelocity::new(setpoint.velocity);
         }
         self.mode = mode;
     }
@@ -257,9 +261,10 @@ impl Axis {
     #[inline]
     pub fn tick(&mut self, measured: Position, limits: &TorqueLimits) -> AxisOutput {
         let settings = &self.settings;
+        let moved = Velocity::of_a_tick(measured - self.measured);
         self.measured = measured;
-        let velocity = self.estimate.update(&settings.velocity_filter, measured);
-        let monitored = self.monitored.update(&self.monitor_filter, measured);
+        let velocity = self.velocity.update(&settings.velocity_filter, moved);
+        let monitored = self.monitored.update(&self.monitor_filter, moved);
         if let Some(modulo) = settings.interpolator.modulo() {
             self.ranges.wrap(modulo, measured);
         }
@@ -277,8 +282,7 @@ impl Axis {
             travelled: false,
             excessive_deviation: false,
         };
-        let mut acceleration = SignedAcceleration::ZERO;
-        let setpoint = match self.mode {
+        let acceleration = match self.mode {
             Mode::Off => {
                 self.velocity_command = velocity;
                 return output;
@@ -298,23 +302,19 @@ impl Axis {
                     },
                 };
                 if ramped.velocity != command {
-                    output.limiting |= Limiting::ACCELERATION;
+                    output.limiting = Limiting::ACCELERATION;
                 }
-                output.velocity_command = ramped.velocity;
-                acceleration = ramped.acceleration;
-                None
+                self.follow_velocity(ramped, &mut output)
             }
             Mode::Stopping => {
                 let ramped = self.ramp.tick(settings.deceleration);
-                output.velocity_command = ramped.velocity;
-                acceleration = ramped.acceleration;
                 output.standstill &= self.ramp.is_finished();
-                None
+                self.follow_velocity(ramped, &mut output)
             }
             Mode::Halt => {
                 let setpoint = self.trajectory.tick_velocity(&settings.halt, Velocity::ZERO);
                 output.standstill &= self.trajectory.is_finished();
-                Some(setpoint)
+                self.follow_position(setpoint, &mut output)
             }
             Mode::Travel => {
                 let setpoint = match self.travel {
@@ -323,41 +323,70 @@ impl Axis {
                     Travel::To(target) => self.trajectory.tick_to(&self.travel_limits, target),
                 };
                 output.travelled = self.trajectory.is_finished();
-                Some(setpoint)
+                self.follow_position(setpoint, &mut output)
             }
             Mode::Position => {
                 let (setpoint, source) = self.interpolator.tick(&settings.interpolator);
                 output.command_source = source;
-                Some(setpoint)
+                self.follow_position(setpoint, &mut output)
             }
         };
-        if let Some(setpoint) = setpoint {
-            let expected = self.expected_velocity.update(&settings.velocity_filter, setpoint.velocity);
-            let result = self.position_loop.tick(
-                &settings.position_loop,
-                &settings.velocity_limits,
-                Setpoint { velocity: expected, ..setpoint },
-                measured,
-            );
-            output.velocity_command = result.velocity;
-            output.position_command = setpoint.position;
-            output.following_error = result.following_error;
-            output.excessive_deviation = result.excessive_deviation;
-            acceleration = setpoint.acceleration;
-        }
         self.velocity_command = output.velocity_command;
-        output.limiting |= settings.velocity_limits.met_by(output.velocity_command);
-        let friction = i64::from(settings.friction.current(output.velocity_command).to_bits()) << 16;
-        let feed_forward = settings.velocity_loop.feed_forward(acceleration).saturating_add(friction);
-        let result =
-            self.velocity_loop.tick(&settings.velocity_loop, limits, output.velocity_command, velocity, feed_forward);
-        let filtered = self.filter.tick(&settings.filter, i32::from(result.current.to_bits()) << 16);
-        // A filter may swing beyond the limit that its input keeps.
-        output.current = limits.apply(CurrentFraction::from_bits((filtered >> 16) as i16)).0;
+        self.control_velocity(acceleration, limits, &mut output);
+        output
+    }
+
+    /// The velocity command is that of the set-point; gives the acceleration to feed forward.
+    #[inline]
+    fn follow_velocity(&self, setpoint: Setpoint, output: &mut AxisOutput) -> SignedAcceleration {
+        output.velocity_command = setpoint.velocity;
+        output.limiting |= self.settings.velocity_limits.met_by(setpoint.velocity);
+        setpoint.acceleration
+    }
+
+    /// The velocity command is that of the position loop; gives the acceleration to feed forward.
+    #[inline]
+    fn follow_position(&mut self, setpoint: Setpoint, output: &mut AxisOutput) -> SignedAcceleration {
+        let settings = &self.settings;
+        let expected = self.expected_velocity.update(&settings.velocity_filter, setpoint.velocity);
+        let result = self.position_loop.tick(
+            &settings.position_loop,
+            &settings.velocity_limits,
+            Setpoint { velocity: expected, ..setpoint },
+            self.measured,
+        );
+        output.velocity_command = result.velocity;
+        output.position_command = setpoint.position;
+        output.following_error = result.following_error;
+        output.limiting = result.limiting;
+        output.excessive_deviation = result.excessive_deviation;
+        setpoint.acceleration
+    }
+
+    /// From the velocity command to the current.
+    #[inline]
+    fn control_velocity(&mut self, acceleration: SignedAcceleration, limits: &TorqueLimits, output: &mut AxisOutput) {
+        let settings = &self.settings;
+        let mut feed_forward = settings.friction.current(output.velocity_command);
+        if acceleration != SignedAcceleration::ZERO {
+            feed_forward = feed_forward.saturating_add(settings.velocity_loop.feed_forward(acceleration));
+        }
+        let result = self.velocity_loop.tick(
+            &settings.velocity_loop,
+            limits,
+            output.velocity_command,
+            output.loop_velocity,
+            feed_forward,
+        );
+        output.current = result.current;
         if result.limited {
             output.limiting |= limits.met_by(result.current);
         }
-        output
+        let filtered = self.filter.tick(&settings.filter, i32::from(result.current.to_bits()) << 16);
+        if settings.filter.is_active() {
+            // A filter may swing beyond the limit that its input keeps.
+            output.current = limits.apply(CurrentFraction::from_bits((filtered >> 16) as i16)).0;
+        }
     }
 
     /// The torque command, or less where the velocity limit S-0-0091 stands in its way.
@@ -402,8 +431,6 @@ impl Axis {
     pub fn shift(&mut self, difference: Position) {
         self.measured = self.measured + difference;
         self.ranges = ranges_at(&self.settings, self.measured);
-        self.estimate.shift(difference);
-        self.monitored.shift(difference);
         self.interpolator.shift(difference);
         self.interpolator.set_ranges(self.ranges);
         self.ramp.shift(difference);

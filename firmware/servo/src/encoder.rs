@@ -7,8 +7,8 @@ use crate::{Position, SettingsError};
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub struct EncoderSettings {
     increments_per_revolution: u32,
-    /// 2^64 / increments, as whole part (2^32 / increments) and fraction.
-    scale_whole: i64,
+    /// 2^64 / increments, in two words: 2^32 / increments and the fraction of it. For one increment, which is always at zero, a step less.
+    scale_whole: u32,
     scale_fraction: u32,
 }
 
@@ -21,8 +21,8 @@ impl EncoderSettings {
         let scale = (1_u128 << 64)
             .checked_div(u128::from(increments_per_revolution))
             .ok_or(SettingsError::Zero { parameter: "increments per revolution" })?;
-        // The whole part is at most 2^32, the fraction is cut on purpose.
-        Ok(Self { increments_per_revolution, scale_whole: (scale >> 32) as i64, scale_fraction: scale as u32 })
+        let scale = u64::try_from(scale).unwrap_or(u64::MAX);
+        Ok(Self { increments_per_revolution, scale_whole: (scale >> 32) as u32, scale_fraction: scale as u32 })
     }
 
     /// Increments per revolution.
@@ -51,7 +51,8 @@ pub struct Encoder {
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 struct Place {
     revolutions: i32,
-    increments: i64,
+    /// Below the increments per revolution.
+    increments: u32,
 }
 
 impl Encoder {
@@ -92,12 +93,22 @@ impl Encoder {
 
     #[inline]
     fn place_at(&self, count: u32) -> Place {
-        let resolution = i64::from(self.settings.increments_per_revolution);
         let moved = i64::from(count.wrapping_sub(self.count) as i32);
+        // Wraps to a large number below zero.
+        let increments = i64::from(self.place.increments).wrapping_add(moved) as u64;
+        if increments < u64::from(self.settings.increments_per_revolution) {
+            return Place { increments: increments as u32, ..self.place };
+        }
+        self.place_beyond(moved)
+    }
+
+    /// The same for any movement.
+    fn place_beyond(&self, moved: i64) -> Place {
+        let resolution = i64::from(self.settings.increments_per_revolution);
         // The estimate with the truncated reciprocal is right or one off; what it leaves is folded back below.
-        let whole = moved.wrapping_mul(self.settings.scale_whole) >> 32;
-        let mut increments = self.place.increments.wrapping_add(moved).wrapping_sub(whole.wrapping_mul(resolution));
-        let mut whole = whole;
+        let mut whole = moved.wrapping_mul(i64::from(self.settings.scale_whole)) >> 32;
+        let mut increments =
+            i64::from(self.place.increments).wrapping_add(moved).wrapping_sub(whole.wrapping_mul(resolution));
         if increments < 0 {
             increments = increments.wrapping_add(resolution);
             whole = whole.wrapping_sub(1);
@@ -108,18 +119,17 @@ impl Encoder {
                 whole = whole.wrapping_add(1);
             }
         }
-        // Revolutions wrap like the position they are part of.
-        let revolutions = self.place.revolutions.wrapping_add(whole as i32);
-        Place { revolutions, increments }
+        // Revolutions wrap like the position they are part of; increments are those of one revolution.
+        Place { revolutions: self.place.revolutions.wrapping_add(whole as i32), increments: increments as u32 }
     }
 
     #[inline]
     fn scaled(&self, place: Place) -> Position {
-        // Increments are never negative and below 2^32.
-        let increments = place.increments as u64;
-        let below = increments.wrapping_mul(u64::from(self.settings.scale_fraction)) >> 32;
-        let fraction = place.increments.wrapping_mul(self.settings.scale_whole).wrapping_add(below as i64);
-        Position::from_bits((i64::from(place.revolutions) << 32).wrapping_add(fraction)) + self.offset
+        let EncoderSettings { scale_whole, scale_fraction, .. } = self.settings;
+        // Below a revolution, so that 32 bits hold the sum and the low word of the product.
+        let below = (u64::from(place.increments).wrapping_mul(u64::from(scale_fraction)) >> 32) as u32;
+        let fraction = place.increments.wrapping_mul(scale_whole).wrapping_add(below);
+        Position::from_bits(i64::from(place.revolutions) << 32 | i64::from(fraction)) + self.offset
     }
 }
 
@@ -210,8 +220,21 @@ mod tests {
                 let error = (exact(total, resolution) as i64).wrapping_sub(position);
                 prop_assert!((0..=2).contains(&error), "{} below", error);
                 // What is left over would pile up, unseen at first.
-                prop_assert!((0..i64::from(resolution)).contains(&encoder.place.increments));
+                prop_assert!(encoder.place.increments < resolution);
             }
+        }
+
+        #[test]
+        fn within_the_revolution_the_short_way_counts_like_the_long_one(
+            resolution in prop_oneof![1_u32..20, Just(1_u32 << 20), Just(u32::MAX), 1_u32..1 << 31, any::<u32>()],
+            start in any::<u32>(), way in any::<i32>(), moved in any::<i32>(), shift in 0_u32..32,
+        ) {
+            prop_assume!(resolution > 0);
+            let mut encoder = encoder(resolution, start);
+            encoder.update(start.wrapping_add(way as u32));
+            let moved = moved >> shift;
+            let place = encoder.place_at(encoder.count.wrapping_add(moved as u32));
+            prop_assert_eq!(place, encoder.place_beyond(moved.into()));
         }
     }
 }

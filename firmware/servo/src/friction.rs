@@ -11,9 +11,10 @@
 //!    _____/ band
 //! ```
 
+use crate::limited_gain::LimitedGain;
 use crate::settings::in_range;
-use crate::units::{divide_rounding, limited};
-use crate::{CurrentFraction, Gain, SettingsError, Velocity};
+use crate::velocity_loop::CURRENT_BITS;
+use crate::{SettingsError, Velocity};
 
 /// Friction in physical units.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -32,17 +33,16 @@ pub struct FrictionParameters {
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub struct FrictionSettings {
-    /// Velocity steps to 2^-31 of peak, within the band.
-    slope: Gain,
-    /// In 2^-31 of peak.
-    coulomb: i64,
-    /// Velocity steps to 2^-31 of peak.
-    viscous: Gain,
+    is_compensated: bool,
+    /// Velocity steps within the band to 2^-25 of peak.
+    coulomb: LimitedGain,
+    /// Velocity steps to 2^-25 of peak.
+    viscous: LimitedGain,
 }
 
 impl FrictionSettings {
     /// No compensation.
-    pub const OFF: Self = Self { slope: Gain::ZERO, coulomb: 0, viscous: Gain::ZERO };
+    pub const OFF: Self = Self { is_compensated: false, coulomb: LimitedGain::ZERO, viscous: LimitedGain::ZERO };
 
     /// Scales the parameters. Divides.
     ///
@@ -57,27 +57,34 @@ impl FrictionSettings {
         in_range("Coulomb friction current", coulomb, 0, peak_current)?;
         in_range("viscous friction current", viscous, 0, peak_current)?;
         in_range("band of the friction compensation", band, 1_000, 10_000_000)?;
-        let coulomb = divide_rounding(i128::from(coulomb) << 31, peak_current.into());
-        let band = Velocity::from_ten_thousandths_rpm(band.cast_signed());
-        // uA/rpm: 2^-36 rev per tick is 480 000 / 2^36 rpm, and 2^31 * 480 000 / 2^36 / 1000 is 15.
-        let viscous = Gain::from_ratio(u128::from(viscous).saturating_mul(15), peak_current.into());
-        let slope = Gain::from_ratio(coulomb.unsigned_abs().into(), u128::from(band.to_bits().unsigned_abs()));
-        // With these ranges they are at most 15 and 2^31 / 14 316.
-        Ok(Self { slope: slope.unwrap_or(Gain::ZERO), coulomb, viscous: viscous.unwrap_or(Gain::ZERO) })
+        let band = Velocity::from_ten_thousandths_rpm(band.cast_signed()).to_bits();
+        let slope = LimitedGain::from_ratio(
+            u128::from(coulomb) << CURRENT_BITS,
+            u128::from(peak_current).saturating_mul(band.unsigned_abs().into()),
+        );
+        // uA/rpm: 2^-36 rev per tick is 480 000 / 2^36 rpm, and 2^25 * 480 000 / 2^36 / 1000 is 15 / 64.
+        let viscous_slope = LimitedGain::from_ratio(
+            u128::from(viscous).saturating_mul(15),
+            u128::from(peak_current).saturating_mul(64),
+        );
+        // With these ranges they are at most 2^25 / 14 316 and 15 / 64.
+        Ok(Self {
+            is_compensated: coulomb > 0 || viscous > 0,
+            coulomb: slope.unwrap_or(LimitedGain::ZERO).with_input_limit(band),
+            viscous: viscous_slope.unwrap_or(LimitedGain::ZERO),
+        })
     }
 
-    /// The current for a velocity command, at most the peak current.
+    /// The current for a velocity command, in 2^-25 of the peak current and at most that.
     #[inline]
     #[must_use]
-    pub fn current(&self, command: Velocity) -> CurrentFraction {
-        if *self == Self::OFF {
-            return CurrentFraction::ZERO;
+    pub fn current(&self, command: Velocity) -> i32 {
+        if !self.is_compensated {
+            return 0;
         }
-        let velocity = i64::from(command.to_bits());
-        let coulomb = limited(self.slope.apply(velocity), self.coulomb);
-        let total = coulomb.saturating_add(self.viscous.apply(velocity));
-        let rounded = total.saturating_add(1 << 15) >> 16;
-        CurrentFraction::from_bits(limited(rounded, i16::MAX.into()) as i16)
+        let coulomb = self.coulomb.apply(command.to_bits());
+        let total = coulomb.saturating_add(self.viscous.apply(command.to_bits()));
+        total.clamp(-(1 << CURRENT_BITS), 1 << CURRENT_BITS)
     }
 }
 
@@ -93,8 +100,8 @@ mod tests {
     /// In mA at a velocity in rpm.
     fn milliamperes(parameters: &FrictionParameters, rpm: f64) -> f64 {
         let velocity = Velocity::from_ten_thousandths_rpm((rpm * 10_000.0) as i32);
-        FrictionSettings::new(parameters).unwrap().current(velocity).to_num::<f64>()
-            * f64::from(parameters.peak_current)
+        let current = FrictionSettings::new(parameters).unwrap().current(velocity);
+        f64::from(current) / f64::from(1 << CURRENT_BITS) * f64::from(parameters.peak_current)
     }
 
     #[test]
@@ -160,7 +167,7 @@ mod tests {
         ) {
             let parameters = FrictionParameters { coulomb, viscous, band, peak_current: 10_000 };
             let friction = FrictionSettings::new(&parameters).unwrap();
-            let of = |bits| friction.current(Velocity::from_bits(bits)).to_bits();
+            let of = |bits| friction.current(Velocity::from_bits(bits));
             prop_assert!(of(a.min(b)) <= of(a.max(b)));
             prop_assert!((of(a) + of(a.saturating_neg())).abs() <= 1);
         }

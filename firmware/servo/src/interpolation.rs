@@ -8,6 +8,7 @@
 //! less before. Each line starts where the last tick left off: a tick too few or too many bends the slope, the position never jumps.
 
 use crate::cubic::Deviation;
+use crate::wide::times_fraction;
 use crate::{Modulo, ModuloCounter, Position, SettingsError, SignedAcceleration, Velocity};
 
 /// Where the setpoint of a tick comes from.
@@ -62,8 +63,8 @@ pub enum Interpolation {
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub struct InterpolatorSettings {
     ticks_per_cycle: u16,
-    /// 2^32 / ticks, to the nearest.
-    reciprocal: u32,
+    /// 2^32 / ticks, to the nearest: at most 2^30.
+    reciprocal: i32,
     interpolation: Interpolation,
     modulo: Option<Modulo>,
 }
@@ -82,7 +83,7 @@ impl InterpolatorSettings {
         let ticks = u64::from(ticks_per_cycle);
         let reciprocal = ((1_u64 << 32).saturating_add(ticks >> 1))
             .checked_div(ticks)
-            .and_then(|r| u32::try_from(r).ok())
+            .and_then(|r| i32::try_from(r).ok())
             .ok_or(out_of_range)?;
         Ok(Self { ticks_per_cycle, reciprocal, interpolation: Interpolation::Linear, modulo })
     }
@@ -114,18 +115,8 @@ impl InterpolatorSettings {
     }
 }
 
-/// `value * fraction / 2^32`, rounded down.
-#[inline]
-fn times_fraction(value: i64, fraction: u32) -> i64 {
-    let fraction = i64::from(fraction);
-    let high = value >> 32;
-    let low = value & 0xFFFF_FFFF;
-    // The reciprocal of 4 ticks or more is below 2^31, so the lower product stays positive in 64 bits.
-    high.wrapping_mul(fraction).wrapping_add(low.wrapping_mul(fraction) >> 32)
-}
-
 /// 2^32 / 3.
-const A_THIRD: u32 = 1_431_655_765;
+const A_THIRD: i32 = 1_431_655_765;
 /// Bits of a slope below a position step: the line runs in 2^-48 revolution.
 const FINE_BITS: u32 = 16;
 /// Longest line in position steps: 64 revolutions, four times the way at [`Velocity::MAX`] in the longest cycle.
@@ -135,14 +126,18 @@ const DISTANCE_LIMIT: i64 = 1 << 38;
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub struct Interpolator {
-    /// End of the line.
+    /// End of the path.
     target: Position,
-    /// What is left of the line, in 2^-48 revolution; negative way beyond the target while extrapolating.
-    remaining: i64,
+    /// Place on the straight line from its end, in 2^-48 revolution: against the slope until the end, with it while extrapolating.
+    place: i64,
     /// In 2^-48 revolution per tick.
     slope: i64,
+    /// Of the slope.
+    speed: Velocity,
     /// Of the cubic from the line.
     deviation: Deviation,
+    /// The path to the last command is a cubic.
+    is_curved: bool,
     /// Way from the last command to this one, in position steps per cycle.
     way: i64,
     /// Velocity at the end of the path, in position steps per cycle.
@@ -150,8 +145,9 @@ pub struct Interpolator {
     /// What the last tick moved, in 2^-48 revolution, and by how much more than the tick before.
     velocity: i64,
     acceleration: i64,
-    /// Ticks since the last command.
-    ticks: u16,
+    /// Ticks to the end of the path, and since then.
+    left: u16,
+    overdue: u16,
     ranges: ModuloCounter,
 }
 
@@ -161,14 +157,17 @@ impl Interpolator {
     pub const fn new(position: Position, ranges: ModuloCounter) -> Self {
         Self {
             target: position,
-            remaining: 0,
+            place: 0,
             slope: 0,
+            speed: Velocity::ZERO,
             deviation: Deviation::NONE,
+            is_curved: false,
             way: 0,
             exit: 0,
             velocity: 0,
             acceleration: 0,
-            ticks: 0,
+            left: 0,
+            overdue: 0,
             ranges,
         }
     }
@@ -185,8 +184,7 @@ impl Interpolator {
     ) {
         let slope = i64::from(velocity.to_bits()) << 12;
         let way = slope.wrapping_mul(i64::from(settings.ticks_per_cycle)) >> FINE_BITS;
-        let ticks = settings.ticks_per_cycle;
-        *self = Self { slope, way, exit: way, velocity: slope, ticks, ..Self::new(position, ranges) };
+        *self = Self { slope, speed: velocity, way, exit: way, velocity: slope, ..Self::new(position, ranges) };
     }
 
     /// Takes the command that became valid at t3: reached after one cycle of ticks.
@@ -202,16 +200,18 @@ impl Interpolator {
         let commanded = (target - self.target).to_bits().clamp(-DISTANCE_LIMIT, DISTANCE_LIMIT);
         let way = self.per_cycle(settings, commanded);
         self.target = target;
-        self.remaining = distance << FINE_BITS;
-        self.slope = settings.per_tick(self.remaining);
-        self.ticks = 0;
-        self.deviation = match settings.interpolation {
-            Interpolation::Linear => Deviation::NONE,
-            Interpolation::Cubic => {
-                let entry = self.exit;
-                self.exit = way.wrapping_add(way.wrapping_sub(self.way) >> 1);
-                Deviation::between(settings, entry.wrapping_sub(distance), self.exit.wrapping_sub(distance))
-            }
+        self.place = distance.wrapping_neg() << FINE_BITS;
+        self.follow(settings.per_tick(distance << FINE_BITS));
+        self.left = settings.ticks_per_cycle;
+        self.overdue = 0;
+        self.is_curved = settings.interpolation == Interpolation::Cubic;
+        self.deviation = if self.is_curved {
+            let entry = self.exit;
+            self.exit = way.wrapping_add(way.wrapping_sub(self.way) >> 1);
+            Deviation::between(settings, entry.wrapping_sub(distance), self.exit.wrapping_sub(distance))
+        } else {
+            self.acceleration = 0;
+            Deviation::NONE
         };
         self.way = way;
     }
@@ -219,8 +219,9 @@ impl Interpolator {
     /// The way since the last command, spread over the cycles that it has taken: one, or as many as commands were missing more.
     #[inline]
     fn per_cycle(&self, settings: &InterpolatorSettings, commanded: i64) -> i64 {
-        let half_cycles = u32::from(self.ticks).saturating_mul(2);
         let cycle = u32::from(settings.ticks_per_cycle);
+        let ticks = cycle.saturating_sub(self.left.into()).saturating_add(self.overdue.into());
+        let half_cycles = ticks.saturating_mul(2);
         if half_cycles <= cycle.saturating_mul(3) {
             commanded
         } else if half_cycles <= cycle.saturating_mul(5) {
@@ -230,32 +231,49 @@ impl Interpolator {
         }
     }
 
+    #[inline]
+    fn follow(&mut self, slope: i64) {
+        self.slope = slope;
+        self.speed = Velocity::saturating_from_bits(slope >> 12);
+    }
+
     /// One tick further: the setpoint of this tick.
     #[inline]
     pub fn tick(&mut self, settings: &InterpolatorSettings) -> (Setpoint, CommandSource) {
-        let cycle = settings.ticks_per_cycle;
-        let source = if self.ticks < cycle {
+        if self.left == 0 || self.is_curved {
+            return self.tick_beside_the_line(settings);
+        }
+        self.left = self.left.saturating_sub(1);
+        self.place = if self.left == 0 { 0 } else { self.place.wrapping_add(self.slope) };
+        self.velocity = self.slope;
+        (Setpoint::moving(self.on_the_line(), self.speed), CommandSource::Interpolated)
+    }
+
+    /// A tick on a cubic, or without a command.
+    #[inline]
+    fn tick_beside_the_line(&mut self, settings: &InterpolatorSettings) -> (Setpoint, CommandSource) {
+        let before = self.velocity;
+        let source = if self.left > 0 {
+            self.left = self.left.saturating_sub(1);
+            self.place = self.place.wrapping_add(self.slope);
+            self.velocity = self.slope.wrapping_add(self.deviation.tick());
+            if self.left == 0 {
+                self.place = 0;
+                self.end_curve(settings);
+            }
             CommandSource::Interpolated
-        } else if self.ticks < cycle.saturating_mul(3) {
+        } else if self.overdue < settings.ticks_per_cycle.saturating_mul(2) {
+            self.overdue = self.overdue.saturating_add(1);
+            self.place = self.place.wrapping_add(self.slope);
+            self.velocity = self.slope;
             CommandSource::Extrapolated
         } else {
-            CommandSource::Held
-        };
-        let before = self.velocity;
-        if source == CommandSource::Held {
-            self.slope = 0;
+            self.follow(0);
             self.way = 0;
             self.exit = 0;
             self.velocity = 0;
-        } else {
-            self.ticks = self.ticks.saturating_add(1);
-            self.remaining = self.remaining.wrapping_sub(self.slope);
-            self.velocity = self.slope.wrapping_add(self.deviation.tick());
-            if self.ticks == cycle {
-                self.remaining = 0;
-                self.end_deviation(settings);
-            }
-        }
+            CommandSource::Held
+        };
         self.acceleration = match settings.interpolation {
             Interpolation::Linear => 0,
             Interpolation::Cubic => self.velocity.wrapping_sub(before),
@@ -265,11 +283,10 @@ impl Interpolator {
 
     /// The cubic ends at the command. What follows without a next one is a line with its last velocity.
     #[inline]
-    fn end_deviation(&mut self, settings: &InterpolatorSettings) {
-        if settings.interpolation == Interpolation::Cubic {
-            self.deviation = Deviation::NONE;
-            self.slope = settings.per_tick(self.exit << FINE_BITS);
-        }
+    fn end_curve(&mut self, settings: &InterpolatorSettings) {
+        self.deviation = Deviation::NONE;
+        self.is_curved = false;
+        self.follow(settings.per_tick(self.exit << FINE_BITS));
     }
 
     /// The setpoint of the last tick.
@@ -288,8 +305,14 @@ impl Interpolator {
     #[must_use]
     pub fn position(&self) -> Position {
         // The shift rounds the rest of the way up or down to a whole step; at the end of the path the rest is exactly zero.
-        let ahead = self.deviation.value().wrapping_sub(self.remaining);
-        self.target + Position::from_bits(ahead >> FINE_BITS)
+        let place = self.place.wrapping_add(self.deviation.value());
+        self.target + Position::from_bits(place >> FINE_BITS)
+    }
+
+    /// The same where there is no cubic.
+    #[inline]
+    fn on_the_line(&self) -> Position {
+        self.target + Position::from_bits(self.place >> FINE_BITS)
     }
 
     /// The setpoint velocity: what the last tick moved.
@@ -518,11 +541,6 @@ mod tests {
                 }
                 prop_assert_eq!(interpolator.position().to_bits(), unbounded);
             }
-        }
-
-        #[test]
-        fn the_fraction_of_a_product_is_exact(value in any::<i64>(), fraction in 0_u32..1 << 30) {
-            prop_assert_eq!(i128::from(times_fraction(value, fraction)), (i128::from(value) * i128::from(fraction)) >> 32);
         }
     }
 }

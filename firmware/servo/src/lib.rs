@@ -37,6 +37,7 @@
     )
 )]
 
+mod acceleration_gain;
 mod axis;
 mod brake;
 mod brake_error;
@@ -56,6 +57,7 @@ mod gain;
 mod homing;
 pub mod identification;
 mod interpolation;
+mod limited_gain;
 mod limits;
 mod load_model;
 mod modulo;
@@ -75,6 +77,7 @@ mod units;
 mod velocity_estimate;
 mod velocity_loop;
 mod voltage;
+mod wide;
 
 pub use axis::{Axis, AxisOutput, Mode, Travel};
 pub use brake::{BrakeInputs, BrakeOutput, BrakeRequest, BrakeSequencer, TorqueScale};
@@ -121,7 +124,7 @@ pub use units::{
     Acceleration, CurrentFraction, LOOP_PERIOD_MICROSECONDS, LOOP_TICKS_PER_SECOND, LOOP_TICKS_PER_SUPERVISION,
     Position, SUPERVISION_PERIOD_MICROSECONDS, Velocity,
 };
-pub use velocity_estimate::{ExpectedVelocity, VelocityEstimate, VelocityFilter};
+pub use velocity_estimate::{FilteredVelocity, VelocityEstimate, VelocityFilter};
 pub use velocity_loop::{VelocityLoop, VelocityLoopOutput, VelocityLoopSettings};
 pub use voltage::{
     BusVoltage, Duty, Reciprocal, VoltageError, VoltageOutput, VoltageParameters, VoltageSettings, Volts,

@@ -245,6 +245,19 @@ impl VelocityLimits {
         velocity.min(self.positive).max(self.negative)
     }
 
+    /// `velocity` within the limits, and which of them it meets; none when it is within.
+    #[inline]
+    #[must_use]
+    pub fn apply(&self, velocity: Velocity) -> (Velocity, Limiting) {
+        if velocity >= self.positive {
+            (self.positive, self.positive_cause)
+        } else if velocity <= self.negative {
+            (self.negative, self.negative_cause)
+        } else {
+            (velocity, Limiting::empty())
+        }
+    }
+
     /// Which limit this velocity meets; none when it is within.
     #[inline]
     #[must_use]
@@ -402,6 +415,9 @@ mod tests {
         let limits = VelocityLimits::new(rpm(3_000), Some(rpm(1_000)), Some(rpm(-5_000)));
         assert_eq!((limits.positive, limits.negative), (rpm(1_000), rpm(-3_000)));
         assert_eq!(limits.limit(rpm(2_000)), rpm(1_000));
+        assert_eq!(limits.apply(rpm(2_000)), (rpm(1_000), Limiting::VELOCITY_POSITIVE));
+        assert_eq!(limits.apply(rpm(-4_000)), (rpm(-3_000), Limiting::VELOCITY_BIPOLAR));
+        assert_eq!(limits.apply(rpm(-2_999)), (rpm(-2_999), Limiting::empty()));
         assert_eq!(limits.met_by(rpm(1_000)), Limiting::VELOCITY_POSITIVE);
         assert_eq!(limits.met_by(rpm(-3_000)), Limiting::VELOCITY_BIPOLAR);
         assert_eq!(limits.met_by(rpm(-2_999)), Limiting::empty());

@@ -1,24 +1,28 @@
 //! Position control: proportional, with velocity feed-forward, and a model of the lag that is to be expected.
 
-use crate::{Gain, LOOP_TICKS_PER_SECOND, Position, Setpoint, SettingsError, Velocity, VelocityLimits};
+use crate::units::divide_rounding;
+use crate::wide::{saturated, times_fraction_to_nearest};
+use crate::{Gain, LOOP_TICKS_PER_SECOND, Limiting, Position, Setpoint, SettingsError, Velocity, VelocityLimits};
 
 /// Gains of the position loop, scaled.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub struct PositionLoopSettings {
-    /// Position steps to velocity steps.
-    proportional: Gain,
-    feed_forward: Gain,
+    /// Position steps to velocity steps, in 2^-26.
+    proportional: i32,
+    /// Share of the commanded velocity, in 2^-30.
+    feed_forward: i32,
     /// Velocity steps to the position steps that the axis lags behind at constant speed.
     lag: Gain,
-    monitoring_window: Position,
+    /// In 2^-38 revolution; the largest value, which no deviation passes, when nothing is monitored.
+    monitoring_window: i64,
 }
 
 impl PositionLoopSettings {
     /// * `kv`: S-0-0104 in 0.01 * 1000/min, that is 1/6 1/s; at least 1.
     /// * `feed_forward`: share of the commanded velocity that is passed on, in 0.01 %, at most 10 000. 0 is position control
     ///   with lag, 10 000 without lag (S-0-0032 bit 3).
-    /// * `monitoring_window`: S-0-0159; zero switches the monitoring off.
+    /// * `monitoring_window`: S-0-0159; zero switches the monitoring off, and one beyond 2^24 revolutions is never left.
     ///
     /// # Errors
     /// [`SettingsError::Zero`] without gain, [`SettingsError::FeedForward`] above 100 %.
@@ -32,10 +36,14 @@ impl PositionLoopSettings {
         let denominator = u128::from(LOOP_TICKS_PER_SECOND).saturating_mul(6);
         let left = u128::from(10_000_u16.saturating_sub(feed_forward));
         Ok(Self {
-            proportional: Gain::from_ratio(numerator, denominator).filter(|_| kv > 0).ok_or(zero)?,
-            feed_forward: Gain::from_ratio(u128::from(feed_forward), 10_000).unwrap_or(Gain::ONE),
+            // Below 22 of 32, and at most 1 of 2.
+            proportional: divide_rounding(i128::from(kv) << 26, 3_000) as i32,
+            feed_forward: divide_rounding(i128::from(feed_forward) << 30, 10_000) as i32,
             lag: Gain::from_ratio(denominator.saturating_mul(left), numerator.saturating_mul(10_000)).ok_or(zero)?,
-            monitoring_window: monitoring_window.abs(),
+            monitoring_window: match monitoring_window.abs().to_bits() {
+                0 => i64::MAX,
+                window => window.min(i64::MAX >> FINE_BITS) << FINE_BITS,
+            },
         })
     }
 
@@ -44,6 +52,20 @@ impl PositionLoopSettings {
     #[must_use]
     pub fn lag(&self, velocity: Velocity) -> Position {
         Position::from_bits(self.lag.apply(i64::from(velocity.to_bits())))
+    }
+
+    /// The share of a commanded velocity that is passed on.
+    #[inline]
+    fn fed_forward(&self, velocity: Velocity) -> i32 {
+        (i64::from(velocity.to_bits()).wrapping_mul(i64::from(self.feed_forward)).wrapping_add(1 << 29) >> 30) as i32
+    }
+
+    /// What a way in 2^-38 revolution asks for, with what is fed forward.
+    #[inline]
+    fn velocity(&self, way: i64, fed_forward: i32) -> Velocity {
+        // A way is below 2^63 and the gain below 2^31: their product is 2^30 short of the range at least.
+        let product = times_fraction_to_nearest(way, self.proportional);
+        Velocity::from_bits(saturated(product.wrapping_add(i64::from(fed_forward))))
     }
 }
 
@@ -55,30 +77,27 @@ pub struct PositionLoopOutput {
     pub velocity: Velocity,
     /// Commanded less measured position (S-0-0189).
     pub following_error: Position,
+    /// The velocity limit that the command meets.
+    pub limiting: Limiting,
     /// The following error is further from the expected lag than the monitoring window (C1D bit 11).
     pub excessive_deviation: bool,
 }
 
-/// State of the position loop: the lag that an undisturbed axis would have.
+/// State of the position loop: where an undisturbed axis would be.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub struct PositionLoop {
-    last_command: Position,
-    /// In 2^-36 revolution.
-    expected_lag: i64,
+    /// Place of the model in 2^-38 revolution; it wraps, its distance from the setpoint does not.
+    place: i64,
     /// Velocity of the model in the last tick.
-    expected_velocity: Velocity,
+    velocity: Velocity,
 }
 
 impl PositionLoop {
     /// Starts at a setpoint, with the lag that belongs to its velocity.
     #[must_use]
     pub fn new(settings: &PositionLoopSettings, setpoint: Setpoint) -> Self {
-        Self {
-            last_command: setpoint.position,
-            expected_lag: settings.lag(setpoint.velocity).to_bits() << 4,
-            expected_velocity: setpoint.velocity,
-        }
+        Self { place: fine(setpoint.position - settings.lag(setpoint.velocity)), velocity: setpoint.velocity }
     }
 
     /// One tick.
@@ -91,38 +110,61 @@ impl PositionLoop {
         measured: Position,
     ) -> PositionLoopOutput {
         let following_error = setpoint.position - measured;
-        let feed_forward = settings.feed_forward.apply(i64::from(setpoint.velocity.to_bits()));
-        let wanted = settings.proportional.apply(following_error.to_bits()).saturating_add(feed_forward);
+        let error = fine(within_range(following_error));
+        let fed_forward = settings.fed_forward(setpoint.velocity);
+        let (velocity, limiting) = limits.apply(settings.velocity(error, fed_forward));
 
-        let moved = (setpoint.position - self.last_command).to_bits().clamp(-LAG_LIMIT, LAG_LIMIT) << 4;
-        self.last_command = setpoint.position;
-        self.expected_lag = self
-            .expected_lag
-            .wrapping_add(moved)
-            .wrapping_sub(i64::from(self.expected_velocity.to_bits()))
-            .clamp(-(LAG_LIMIT << 4), LAG_LIMIT << 4);
-        let expected_lag = self.expected_lag >> 4;
-        self.expected_velocity = limits.limit(Velocity::saturating_from_bits(
-            settings.proportional.apply(expected_lag).saturating_add(feed_forward),
-        ));
-
-        let deviation = following_error - Position::from_bits(expected_lag);
+        let lag = self.expected_lag(setpoint.position);
+        self.velocity = limits.limit(settings.velocity(lag, fed_forward));
+        let deviation = error.wrapping_sub(lag).wrapping_abs();
         PositionLoopOutput {
-            velocity: limits.limit(Velocity::saturating_from_bits(wanted)),
+            velocity,
             following_error,
-            excessive_deviation: settings.monitoring_window > Position::ZERO
-                && deviation.abs() > settings.monitoring_window,
+            limiting,
+            excessive_deviation: deviation > settings.monitoring_window,
         }
+    }
+
+    /// Moves the model by a tick; how far it is behind the setpoint, in 2^-38 revolution.
+    #[inline]
+    fn expected_lag(&mut self, setpoint: Position) -> i64 {
+        let moved = i64::from(self.velocity.to_bits()) << (FINE_BITS - 4);
+        self.place = self.place.wrapping_add(moved);
+        let lag = fine(setpoint).wrapping_sub(self.place);
+        if (-LAG_LIMIT..LAG_LIMIT).contains(&lag) {
+            return lag;
+        }
+        // A command that jumps, or a velocity limit that is met for long.
+        let limited = lag.min(LAG_LIMIT).max(-LAG_LIMIT);
+        self.place = fine(setpoint).wrapping_sub(limited);
+        limited
     }
 
     /// Shifts the command by `difference` without a movement (homing).
     pub fn shift(&mut self, difference: Position) {
-        self.last_command = self.last_command + difference;
+        self.place = self.place.wrapping_add(fine(difference));
     }
 }
 
-/// Lags and command steps beyond 64 revolutions count as 64.
-const LAG_LIMIT: i64 = 1 << 38;
+/// Bits below a position step in which the model counts, and in which the gain has its fraction.
+const FINE_BITS: u32 = 6;
+/// Lags beyond 64 revolutions count as 64.
+const LAG_LIMIT: i64 = 64 << (32 + FINE_BITS);
+
+/// In 2^-38 revolution, wrapping at 2^25 revolutions.
+#[inline]
+fn fine(position: Position) -> i64 {
+    position.to_bits() << FINE_BITS
+}
+
+/// A way within 2^24 revolutions: longer ones are cut to some way between them and the limit, which asks for more than the highest velocity
+/// with every gain.
+#[inline]
+fn within_range(way: Position) -> Position {
+    let bits = way.to_bits();
+    let revolutions = ((bits >> 32) as i32).clamp(-(1 << 24), (1 << 24) - 1);
+    Position::from_bits(i64::from(revolutions) << 32 | bits & 0xFFFF_FFFF)
+}
 
 #[cfg(test)]
 mod tests {

@@ -11,6 +11,8 @@ use core::ops::{Add, Neg, Sub};
 
 use fixed::types::{I1F15, I32F32};
 
+use crate::wide::saturated;
+
 /// Period of the position and velocity loop in microseconds.
 pub const LOOP_PERIOD_MICROSECONDS: u32 = 125;
 
@@ -129,8 +131,15 @@ impl Velocity {
     #[inline]
     #[must_use]
     pub fn saturating_from_bits(bits: i64) -> Self {
-        // Clamped to the range of i32.
-        Self(bits.clamp(-0x7FFF_FFFF, 0x7FFF_FFFF) as i32)
+        Self(saturated(bits).max(-i32::MAX))
+    }
+
+    /// Of something that moves by `way` in a tick; beyond the range of the type the last 16 steps within it.
+    #[inline]
+    #[must_use]
+    pub fn of_a_tick(way: Position) -> Self {
+        // 15 000 rpm are 2^27 position steps a tick.
+        Self(saturated(way.0).clamp(-(1 << 27), (1 << 27) - 1) << 4)
     }
 
     /// From 10^-4 rpm, the preferred rotary scaling of S-0-0036, S-0-0040, S-0-0091 (sercos2.md 6.5); limited to +-15 000 rpm.
@@ -285,6 +294,17 @@ mod tests {
         assert_eq!(Velocity::MAX + Velocity::MAX, Velocity::MAX);
         assert_eq!(Velocity::from_bits(7).limit(Velocity::from_bits(-5)), Velocity::from_bits(5));
         assert_eq!(Velocity::from_bits(-7).limit(Velocity::from_bits(5)), Velocity::from_bits(-5));
+        assert_eq!(Velocity::saturating_from_bits(i64::MIN), -Velocity::MAX);
+        assert_eq!(Velocity::saturating_from_bits(i64::MAX), Velocity::MAX);
+    }
+
+    #[test]
+    fn the_way_of_a_tick_is_its_velocity_and_keeps_its_sign_however_long() {
+        let of = |bits| Velocity::of_a_tick(Position::from_bits(bits)).to_bits();
+        assert_eq!([of(1), of(-1), of((1 << 27) - 1), of(-(1 << 27))], [16, -16, i32::MAX - 15, i32::MIN]);
+        for far in [1 << 27, 1 << 31, 3 << 31, 1 << 32, i64::MAX] {
+            assert_eq!([of(far), of(-far)], [i32::MAX - 15, i32::MIN], "{far}");
+        }
     }
 
     proptest! {

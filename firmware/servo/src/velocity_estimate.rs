@@ -5,23 +5,59 @@
 //! speed, and its only parameter exists as an IDN (S-0-0392). One increment per tick of a 65 536-increment encoder is
 //! 7.3 rpm; a time constant of 1 ms brings that down to 0.9 rpm, at 11 degrees of phase at 200 rad/s.
 
-use crate::{Gain, LOOP_PERIOD_MICROSECONDS, Position, Velocity};
+use crate::{LOOP_PERIOD_MICROSECONDS, Position, Velocity};
 
 /// Time constant of a velocity filter, scaled.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub struct VelocityFilter {
-    /// Share of the new difference in the estimate.
-    share: Gain,
+    /// Share of the new value in the filtered one, in -2^-31: with this sign a share of one can be represented.
+    negative_share: i32,
 }
 
 impl VelocityFilter {
-    /// A filter with this time constant (S-0-0392); 0 passes the differences unfiltered.
+    /// A filter with this time constant (S-0-0392); 0 passes the velocities unfiltered.
     #[must_use]
     pub fn from_microseconds(time_constant: u16) -> Self {
-        let period = u128::from(LOOP_PERIOD_MICROSECONDS);
-        let share = Gain::from_ratio(period, period.saturating_add(u128::from(time_constant)));
-        Self { share: share.unwrap_or(Gain::ONE) }
+        let whole = LOOP_PERIOD_MICROSECONDS.saturating_add(time_constant.into());
+        let share = (u64::from(LOOP_PERIOD_MICROSECONDS) << 31).saturating_add(u64::from(whole >> 1));
+        // At most 2^31, which becomes -2^31.
+        Self { negative_share: (share.checked_div(whole.into()).unwrap_or(0) as i32).wrapping_neg() }
+    }
+}
+
+/// A velocity behind a [`VelocityFilter`].
+///
+/// A jump of more than 15 000 rpm from one tick to the next counts as 15 000 rpm in that tick.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
+pub struct FilteredVelocity {
+    /// In 2^-67 revolution per tick, 31 bits below [`Velocity`]: the filter settles to the last step with every time constant.
+    filtered: i64,
+}
+
+impl FilteredVelocity {
+    /// Of something that has moved with `velocity` for long.
+    #[must_use]
+    pub const fn new(velocity: Velocity) -> Self {
+        Self { filtered: (velocity.to_bits() as i64) << 31 }
+    }
+
+    /// Takes the velocity of the next tick.
+    #[inline]
+    pub fn update(&mut self, filter: &VelocityFilter, velocity: Velocity) -> Velocity {
+        let above = (self.velocity() - velocity).to_bits();
+        // Never past the new value, so always within the range of the type.
+        let change = i64::from(above).wrapping_mul(i64::from(filter.negative_share));
+        self.filtered = self.filtered.wrapping_add(change);
+        self.velocity()
+    }
+
+    /// The filtered velocity of the last tick.
+    #[inline]
+    #[must_use]
+    pub const fn velocity(&self) -> Velocity {
+        Velocity::from_bits((self.filtered >> 31) as i32)
     }
 }
 
@@ -30,33 +66,29 @@ impl VelocityFilter {
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub struct VelocityEstimate {
     position: Position,
-    /// In 2^-42 revolution per tick: six bits below [`Velocity`], so that the filter settles to the last
-    /// step with time constants up to 10 ms, and within five steps (0.000 04 rpm) with the longest.
-    filtered: i64,
+    filtered: FilteredVelocity,
 }
 
 impl VelocityEstimate {
     /// Starts at standstill at `position`.
     #[must_use]
     pub const fn new(position: Position) -> Self {
-        Self { position, filtered: 0 }
+        Self { position, filtered: FilteredVelocity::new(Velocity::ZERO) }
     }
 
     /// Takes the position one tick later.
     #[inline]
     pub fn update(&mut self, filter: &VelocityFilter, position: Position) -> Velocity {
-        let moved = (position - self.position).to_bits().clamp(-MOVED_LIMIT, MOVED_LIMIT);
+        let moved = Velocity::of_a_tick(position - self.position);
         self.position = position;
-        let change = (moved << 10).wrapping_sub(self.filtered);
-        self.filtered = self.filtered.wrapping_add(filter.share.apply(change));
-        self.velocity()
+        self.filtered.update(filter, moved)
     }
 
     /// The last estimate.
     #[inline]
     #[must_use]
-    pub fn velocity(&self) -> Velocity {
-        Velocity::saturating_from_bits(self.filtered >> 6)
+    pub const fn velocity(&self) -> Velocity {
+        self.filtered.velocity()
     }
 
     /// Shifts the origin of the position by `difference` without a velocity (homing).
@@ -65,43 +97,13 @@ impl VelocityEstimate {
     }
 }
 
-/// The velocity that an axis exactly on its set-point would be estimated to have: the commanded one through the filter of the estimate.
-///
-/// Fed forward in its place, the commanded velocity would be ahead of the measured one by the time of the filter. The velocity loop would
-/// take that for an error, and at constant acceleration a the position loop would have to hold a * time / Kv against it.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-#[cfg_attr(feature = "defmt", derive(defmt::Format))]
-pub struct ExpectedVelocity {
-    /// In 2^-42 revolution per tick.
-    filtered: i64,
-}
-
-impl ExpectedVelocity {
-    /// Of a set-point that has moved with `velocity` for long.
-    #[must_use]
-    pub const fn new(velocity: Velocity) -> Self {
-        Self { filtered: (velocity.to_bits() as i64) << 6 }
-    }
-
-    /// Takes what the set-point has moved by in a tick.
-    #[inline]
-    pub fn update(&mut self, filter: &VelocityFilter, velocity: Velocity) -> Velocity {
-        let change = (i64::from(velocity.to_bits()) << 6).wrapping_sub(self.filtered);
-        self.filtered = self.filtered.wrapping_add(filter.share.apply(change));
-        Velocity::saturating_from_bits(self.filtered >> 6)
-    }
-}
-
-/// Largest movement in a tick that counts: that of [`Velocity::MAX`].
-const MOVED_LIMIT: i64 = 1 << 27;
-
 #[cfg(test)]
 mod tests {
     use super::*;
 
     #[test]
     fn constant_speed_is_estimated_without_bias() {
-        for (time_constant, tolerance) in [(0, 0), (500, 1), (65_500, 5)] {
+        for (time_constant, tolerance) in [(0, 0), (500, 0), (65_500, 0)] {
             let filter = VelocityFilter::from_microseconds(time_constant);
             for step in [1_i64, 7, 1_000_003, -1, -7, -1_000_003] {
                 let mut estimate = VelocityEstimate::new(Position::ZERO);
@@ -129,7 +131,7 @@ mod tests {
     fn the_expected_velocity_is_that_of_an_axis_on_its_set_point() {
         let filter = VelocityFilter::from_microseconds(700);
         let mut estimate = VelocityEstimate::new(Position::ZERO);
-        let mut expected = ExpectedVelocity::new(Velocity::ZERO);
+        let mut expected = FilteredVelocity::new(Velocity::ZERO);
         let mut position = 0;
         for tick in 0..2_000_i64 {
             let moved = (tick % 300) * 1_000 - 90_000;
@@ -139,7 +141,7 @@ mod tests {
             assert_eq!(measured, wanted, "tick {tick}");
         }
         let steady = Velocity::from_bits(-123_456);
-        assert_eq!(ExpectedVelocity::new(steady).update(&filter, steady), steady);
+        assert_eq!(FilteredVelocity::new(steady).update(&filter, steady), steady);
     }
 
     #[test]

@@ -4,19 +4,27 @@
 //! integrated, one that leads back is. Back-calculation would also empty the integrator when a single noisy difference of the
 //! encoder touches the limit; conditional integration does not, and has no time constant of its own to set.
 
+use crate::acceleration_gain::AccelerationGain;
+use crate::limited_gain::LimitedGain;
 use crate::units::{TEN_TO_15, TWO_PI_TIMES_TEN_TO_15};
-use crate::{CurrentFraction, Gain, LOOP_TICKS_PER_SECOND, SettingsError, SignedAcceleration, TorqueLimits, Velocity};
+use crate::wide::quotient;
+use crate::{CurrentFraction, LOOP_TICKS_PER_SECOND, SettingsError, SignedAcceleration, TorqueLimits, Velocity};
+
+/// Currents inside the loop are in 2^-25 of the peak current. What its parts add up to stays within 32 bits, each where it cannot turn
+/// the sum: the proportional part within 8 to 16 peaks, the feed-forward within 5, the integral part within the limits.
+pub(crate) const CURRENT_BITS: u32 = 25;
+/// From the 15 bits of [`CurrentFraction`].
+const MORE_BITS: u32 = CURRENT_BITS - 15;
 
 /// Gains of the velocity loop, scaled.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub struct VelocityLoopSettings {
-    /// Velocity steps to 2^-31 of the peak current.
-    proportional: Gain,
-    /// Velocity steps to 2^-39 of the peak current, per tick.
-    integral: Gain,
-    /// Acceleration steps to 2^-31 of the peak current.
-    acceleration: Gain,
+    /// Velocity steps to 2^-25 of the peak current.
+    proportional: LimitedGain,
+    /// What the proportional gain makes of the error, to 2^-57 of the peak current per tick.
+    integral: i32,
+    acceleration: AccelerationGain,
 }
 
 impl VelocityLoopSettings {
@@ -38,40 +46,38 @@ impl VelocityLoopSettings {
             return Err(SettingsError::Zero { parameter: "amplifier peak current S-0-0110" });
         }
         let too_high = SettingsError::VelocityGain { actual: gain };
-        // fraction [2^-31] = v [2^-36 rev/tick] * 2^-5 * 2 pi * 8000 * gain / peak current
+        // fraction [2^-25] = v [2^-36 rev/tick] * 2^-11 * 2 pi * 8000 * gain / peak current
         let two_pi = u128::try_from(TWO_PI_TIMES_TEN_TO_15).unwrap_or_default();
         let unit = u128::try_from(TEN_TO_15).unwrap_or_default();
-        let numerator = u128::from(gain).saturating_mul(u128::from(LOOP_TICKS_PER_SECOND)).saturating_mul(two_pi);
-        let denominator = u128::from(peak_current).saturating_mul(32).saturating_mul(unit);
-        // One tick is 1.25 times 0.1 ms; the integrator has 8 more bits.
-        let integral = if integral_time == 0 {
-            Gain::ZERO
-        } else {
-            let numerator = numerator.saturating_mul(256 * 5);
-            let denominator = denominator.saturating_mul(u128::from(integral_time)).saturating_mul(4);
-            Gain::from_ratio(numerator, denominator).ok_or(too_high)?
-        };
-        // fraction [2^-31] = a [2^-48 rev/tick²] * 2^-17 * 2 pi * 8000² * gain / peak current
         let ticks = u128::from(LOOP_TICKS_PER_SECOND);
+        let numerator = u128::from(gain).saturating_mul(ticks).saturating_mul(two_pi);
+        let denominator = u128::from(peak_current).saturating_mul(1 << 11).saturating_mul(unit);
+        let factor = quotient(numerator, denominator).filter(|factor| *factor < HIGHEST_GAIN << 64).ok_or(too_high)?;
+        let proportional = LimitedGain::from_ratio(numerator, denominator).ok_or(too_high)?;
+        // A tick is 1.25 times 0.1 ms.
+        let times = u128::from(integral_time).saturating_mul(4);
+        let per_tick = factor.saturating_mul(5).checked_div(times).unwrap_or(0);
+        // fraction [2^-25] = a [2^-48 rev/tick²] * 2^-23 * 2 pi * 8000² * gain / peak current
         let of_acceleration =
             u128::from(acceleration_gain).saturating_mul(ticks.saturating_mul(ticks)).saturating_mul(two_pi);
-        let per_peak = u128::from(peak_current).saturating_mul(1_000 << 17).saturating_mul(unit);
+        let per_peak = u128::from(peak_current).saturating_mul(1_000 << 23).saturating_mul(unit);
         Ok(Self {
-            proportional: Gain::from_ratio(numerator, denominator).ok_or(too_high)?,
-            integral,
-            acceleration: Gain::from_ratio(of_acceleration, per_peak).ok_or(too_high)?,
+            proportional,
+            integral: proportional.mantissa_of(per_tick),
+            acceleration: AccelerationGain::from_ratio(of_acceleration, per_peak).ok_or(too_high)?,
         })
+    }
+
+    /// The current that makes this acceleration, in 2^-25 of the peak current, within four peaks.
+    #[inline]
+    #[must_use]
+    pub fn feed_forward(&self, acceleration: SignedAcceleration) -> i32 {
+        self.acceleration.apply(acceleration)
     }
 }
 
-impl VelocityLoopSettings {
-    /// The current that makes this acceleration, in 2^-31 of the peak current.
-    #[inline]
-    #[must_use]
-    pub fn feed_forward(&self, acceleration: SignedAcceleration) -> i64 {
-        self.acceleration.apply(acceleration.to_bits())
-    }
-}
+/// A velocity step may make 2^-7 of the peak current.
+const HIGHEST_GAIN: u128 = 1 << 18;
 
 /// What the velocity loop gives in a tick.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -86,7 +92,7 @@ pub struct VelocityLoopOutput {
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub struct VelocityLoop {
-    /// In 2^-39 of the peak current.
+    /// In 2^-57 of the peak current: every error counts, however small, and what an error of either sign adds up to is exact.
     integral: i64,
 }
 
@@ -104,10 +110,12 @@ impl VelocityLoop {
 
     /// Starts with this current at zero velocity error: bumpless start against a known load.
     pub fn preset(&mut self, current: CurrentFraction) {
-        self.integral = i64::from(current.to_bits()) << 24;
+        self.integral = i64::from(current.to_bits()) << (MORE_BITS + 32);
     }
 
-    /// One tick. `feed_forward` in 2^-31 of the peak current is added to what the loop gives, within the limits.
+    /// One tick. `feed_forward` in 2^-25 of the peak current, within five peaks, is added to what the loop gives, within the limits.
+    ///
+    /// An error beyond the range of [`Velocity`] counts as the end of the range.
     #[inline]
     pub fn tick(
         &mut self,
@@ -115,24 +123,47 @@ impl VelocityLoop {
         limits: &TorqueLimits,
         command: Velocity,
         measured: Velocity,
-        feed_forward: i64,
+        feed_forward: i32,
     ) -> VelocityLoopOutput {
-        let error = i64::from(command.to_bits()).wrapping_sub(i64::from(measured.to_bits()));
-        let upper = i64::from(limits.positive.to_bits()) << 16;
-        let lower = i64::from(limits.negative.to_bits()) << 16;
-        let beside = settings.proportional.apply(error).saturating_add(feed_forward);
-        let step = settings.integral.apply(error);
-        let wanted = beside.saturating_add(self.integral.saturating_add(step) >> 8);
-        let pushes_further = (wanted > upper && step > 0) || (wanted < lower && step < 0);
-        if !pushes_further {
-            self.integral = self.integral.saturating_add(step).min(upper << 8).max(lower << 8);
+        let error = settings.proportional.full_width((command - measured).to_bits());
+        let upper = i32::from(limits.positive.to_bits()) << MORE_BITS;
+        let lower = i32::from(limits.negative.to_bits()) << MORE_BITS;
+        let beside = settings.proportional.of_full_width(error).saturating_add(feed_forward);
+        let next = self.integral.wrapping_add(i64::from(error).wrapping_mul(i64::from(settings.integral)));
+        let next_part = high_word(next);
+        let total = beside.saturating_add(next_part);
+        let is_within = |part| lower <= part && part <= upper;
+        if is_within(total) && lower <= next_part && next_part < upper {
+            self.integral = next;
+            return VelocityLoopOutput { current: rounded(total), limited: false };
         }
-        let total = beside.saturating_add(self.integral >> 8);
-        let current = total.min(upper).max(lower);
-        // Within the limits of 16 bits and rounded to 2^-15.
-        let bits = (current.wrapping_add(1 << 15) >> 16) as i16;
-        VelocityLoopOutput { current: CurrentFraction::from_bits(bits), limited: total != current }
+        self.tick_at_limit(next, beside, [lower, upper])
     }
+
+    /// The rest of a tick where the current, the integral part or both are at a limit or beyond.
+    #[cold]
+    #[inline(never)]
+    fn tick_at_limit(&mut self, next: i64, beside: i32, [lower, upper]: [i32; 2]) -> VelocityLoopOutput {
+        let wanted = beside.saturating_add(high_word(next));
+        let pushes_further = (wanted > upper && next > self.integral) || (wanted < lower && next < self.integral);
+        if !pushes_further {
+            self.integral = next.min(i64::from(upper) << 32).max(i64::from(lower) << 32);
+        }
+        let total = beside.saturating_add(high_word(self.integral));
+        let current = total.min(upper).max(lower);
+        VelocityLoopOutput { current: rounded(current), limited: total != current }
+    }
+}
+
+#[inline]
+const fn high_word(value: i64) -> i32 {
+    (value >> 32) as i32
+}
+
+/// A current inside the loop, within the limits of 16 bits, to the nearest.
+#[inline]
+fn rounded(current: i32) -> CurrentFraction {
+    CurrentFraction::from_bits((current.wrapping_add(1 << (MORE_BITS - 1)) >> MORE_BITS) as i16)
 }
 
 #[cfg(test)]
@@ -220,7 +251,7 @@ mod tests {
         let settings = VelocityLoopSettings::new(0, 0, 1_000, 10_000).unwrap();
         let acceleration = crate::Acceleration::from_milliradians_per_second_squared(100_000).to_bits();
         let forwards = settings.feed_forward(SignedAcceleration::from_bits(acceleration as i64));
-        assert!((forwards - (1 << 31) / 100).abs() < 200, "{forwards}");
+        assert!((forwards - (1 << CURRENT_BITS) / 100).abs() < 4, "{forwards}");
         let output = VelocityLoop::new().tick(&settings, &within(1.0), Velocity::ZERO, Velocity::ZERO, -forwards);
         assert_eq!(output.current, CurrentFraction::from_num(-0.01));
     }
@@ -261,7 +292,7 @@ mod tests {
                     &within(limit),
                     Velocity::from_bits(command),
                     Velocity::from_bits(measured),
-                    i64::from(command),
+                    command >> 5,
                 );
                 prop_assert!(output.current.to_num::<f64>().abs() <= bound);
             }
