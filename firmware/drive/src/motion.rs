@@ -94,6 +94,8 @@ pub struct Motion<B, H> {
     output: AxisOutput,
     /// What limits the drive right now (P-0-0160).
     limiting: Limiting,
+    /// Something goes along with the loops, see [`Motion::accompany`], or the oscilloscope records; found out by the supervision.
+    accompanied: bool,
     /// Loop ticks until the next look of the supervision.
     until_supervision: u8,
     /// Ticks of the supervision for which the two channels of safe torque off have differed.
@@ -191,6 +193,7 @@ impl<B: Bus + Clone, H: Hardware> Motion<B, H> {
             bridge_on: false,
             output: AxisOutput::at_rest(position),
             limiting: Limiting::empty(),
+            accompanied: false,
             until_supervision: 1,
             channels_differ: 0,
             edge_phase: 0,
@@ -292,23 +295,21 @@ impl<B: Bus + Clone, H: Hardware> Motion<B, H> {
         let count = self.counted(count);
         let mut position = self.encoder.update(count);
         self.watch_encoder(count);
-        self.align(position);
         let mut work = Work::empty();
-        if self.is_travelling_home() {
-            if self.home() {
-                work = Work::SERVICE_CHANNEL;
-            }
+        if self.accompanied {
+            work = self.accompany();
             // Homing may just have moved the zero.
             position = self.encoder.position();
         }
-        self.identify(position);
         self.output = self.axis.tick(position, self.motor.torque_limits());
         if self.output.excessive_deviation {
             self.class_1 |= Class1::EXCESSIVE_DEVIATION;
         }
         let trim = self.clock.on_tick();
         self.motor.command(position, self.output.current, self.output.loop_velocity, trim);
-        self.record(position);
+        if self.accompanied {
+            self.record(position);
+        }
         self.until_supervision = self.until_supervision.wrapping_sub(1);
         if self.until_supervision == 0 {
             self.until_supervision = LOOP_TICKS_PER_SUPERVISION as u8;
@@ -318,6 +319,15 @@ impl<B: Bus + Clone, H: Hardware> Motion<B, H> {
             work |= self.flywheel();
         }
         work
+    }
+
+    /// What goes along with the loops at their rate, but seldom: the search for the commutation angle, homing, an identification.
+    #[cold]
+    fn accompany(&mut self) -> Work {
+        self.align();
+        let homed = self.home();
+        self.identify();
+        if homed { Work::SERVICE_CHANNEL } else { Work::empty() }
     }
 
     /// The drive follows S-0-0258 by itself.

@@ -4,8 +4,8 @@
 //! HALT, like every other change of state, ends the identification before the loops act again.
 
 use sercon816::Bus;
+use servo::Mode;
 use servo::identification::IdentificationInputs;
-use servo::{Mode, Position};
 
 use super::Motion;
 use crate::hardware::Hardware;
@@ -72,8 +72,8 @@ impl<B: Bus + Clone, H: Hardware> Motion<B, H> {
     }
 
     /// One tick, before that of the axis.
-    #[inline]
-    pub(super) fn identify(&mut self, position: Position) {
+    pub(super) fn identify(&mut self) {
+        let position = self.encoder.position();
         let Some(identification) = &mut self.identification else { return };
         let inputs = IdentificationInputs {
             readings: self.motor.measured().readings,

@@ -36,6 +36,10 @@ impl<B: Bus + Clone, H: Hardware> Motion<B, H> {
         }
         self.limiting = self.output.limiting | self.motor.limiting();
         self.refresh_words();
+        self.accompanied = self.motor.is_searching()
+            || self.is_travelling_home()
+            || self.is_identifying()
+            || self.oscilloscope.is_recording();
         self.tell_lock() | self.tell_news()
     }
 
@@ -49,10 +53,9 @@ impl<B: Bus + Clone, H: Hardware> Motion<B, H> {
     }
 
     /// One loop tick of the search for the commutation angle, if it is under way.
-    #[inline]
-    pub(super) fn align(&mut self, position: Position) {
+    pub(super) fn align(&mut self) {
         if self.motor.is_searching() && self.bridge_on && self.hardware.bridge_is_on() {
-            self.motor.search(position);
+            self.motor.search(self.encoder.position());
         }
     }
 
