@@ -3,7 +3,7 @@
 use crate::{
     AxisSettings, CommandSource, CurrentFilter, CurrentFraction, FilteredVelocity, Interpolator, Limiting,
     ModuloCounter, MotionLimits, Position, PositionLoop, Ramp, Setpoint, SignedAcceleration, TorqueLimits, Trajectory,
-    Velocity, VelocityFilter, VelocityInterpolator, VelocityLoop,
+    Velocity, VelocityFilter, VelocityInterpolator, VelocityLoop, VelocityLoopOutput,
 };
 
 /// What the axis does.
@@ -65,6 +65,25 @@ pub struct AxisOutput {
     pub excessive_deviation: bool,
 }
 
+impl AxisOutput {
+    /// Without current at zero, where nothing moves.
+    const fn at_rest() -> Self {
+        Self {
+            current: CurrentFraction::ZERO,
+            following_error: Position::ZERO,
+            velocity: Velocity::ZERO,
+            loop_velocity: Velocity::ZERO,
+            velocity_command: Velocity::ZERO,
+            position_command: Position::ZERO,
+            command_source: CommandSource::Interpolated,
+            standstill: true,
+            limiting: Limiting::empty(),
+            travelled: false,
+            excessive_deviation: false,
+        }
+    }
+}
+
 /// State of an axis.
 ///
 /// Call order in a control unit cycle: at t3 [`Axis::set_mode`] when the mode changes, then [`Axis::command_position`] or
@@ -79,7 +98,6 @@ pub struct Axis {
     velocity: FilteredVelocity,
     /// Measured, as it is shown and monitored.
     monitored: FilteredVelocity,
-    monitor_filter: VelocityFilter,
     interpolator: Interpolator,
     velocity_interpolator: VelocityInterpolator,
     ramp: Ramp,
@@ -98,9 +116,8 @@ pub struct Axis {
     filter: CurrentFilter,
 }
 
-/// Time constant of the reported velocity in microseconds: slow enough for the standstill window of a coarse encoder,
-/// fast against the cycles in which a master looks at it.
-const MONITOR_TIME_CONSTANT: u16 = 2_000;
+/// Of the reported velocity: slow enough for the standstill window of a coarse encoder, fast against the cycles in which a master looks at it.
+const MONITOR_FILTER: VelocityFilter = VelocityFilter::from_microseconds(2_000);
 
 impl Axis {
     /// An axis in [`Mode::Off`], at standstill at this measured position. Divides.
@@ -115,7 +132,6 @@ impl Axis {
             ranges,
             velocity: FilteredVelocity::new(Velocity::ZERO),
             monitored: FilteredVelocity::new(Velocity::ZERO),
-            monitor_filter: VelocityFilter::from_microseconds(MONITOR_TIME_CONSTANT),
             interpolator: Interpolator::new(measured, ranges),
             velocity_interpolator: VelocityInterpolator::new(Velocity::ZERO),
             ramp: Ramp::new(here),
@@ -244,31 +260,87 @@ impl Axis {
         let moved = Velocity::of_a_tick(measured - self.measured);
         self.measured = measured;
         let velocity = self.velocity.update(&settings.velocity_filter, moved);
-        let monitored = self.monitored.update(&self.monitor_filter, moved);
+        let monitored = self.monitored.update(&MONITOR_FILTER, moved);
         if let Some(modulo) = settings.interpolator.modulo() {
             self.ranges.wrap(modulo, measured);
         }
 
+        let mut command_source = CommandSource::Interpolated;
+        let mut standstill = monitored.abs() <= settings.standstill_window;
+        let mut travelled = false;
+        let setpoint = match self.mode {
+            Mode::Position => {
+                let (setpoint, source) = self.interpolator.tick(&settings.interpolator);
+                command_source = source;
+                setpoint
+            }
+            Mode::Halt => {
+                let setpoint = self.trajectory.tick_velocity(&settings.halt, Velocity::ZERO);
+                standstill &= self.trajectory.is_finished();
+                setpoint
+            }
+            Mode::Travel => {
+                let setpoint = match self.travel {
+                    Travel::Hold => self.trajectory.tick_velocity(&self.travel_limits, Velocity::ZERO),
+                    Travel::AtVelocity(velocity) => self.trajectory.tick_velocity(&self.travel_limits, velocity),
+                    Travel::To(target) => self.trajectory.tick_to(&self.travel_limits, target),
+                };
+                travelled = self.trajectory.is_finished();
+                setpoint
+            }
+            Mode::Off | Mode::Torque | Mode::Velocity | Mode::Stopping => {
+                return self.tick_without_setpoint(velocity, monitored, standstill, limits);
+            }
+        };
+
+        // Written where it is known: it need not be kept until the end.
         let mut output = AxisOutput {
-            current: CurrentFraction::ZERO,
-            following_error: Position::ZERO,
+            velocity: monitored,
+            loop_velocity: velocity,
+            position_command: setpoint.position,
+            command_source,
+            standstill,
+            travelled,
+            ..AxisOutput::at_rest()
+        };
+        let expected = self.expected_velocity.update(&settings.velocity_filter, setpoint.velocity);
+        let followed = self.position_loop.tick(
+            &settings.position_loop,
+            &settings.velocity_limits,
+            Setpoint { velocity: expected, ..setpoint },
+            measured,
+        );
+        self.velocity_command = followed.velocity;
+        output.following_error = followed.following_error;
+        output.velocity_command = followed.velocity;
+        output.excessive_deviation = followed.excessive_deviation;
+        let (current, limiting) = self.control(followed.velocity, setpoint.acceleration, velocity, limits);
+        output.current = current;
+        output.limiting = followed.limiting | limiting;
+        output
+    }
+
+    /// The rest of a tick in the modes without a position to follow.
+    #[inline(never)]
+    fn tick_without_setpoint(
+        &mut self,
+        velocity: Velocity,
+        monitored: Velocity,
+        standstill: bool,
+        limits: &TorqueLimits,
+    ) -> AxisOutput {
+        let settings = &self.settings;
+        let mut output = AxisOutput {
             velocity: monitored,
             loop_velocity: velocity,
             velocity_command: velocity,
-            position_command: measured,
-            command_source: CommandSource::Interpolated,
-            standstill: monitored.abs() <= settings.standstill_window,
-            limiting: Limiting::empty(),
-            travelled: false,
-            excessive_deviation: false,
+            position_command: self.measured,
+            standstill,
+            ..AxisOutput::at_rest()
         };
-        let acceleration = match self.mode {
-            Mode::Off => {
-                self.velocity_command = velocity;
-                return output;
-            }
+        self.velocity_command = velocity;
+        let setpoint = match self.mode {
             Mode::Torque => {
-                self.velocity_command = velocity;
                 self.torque(velocity, limits, &mut output);
                 return output;
             }
@@ -278,102 +350,57 @@ impl Axis {
                     Some(ramp) => self.trajectory.tick_velocity(ramp, command),
                     None => Setpoint {
                         acceleration: self.velocity_interpolator.acceleration(),
-                        ..Setpoint::moving(measured, command)
+                        ..Setpoint::moving(self.measured, command)
                     },
                 };
-                if ramped.velocity != command {
-                    output.limiting = Limiting::ACCELERATION;
-                }
-                self.follow_velocity(ramped, &mut output)
+                output.limiting.set(Limiting::ACCELERATION, ramped.velocity != command);
+                ramped
             }
             Mode::Stopping => {
                 let ramped = self.ramp.tick(settings.deceleration);
                 output.standstill &= self.ramp.is_finished();
-                self.follow_velocity(ramped, &mut output)
+                ramped
             }
-            Mode::Halt => {
-                let setpoint = self.trajectory.tick_velocity(&settings.halt, Velocity::ZERO);
-                output.standstill &= self.trajectory.is_finished();
-                self.follow_position(setpoint, &mut output)
-            }
-            Mode::Travel => {
-                let setpoint = match self.travel {
-                    Travel::Hold => self.trajectory.tick_velocity(&self.travel_limits, Velocity::ZERO),
-                    Travel::AtVelocity(velocity) => self.trajectory.tick_velocity(&self.travel_limits, velocity),
-                    Travel::To(target) => self.trajectory.tick_to(&self.travel_limits, target),
-                };
-                output.travelled = self.trajectory.is_finished();
-                self.follow_position(setpoint, &mut output)
-            }
-            Mode::Position => {
-                let (setpoint, source) = self.interpolator.tick(&settings.interpolator);
-                output.command_source = source;
-                self.follow_position(setpoint, &mut output)
-            }
+            Mode::Off | Mode::Position | Mode::Halt | Mode::Travel => return output,
         };
-        self.velocity_command = output.velocity_command;
-        self.control_velocity(acceleration, limits, &mut output);
+        output.velocity_command = setpoint.velocity;
+        self.velocity_command = setpoint.velocity;
+        output.limiting |= settings.velocity_limits.met_by(setpoint.velocity);
+        let (current, limiting) = self.control(setpoint.velocity, setpoint.acceleration, velocity, limits);
+        output.current = current;
+        output.limiting |= limiting;
         output
     }
 
-    /// The velocity command is that of the set-point; gives the acceleration to feed forward.
+    /// From the velocity command to the current, and the limits that it meets.
     #[inline]
-    fn follow_velocity(&self, setpoint: Setpoint, output: &mut AxisOutput) -> SignedAcceleration {
-        output.velocity_command = setpoint.velocity;
-        output.limiting |= self.settings.velocity_limits.met_by(setpoint.velocity);
-        setpoint.acceleration
-    }
-
-    /// The velocity command is that of the position loop; gives the acceleration to feed forward.
-    #[inline]
-    fn follow_position(&mut self, setpoint: Setpoint, output: &mut AxisOutput) -> SignedAcceleration {
+    fn control(
+        &mut self,
+        command: Velocity,
+        acceleration: SignedAcceleration,
+        measured: Velocity,
+        limits: &TorqueLimits,
+    ) -> (CurrentFraction, Limiting) {
         let settings = &self.settings;
-        let expected = self.expected_velocity.update(&settings.velocity_filter, setpoint.velocity);
-        let result = self.position_loop.tick(
-            &settings.position_loop,
-            &settings.velocity_limits,
-            Setpoint { velocity: expected, ..setpoint },
-            self.measured,
-        );
-        output.velocity_command = result.velocity;
-        output.position_command = setpoint.position;
-        output.following_error = result.following_error;
-        output.limiting = result.limiting;
-        output.excessive_deviation = result.excessive_deviation;
-        setpoint.acceleration
-    }
-
-    /// From the velocity command to the current.
-    #[inline]
-    fn control_velocity(&mut self, acceleration: SignedAcceleration, limits: &TorqueLimits, output: &mut AxisOutput) {
-        let settings = &self.settings;
-        let mut feed_forward = settings.friction.current(output.velocity_command);
+        let mut feed_forward = settings.friction.current(command);
         if acceleration != SignedAcceleration::ZERO {
             feed_forward = feed_forward.saturating_add(settings.velocity_loop.feed_forward(acceleration));
         }
-        let result = self.velocity_loop.tick(
-            &settings.velocity_loop,
-            limits,
-            output.velocity_command,
-            output.loop_velocity,
-            feed_forward,
-        );
-        output.current = result.current;
-        if result.limited {
-            output.limiting |= limits.met_by(result.current);
-        }
-        let filtered = self.filter.tick(&settings.filter, i32::from(result.current.to_bits()) << 16);
+        let VelocityLoopOutput { current, limited } =
+            self.velocity_loop.tick(&settings.velocity_loop, limits, command, measured, feed_forward);
+        let limiting = if limited { limits.met_by(current) } else { Limiting::empty() };
+        let filtered = self.filter.tick(&settings.filter, i32::from(current.to_bits()) << 16);
         if settings.filter.is_active() {
             // A filter may swing beyond the limit that its input keeps.
-            output.current = limits.apply(CurrentFraction::from_bits((filtered >> 16) as i16)).0;
+            return (limits.apply(CurrentFraction::from_bits((filtered >> 16) as i16)).0, limiting);
         }
+        (current, limiting)
     }
 
     /// The torque command, or less where the velocity limit S-0-0091 stands in its way.
     ///
     /// The velocity loop runs along towards the limit with its integral part held at the commanded torque: below the limit it would give
     /// more than the command, above it gives less, and the one passes into the other without a step.
-    #[inline]
     fn torque(&mut self, measured: Velocity, limits: &TorqueLimits, output: &mut AxisOutput) {
         let settings = &self.settings;
         let (wanted, limiting) = limits.apply(self.torque_command);

@@ -126,28 +126,29 @@ const DISTANCE_LIMIT: i64 = 1 << 38;
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub struct Interpolator {
-    /// End of the path.
-    target: Position,
+    /// What the last tick moved, in 2^-48 revolution.
+    velocity: i64,
     /// Place on the straight line from its end, in 2^-48 revolution: against the slope until the end, with it while extrapolating.
     place: i64,
     /// In 2^-48 revolution per tick.
     slope: i64,
+    /// End of the path.
+    target: Position,
     /// Of the slope.
     speed: Velocity,
-    /// Of the cubic from the line.
-    deviation: Deviation,
+    /// Ticks to the end of the path, and since then.
+    left: u16,
+    overdue: u16,
     /// The path to the last command is a cubic.
     is_curved: bool,
+    /// Of the cubic from the line.
+    deviation: Deviation,
     /// Way from the last command to this one, in position steps per cycle.
     way: i64,
     /// Velocity at the end of the path, in position steps per cycle.
     exit: i64,
-    /// What the last tick moved, in 2^-48 revolution, and by how much more than the tick before.
-    velocity: i64,
+    /// By how much more the last tick moved than the one before, in 2^-48 revolution.
     acceleration: i64,
-    /// Ticks to the end of the path, and since then.
-    left: u16,
-    overdue: u16,
     ranges: ModuloCounter,
 }
 

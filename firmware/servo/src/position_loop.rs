@@ -1,7 +1,7 @@
 //! Position control: proportional, with velocity feed-forward, and a model of the lag that is to be expected.
 
 use crate::units::divide_rounding;
-use crate::wide::{saturated, times_fraction_to_nearest};
+use crate::wide::{saturated, times_fraction};
 use crate::{Gain, LOOP_TICKS_PER_SECOND, Limiting, Position, Setpoint, SettingsError, Velocity, VelocityLimits};
 
 /// Gains of the position loop, scaled.
@@ -54,17 +54,17 @@ impl PositionLoopSettings {
         Position::from_bits(self.lag.apply(i64::from(velocity.to_bits())))
     }
 
-    /// The share of a commanded velocity that is passed on.
+    /// The share of a commanded velocity that is passed on, rounded down.
     #[inline]
     fn fed_forward(&self, velocity: Velocity) -> i32 {
-        (i64::from(velocity.to_bits()).wrapping_mul(i64::from(self.feed_forward)).wrapping_add(1 << 29) >> 30) as i32
+        (i64::from(velocity.to_bits()).wrapping_mul(i64::from(self.feed_forward)) >> 30) as i32
     }
 
-    /// What a way in 2^-38 revolution asks for, with what is fed forward.
+    /// What a way in 2^-38 revolution asks for, rounded down, with what is fed forward.
     #[inline]
     fn velocity(&self, way: i64, fed_forward: i32) -> Velocity {
         // A way is below 2^63 and the gain below 2^31: their product is 2^30 short of the range at least.
-        let product = times_fraction_to_nearest(way, self.proportional);
+        let product = times_fraction(way, self.proportional);
         Velocity::from_bits(saturated(product.wrapping_add(i64::from(fed_forward))))
     }
 }
@@ -128,15 +128,18 @@ impl PositionLoop {
     /// Moves the model by a tick; how far it is behind the setpoint, in 2^-38 revolution.
     #[inline]
     fn expected_lag(&mut self, setpoint: Position) -> i64 {
-        let moved = i64::from(self.velocity.to_bits()) << (FINE_BITS - 4);
-        self.place = self.place.wrapping_add(moved);
-        let lag = fine(setpoint).wrapping_sub(self.place);
-        if (-LAG_LIMIT..LAG_LIMIT).contains(&lag) {
-            return lag;
-        }
-        // A command that jumps, or a velocity limit that is met for long.
+        let setpoint = fine(setpoint);
+        self.place = self.place.wrapping_add(fine_way(self.velocity));
+        let lag = setpoint.wrapping_sub(self.place);
+        if (-LAG_LIMIT..LAG_LIMIT).contains(&lag) { lag } else { self.limited_lag(setpoint, lag) }
+    }
+
+    /// After a command that jumps, or while a velocity limit is met for long.
+    #[cold]
+    #[inline(never)]
+    fn limited_lag(&mut self, setpoint: i64, lag: i64) -> i64 {
         let limited = lag.min(LAG_LIMIT).max(-LAG_LIMIT);
-        self.place = fine(setpoint).wrapping_sub(limited);
+        self.place = setpoint.wrapping_sub(limited);
         limited
     }
 
@@ -155,6 +158,14 @@ const LAG_LIMIT: i64 = 64 << (32 + FINE_BITS);
 #[inline]
 fn fine(position: Position) -> i64 {
     position.to_bits() << FINE_BITS
+}
+
+/// What a velocity moves in a tick, in 2^-38 revolution.
+#[inline]
+fn fine_way(velocity: Velocity) -> i64 {
+    let bits = velocity.to_bits();
+    // Word by word: the compiler makes more of a shift in 64 bits.
+    i64::from(bits >> 30) << 32 | i64::from(bits.cast_unsigned() << 2)
 }
 
 /// A way within 2^24 revolutions: longer ones are cut to some way between them and the limit, which asks for more than the highest velocity

@@ -11,18 +11,20 @@ use crate::{LOOP_PERIOD_MICROSECONDS, Position, Velocity};
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub struct VelocityFilter {
-    /// Share of the new value in the filtered one, in -2^-31: with this sign a share of one can be represented.
-    negative_share: i32,
+    /// The share of the new value in the filtered one, in -2^-32: the low word, which has a sign, and the rest, 0 or -1.
+    low_word: i32,
+    high_word: i32,
 }
 
 impl VelocityFilter {
     /// A filter with this time constant (S-0-0392); 0 passes the velocities unfiltered.
     #[must_use]
-    pub fn from_microseconds(time_constant: u16) -> Self {
-        let whole = LOOP_PERIOD_MICROSECONDS.saturating_add(time_constant.into());
-        let share = (u64::from(LOOP_PERIOD_MICROSECONDS) << 31).saturating_add(u64::from(whole >> 1));
-        // At most 2^31, which becomes -2^31.
-        Self { negative_share: (share.checked_div(whole.into()).unwrap_or(0) as i32).wrapping_neg() }
+    pub const fn from_microseconds(time_constant: u16) -> Self {
+        let whole = LOOP_PERIOD_MICROSECONDS as u64 + time_constant as u64;
+        // At least 2^32 / 526 and at most 2^32.
+        let negative_share = -((((LOOP_PERIOD_MICROSECONDS as u64) << 32) + (whole >> 1)) / whole).cast_signed();
+        let low_word = negative_share as i32;
+        Self { low_word, high_word: ((negative_share - low_word as i64) >> 32) as i32 }
     }
 }
 
@@ -32,7 +34,7 @@ impl VelocityFilter {
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub struct FilteredVelocity {
-    /// In 2^-67 revolution per tick, 31 bits below [`Velocity`]: the filter settles to the last step with every time constant.
+    /// In 2^-68 revolution per tick, 32 bits below [`Velocity`]: the filter settles to the last step with every time constant.
     filtered: i64,
 }
 
@@ -40,7 +42,7 @@ impl FilteredVelocity {
     /// Of something that has moved with `velocity` for long.
     #[must_use]
     pub const fn new(velocity: Velocity) -> Self {
-        Self { filtered: (velocity.to_bits() as i64) << 31 }
+        Self { filtered: (velocity.to_bits() as i64) << 32 }
     }
 
     /// Takes the velocity of the next tick.
@@ -48,8 +50,10 @@ impl FilteredVelocity {
     pub fn update(&mut self, filter: &VelocityFilter, velocity: Velocity) -> Velocity {
         let above = (self.velocity() - velocity).to_bits();
         // Never past the new value, so always within the range of the type.
-        let change = i64::from(above).wrapping_mul(i64::from(filter.negative_share));
-        self.filtered = self.filtered.wrapping_add(change);
+        let of_low = i64::from(above).wrapping_mul(i64::from(filter.low_word));
+        // The product with a word that is 0 or -1.
+        let of_high = i64::from(above & filter.high_word) << 32;
+        self.filtered = self.filtered.wrapping_add(of_low).wrapping_sub(of_high);
         self.velocity()
     }
 
@@ -57,7 +61,7 @@ impl FilteredVelocity {
     #[inline]
     #[must_use]
     pub const fn velocity(&self) -> Velocity {
-        Velocity::from_bits((self.filtered >> 31) as i32)
+        Velocity::from_bits((self.filtered >> 32) as i32)
     }
 }
 
