@@ -3,7 +3,7 @@
 use crate::{
     AxisSettings, CommandSource, CurrentFilter, CurrentFraction, FilteredVelocity, Interpolator, Limiting,
     ModuloCounter, MotionLimits, Position, PositionLoop, Ramp, Setpoint, SignedAcceleration, TorqueLimits, Trajectory,
-    Velocity, VelocityFilter, VelocityInterpolator, VelocityLoop, VelocityLoopOutput,
+    Velocity, VelocityInterpolator, VelocityLoop,
 };
 
 /// What the axis does.
@@ -113,11 +113,10 @@ pub struct Axis {
     trajectory: Trajectory,
     travel: Travel,
     travel_limits: MotionLimits,
+    /// Of the velocity loop in the last tick.
+    current: CurrentFraction,
     filter: CurrentFilter,
 }
-
-/// Of the reported velocity: slow enough for the standstill window of a coarse encoder, fast against the cycles in which a master looks at it.
-const MONITOR_FILTER: VelocityFilter = VelocityFilter::from_microseconds(2_000);
 
 impl Axis {
     /// An axis in [`Mode::Off`], at standstill at this measured position. Divides.
@@ -143,6 +142,7 @@ impl Axis {
             trajectory: Trajectory::start(here),
             travel: Travel::Hold,
             travel_limits: settings.halt,
+            current: CurrentFraction::ZERO,
             filter: CurrentFilter::new(),
         }
     }
@@ -152,6 +152,10 @@ impl Axis {
         if settings.interpolator.modulo() != self.settings.interpolator.modulo() {
             self.ranges = ranges_at(&settings, self.measured);
             self.interpolator.set_ranges(self.ranges);
+        }
+        if !self.settings.filter.is_active() {
+            // Nothing has passed it until now: a section that is switched on while current flows starts with that.
+            self.filter.reset(fine(self.current));
         }
         self.settings = settings;
     }
@@ -186,6 +190,7 @@ impl Axis {
         match mode {
             Mode::Off => {
                 self.velocity_loop.reset();
+                self.current = CurrentFraction::ZERO;
                 self.filter.reset(0);
             }
             Mode::Torque => self.torque_command = CurrentFraction::ZERO,
@@ -250,56 +255,50 @@ impl Axis {
     /// Starts the velocity loop with this current: what held the load when the axis was last switched off.
     pub fn preload(&mut self, current: CurrentFraction) {
         self.velocity_loop.preset(current);
-        self.filter.reset(i32::from(current.to_bits()) << 16);
+        self.current = current;
+        self.filter.reset(fine(current));
     }
 
     /// One loop period: the measured position goes in, the current command comes out, within these limits of the torque.
     #[inline]
     pub fn tick(&mut self, measured: Position, limits: &TorqueLimits) -> AxisOutput {
-        let settings = &self.settings;
         let moved = Velocity::of_a_tick(measured - self.measured);
         self.measured = measured;
-        let velocity = self.velocity.update(&settings.velocity_filter, moved);
-        let monitored = self.monitored.update(&MONITOR_FILTER, moved);
-        if let Some(modulo) = settings.interpolator.modulo() {
+        if let Some(modulo) = self.settings.interpolator.modulo() {
             self.ranges.wrap(modulo, measured);
         }
-
         let mut command_source = CommandSource::Interpolated;
-        let mut standstill = monitored.abs() <= settings.standstill_window;
-        let mut travelled = false;
+        let (mut settled, mut travelled) = (true, false);
         let setpoint = match self.mode {
             Mode::Position => {
-                let (setpoint, source) = self.interpolator.tick(&settings.interpolator);
+                let (setpoint, source) = self.interpolator.tick(&self.settings.interpolator);
                 command_source = source;
                 setpoint
             }
             Mode::Halt => {
-                let setpoint = self.trajectory.tick_velocity(&settings.halt, Velocity::ZERO);
-                standstill &= self.trajectory.is_finished();
+                let (setpoint, finished) = self.brake();
+                settled = finished;
                 setpoint
             }
             Mode::Travel => {
-                let setpoint = match self.travel {
-                    Travel::Hold => self.trajectory.tick_velocity(&self.travel_limits, Velocity::ZERO),
-                    Travel::AtVelocity(velocity) => self.trajectory.tick_velocity(&self.travel_limits, velocity),
-                    Travel::To(target) => self.trajectory.tick_to(&self.travel_limits, target),
-                };
-                travelled = self.trajectory.is_finished();
+                let (setpoint, finished) = self.go();
+                travelled = finished;
                 setpoint
             }
             Mode::Off | Mode::Torque | Mode::Velocity | Mode::Stopping => {
-                return self.tick_without_setpoint(velocity, monitored, standstill, limits);
+                return self.tick_without_setpoint(moved, limits);
             }
         };
 
-        // Written where it is known: it need not be kept until the end.
+        let settings = &self.settings;
+        let monitored = self.monitored.update(&settings.monitor_filter, moved);
+        let velocity = self.velocity.update(&settings.velocity_filter, moved);
         let mut output = AxisOutput {
             velocity: monitored,
             loop_velocity: velocity,
             position_command: setpoint.position,
             command_source,
-            standstill,
+            standstill: settled & (monitored.abs() <= settings.standstill_window),
             travelled,
             ..AxisOutput::at_rest()
         };
@@ -311,36 +310,48 @@ impl Axis {
             measured,
         );
         self.velocity_command = followed.velocity;
-        output.following_error = followed.following_error;
         output.velocity_command = followed.velocity;
+        output.following_error = followed.following_error;
         output.excessive_deviation = followed.excessive_deviation;
-        let (current, limiting) = self.control(followed.velocity, setpoint.acceleration, velocity, limits);
-        output.current = current;
-        output.limiting = followed.limiting | limiting;
+        output.limiting = followed.limiting;
+        self.control(setpoint.acceleration, limits, &mut output);
         output
+    }
+
+    /// One tick of [`Mode::Halt`], and whether the axis stands.
+    #[inline(never)]
+    fn brake(&mut self) -> (Setpoint, bool) {
+        (self.trajectory.tick_velocity(&self.settings.halt, Velocity::ZERO), self.trajectory.is_finished())
+    }
+
+    /// One tick of [`Mode::Travel`], and whether the target is reached.
+    #[inline(never)]
+    fn go(&mut self) -> (Setpoint, bool) {
+        let setpoint = match self.travel {
+            Travel::Hold => self.trajectory.tick_velocity(&self.travel_limits, Velocity::ZERO),
+            Travel::AtVelocity(velocity) => self.trajectory.tick_velocity(&self.travel_limits, velocity),
+            Travel::To(target) => self.trajectory.tick_to(&self.travel_limits, target),
+        };
+        (setpoint, self.trajectory.is_finished())
     }
 
     /// The rest of a tick in the modes without a position to follow.
     #[inline(never)]
-    fn tick_without_setpoint(
-        &mut self,
-        velocity: Velocity,
-        monitored: Velocity,
-        standstill: bool,
-        limits: &TorqueLimits,
-    ) -> AxisOutput {
+    fn tick_without_setpoint(&mut self, moved: Velocity, limits: &TorqueLimits) -> AxisOutput {
         let settings = &self.settings;
+        let monitored = self.monitored.update(&settings.monitor_filter, moved);
+        let velocity = self.velocity.update(&settings.velocity_filter, moved);
         let mut output = AxisOutput {
             velocity: monitored,
             loop_velocity: velocity,
             velocity_command: velocity,
             position_command: self.measured,
-            standstill,
+            standstill: monitored.abs() <= settings.standstill_window,
             ..AxisOutput::at_rest()
         };
-        self.velocity_command = velocity;
         let setpoint = match self.mode {
             Mode::Torque => {
+                self.velocity_command = velocity;
                 self.torque(velocity, limits, &mut output);
                 return output;
             }
@@ -361,40 +372,42 @@ impl Axis {
                 output.standstill &= self.ramp.is_finished();
                 ramped
             }
-            Mode::Off | Mode::Position | Mode::Halt | Mode::Travel => return output,
+            Mode::Off | Mode::Position | Mode::Halt | Mode::Travel => {
+                self.velocity_command = velocity;
+                return output;
+            }
         };
-        output.velocity_command = setpoint.velocity;
         self.velocity_command = setpoint.velocity;
+        output.velocity_command = setpoint.velocity;
         output.limiting |= settings.velocity_limits.met_by(setpoint.velocity);
-        let (current, limiting) = self.control(setpoint.velocity, setpoint.acceleration, velocity, limits);
-        output.current = current;
-        output.limiting |= limiting;
+        self.control(setpoint.acceleration, limits, &mut output);
         output
     }
 
-    /// From the velocity command to the current, and the limits that it meets.
+    /// From the velocity command and the acceleration that belongs to it to the current.
     #[inline]
-    fn control(
-        &mut self,
-        command: Velocity,
-        acceleration: SignedAcceleration,
-        measured: Velocity,
-        limits: &TorqueLimits,
-    ) -> (CurrentFraction, Limiting) {
+    fn control(&mut self, acceleration: SignedAcceleration, limits: &TorqueLimits, output: &mut AxisOutput) {
         let settings = &self.settings;
-        let mut feed_forward = settings.friction.current(command);
+        let mut feed_forward = settings.friction.current(output.velocity_command);
         if acceleration != SignedAcceleration::ZERO {
             feed_forward = feed_forward.saturating_add(settings.velocity_loop.feed_forward(acceleration));
         }
-        let VelocityLoopOutput { current, limited } =
-            self.velocity_loop.tick(&settings.velocity_loop, limits, command, measured, feed_forward);
-        let limiting = if limited { limits.met_by(current) } else { Limiting::empty() };
-        let filtered = self.filter.tick(&settings.filter, i32::from(current.to_bits()) << 16);
-        if settings.filter.is_active() {
+        let controlled = self.velocity_loop.tick(
+            &settings.velocity_loop,
+            limits,
+            output.velocity_command,
+            output.loop_velocity,
+            feed_forward,
+        );
+        self.current = controlled.current;
+        output.limiting |= controlled.limiting;
+        output.current = if settings.filter.is_active() {
+            let filtered = self.filter.tick(&settings.filter, fine(controlled.current));
             // A filter may swing beyond the limit that its input keeps.
-            return (limits.apply(CurrentFraction::from_bits((filtered >> 16) as i16)).0, limiting);
-        }
-        (current, limiting)
+            limits.apply(CurrentFraction::from_bits((filtered >> 16) as i16)).0
+        } else {
+            controlled.current
+        };
     }
 
     /// The torque command, or less where the velocity limit S-0-0091 stands in its way.
@@ -444,6 +457,11 @@ impl Axis {
         self.trajectory.shift(difference);
         self.position_loop.shift(difference);
     }
+}
+
+/// In 2^-31 of peak.
+fn fine(current: CurrentFraction) -> i32 {
+    i32::from(current.to_bits()) << 16
 }
 
 fn ranges_at(settings: &AxisSettings, position: Position) -> ModuloCounter {

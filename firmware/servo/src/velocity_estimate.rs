@@ -5,26 +5,23 @@
 //! speed, and its only parameter exists as an IDN (S-0-0392). One increment per tick of a 65 536-increment encoder is
 //! 7.3 rpm; a time constant of 1 ms brings that down to 0.9 rpm, at 11 degrees of phase at 200 rad/s.
 
+use crate::share::Share;
 use crate::{LOOP_PERIOD_MICROSECONDS, Position, Velocity};
 
 /// Time constant of a velocity filter, scaled.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub struct VelocityFilter {
-    /// The share of the new value in the filtered one, in -2^-32: the low word, which has a sign, and the rest, 0 or -1.
-    low_word: i32,
-    high_word: i32,
+    /// Of the new value in the filtered one.
+    share: Share,
 }
 
 impl VelocityFilter {
     /// A filter with this time constant (S-0-0392); 0 passes the velocities unfiltered.
     #[must_use]
-    pub const fn from_microseconds(time_constant: u16) -> Self {
-        let whole = LOOP_PERIOD_MICROSECONDS as u64 + time_constant as u64;
-        // At least 2^32 / 526 and at most 2^32.
-        let negative_share = -((((LOOP_PERIOD_MICROSECONDS as u64) << 32) + (whole >> 1)) / whole).cast_signed();
-        let low_word = negative_share as i32;
-        Self { low_word, high_word: ((negative_share - low_word as i64) >> 32) as i32 }
+    pub fn from_microseconds(time_constant: u16) -> Self {
+        let period = LOOP_PERIOD_MICROSECONDS;
+        Self { share: Share::new(period, period.saturating_add(time_constant.into())) }
     }
 }
 
@@ -48,12 +45,8 @@ impl FilteredVelocity {
     /// Takes the velocity of the next tick.
     #[inline]
     pub fn update(&mut self, filter: &VelocityFilter, velocity: Velocity) -> Velocity {
-        let above = (self.velocity() - velocity).to_bits();
         // Never past the new value, so always within the range of the type.
-        let of_low = i64::from(above).wrapping_mul(i64::from(filter.low_word));
-        // The product with a word that is 0 or -1.
-        let of_high = i64::from(above & filter.high_word) << 32;
-        self.filtered = self.filtered.wrapping_add(of_low).wrapping_sub(of_high);
+        self.filtered = filter.share.added_to(self.filtered, (velocity - self.velocity()).to_bits());
         self.velocity()
     }
 
@@ -152,7 +145,11 @@ mod tests {
     fn beyond_the_range_it_saturates_and_a_shift_is_no_movement() {
         let filter = VelocityFilter::from_microseconds(0);
         let mut estimate = VelocityEstimate::new(Position::ZERO);
-        assert_eq!(estimate.update(&filter, Position::from_bits(i64::MIN)), -Velocity::MAX);
+        assert_eq!(
+            estimate.update(&filter, Position::from_bits(i64::MIN)),
+            Velocity::from_bits(i32::MIN),
+            "-15 000 rpm"
+        );
         let mut estimate = VelocityEstimate::new(Position::ZERO);
         estimate.shift(Position::from_bits(1 << 40));
         assert_eq!(estimate.update(&filter, Position::from_bits(1 << 40)), Velocity::ZERO);
