@@ -3,7 +3,7 @@
 use crate::{
     AxisSettings, CommandSource, CurrentFilter, CurrentFraction, FilteredVelocity, Interpolator, Limiting,
     ModuloCounter, MotionLimits, Position, PositionLoop, Ramp, Setpoint, SignedAcceleration, TorqueLimits, Trajectory,
-    Velocity, VelocityFilter, VelocityInterpolator, VelocityLoop,
+    Velocity, VelocityInterpolator, VelocityLoop,
 };
 
 /// What the axis does.
@@ -99,7 +99,6 @@ pub struct Axis {
     velocity: FilteredVelocity,
     /// Measured, as it is shown and monitored.
     monitored: FilteredVelocity,
-    monitor_filter: VelocityFilter,
     interpolator: Interpolator,
     velocity_interpolator: VelocityInterpolator,
     ramp: Ramp,
@@ -115,12 +114,10 @@ pub struct Axis {
     trajectory: Trajectory,
     travel: Travel,
     travel_limits: MotionLimits,
+    /// Of the velocity loop in the last tick.
+    current: CurrentFraction,
     filter: CurrentFilter,
 }
-
-/// Time constant of the reported velocity in microseconds: slow enough for the standstill window of a coarse encoder,
-/// fast against the cycles in which a master looks at it.
-const MONITOR_TIME_CONSTANT: u16 = 2_000;
 
 impl Axis {
     /// An axis in [`Mode::Off`], at standstill at this measured position. Divides.
@@ -135,7 +132,6 @@ impl Axis {
             ranges,
             velocity: FilteredVelocity::new(Velocity::ZERO),
             monitored: FilteredVelocity::new(Velocity::ZERO),
-            monitor_filter: VelocityFilter::from_microseconds(MONITOR_TIME_CONSTANT),
             interpolator: Interpolator::new(measured, ranges),
             velocity_interpolator: VelocityInterpolator::new(Velocity::ZERO),
             ramp: Ramp::new(here),
@@ -147,6 +143,7 @@ impl Axis {
             trajectory: Trajectory::start(here),
             travel: Travel::Hold,
             travel_limits: settings.halt,
+            current: CurrentFraction::ZERO,
             filter: CurrentFilter::new(),
         }
     }
@@ -156,6 +153,10 @@ impl Axis {
         if settings.interpolator.modulo() != self.settings.interpolator.modulo() {
             self.ranges = ranges_at(&settings, self.measured);
             self.interpolator.set_ranges(self.ranges);
+        }
+        if !self.settings.filter.is_active() {
+            // Nothing has passed it until now: a section that is switched on while current flows starts with that.
+            self.filter.reset(fine(self.current));
         }
         self.settings = settings;
     }
@@ -190,6 +191,7 @@ impl Axis {
         match mode {
             Mode::Off => {
                 self.velocity_loop.reset();
+                self.current = CurrentFraction::ZERO;
                 self.filter.reset(0);
             }
             Mode::Torque => self.torque_command = CurrentFraction::ZERO,
@@ -254,39 +256,102 @@ impl Axis {
     /// Starts the velocity loop with this current: what held the load when the axis was last switched off.
     pub fn preload(&mut self, current: CurrentFraction) {
         self.velocity_loop.preset(current);
-        self.filter.reset(i32::from(current.to_bits()) << 16);
+        self.current = current;
+        self.filter.reset(fine(current));
     }
 
     /// One loop period: the measured position goes in, the current command comes out, within these limits of the torque.
     #[inline]
     pub fn tick(&mut self, measured: Position, limits: &TorqueLimits) -> AxisOutput {
-        let settings = &self.settings;
         let moved = Velocity::of_a_tick(measured - self.measured);
         self.measured = measured;
-        let velocity = self.velocity.update(&settings.velocity_filter, moved);
-        let monitored = self.monitored.update(&self.monitor_filter, moved);
-        if let Some(modulo) = settings.interpolator.modulo() {
+        if let Some(modulo) = self.settings.interpolator.modulo() {
             self.ranges.wrap(modulo, measured);
         }
+        let mut command_source = CommandSource::Interpolated;
+        let (mut settled, mut travelled) = (true, false);
+        let setpoint = match self.mode {
+            Mode::Position => {
+                let (setpoint, source) = self.interpolator.tick(&self.settings.interpolator);
+                command_source = source;
+                setpoint
+            }
+            Mode::Halt => {
+                let (setpoint, finished) = self.brake();
+                settled = finished;
+                setpoint
+            }
+            Mode::Travel => {
+                let (setpoint, finished) = self.go();
+                travelled = finished;
+                setpoint
+            }
+            Mode::Off | Mode::Torque | Mode::Velocity | Mode::Stopping => {
+                return self.tick_without_setpoint(moved, limits);
+            }
+        };
 
+        let settings = &self.settings;
+        let monitored = self.monitored.update(&settings.monitor_filter, moved);
+        let velocity = self.velocity.update(&settings.velocity_filter, moved);
         let mut output = AxisOutput {
-            current: CurrentFraction::ZERO,
-            following_error: Position::ZERO,
+            velocity: monitored,
+            loop_velocity: velocity,
+            position_command: setpoint.position,
+            command_source,
+            standstill: settled & (monitored.abs() <= settings.standstill_window),
+            travelled,
+            ..AxisOutput::at_rest(self.measured)
+        };
+        let expected = self.expected_velocity.update(&settings.velocity_filter, setpoint.velocity);
+        let followed = self.position_loop.tick(
+            &settings.position_loop,
+            &settings.velocity_limits,
+            Setpoint { velocity: expected, ..setpoint },
+            measured,
+        );
+        self.velocity_command = followed.velocity;
+        output.velocity_command = followed.velocity;
+        output.following_error = followed.following_error;
+        output.excessive_deviation = followed.excessive_deviation;
+        output.limiting = followed.limiting;
+        self.control(setpoint.acceleration, limits, &mut output);
+        output
+    }
+
+    /// One tick of [`Mode::Halt`], and whether the axis stands.
+    #[inline(never)]
+    fn brake(&mut self) -> (Setpoint, bool) {
+        (self.trajectory.tick_velocity(&self.settings.halt, Velocity::ZERO), self.trajectory.is_finished())
+    }
+
+    /// One tick of [`Mode::Travel`], and whether the target is reached.
+    #[inline(never)]
+    fn go(&mut self) -> (Setpoint, bool) {
+        let setpoint = match self.travel {
+            Travel::Hold => self.trajectory.tick_velocity(&self.travel_limits, Velocity::ZERO),
+            Travel::AtVelocity(velocity) => self.trajectory.tick_velocity(&self.travel_limits, velocity),
+            Travel::To(target) => self.trajectory.tick_to(&self.travel_limits, target),
+        };
+        (setpoint, self.trajectory.is_finished())
+    }
+
+    /// The rest of a tick in the modes without a position to follow.
+    #[inline(never)]
+    fn tick_without_setpoint(&mut self, moved: Velocity, limits: &TorqueLimits) -> AxisOutput {
+        let settings = &self.settings;
+        let monitored = self.monitored.update(&settings.monitor_filter, moved);
+        let velocity = self.velocity.update(&settings.velocity_filter, moved);
+        let mut output = AxisOutput {
             velocity: monitored,
             loop_velocity: velocity,
             velocity_command: velocity,
-            position_command: measured,
-            command_source: CommandSource::Interpolated,
+            position_command: self.measured,
             standstill: monitored.abs() <= settings.standstill_window,
-            limiting: Limiting::empty(),
             travelled: false,
-            excessive_deviation: false,
+            ..AxisOutput::at_rest(self.measured)
         };
-        let acceleration = match self.mode {
-            Mode::Off => {
-                self.velocity_command = velocity;
-                return output;
-            }
+        let setpoint = match self.mode {
             Mode::Torque => {
                 self.velocity_command = velocity;
                 self.torque(velocity, limits, &mut output);
@@ -298,102 +363,59 @@ impl Axis {
                     Some(ramp) => self.trajectory.tick_velocity(ramp, command),
                     None => Setpoint {
                         acceleration: self.velocity_interpolator.acceleration(),
-                        ..Setpoint::moving(measured, command)
+                        ..Setpoint::moving(self.measured, command)
                     },
                 };
-                if ramped.velocity != command {
-                    output.limiting = Limiting::ACCELERATION;
-                }
-                self.follow_velocity(ramped, &mut output)
+                output.limiting.set(Limiting::ACCELERATION, ramped.velocity != command);
+                ramped
             }
             Mode::Stopping => {
                 let ramped = self.ramp.tick(settings.deceleration);
                 output.standstill &= self.ramp.is_finished();
-                self.follow_velocity(ramped, &mut output)
+                ramped
             }
-            Mode::Halt => {
-                let setpoint = self.trajectory.tick_velocity(&settings.halt, Velocity::ZERO);
-                output.standstill &= self.trajectory.is_finished();
-                self.follow_position(setpoint, &mut output)
-            }
-            Mode::Travel => {
-                let setpoint = match self.travel {
-                    Travel::Hold => self.trajectory.tick_velocity(&self.travel_limits, Velocity::ZERO),
-                    Travel::AtVelocity(velocity) => self.trajectory.tick_velocity(&self.travel_limits, velocity),
-                    Travel::To(target) => self.trajectory.tick_to(&self.travel_limits, target),
-                };
-                output.travelled = self.trajectory.is_finished();
-                self.follow_position(setpoint, &mut output)
-            }
-            Mode::Position => {
-                let (setpoint, source) = self.interpolator.tick(&settings.interpolator);
-                output.command_source = source;
-                self.follow_position(setpoint, &mut output)
+            Mode::Off | Mode::Position | Mode::Halt | Mode::Travel => {
+                self.velocity_command = velocity;
+                return output;
             }
         };
-        self.velocity_command = output.velocity_command;
-        self.control_velocity(acceleration, limits, &mut output);
+        self.velocity_command = setpoint.velocity;
+        output.velocity_command = setpoint.velocity;
+        output.limiting |= settings.velocity_limits.met_by(setpoint.velocity);
+        self.control(setpoint.acceleration, limits, &mut output);
         output
     }
 
-    /// The velocity command is that of the set-point; gives the acceleration to feed forward.
+    /// From the velocity command and the acceleration that belongs to it to the current.
     #[inline]
-    fn follow_velocity(&self, setpoint: Setpoint, output: &mut AxisOutput) -> SignedAcceleration {
-        output.velocity_command = setpoint.velocity;
-        output.limiting |= self.settings.velocity_limits.met_by(setpoint.velocity);
-        setpoint.acceleration
-    }
-
-    /// The velocity command is that of the position loop; gives the acceleration to feed forward.
-    #[inline]
-    fn follow_position(&mut self, setpoint: Setpoint, output: &mut AxisOutput) -> SignedAcceleration {
-        let settings = &self.settings;
-        let expected = self.expected_velocity.update(&settings.velocity_filter, setpoint.velocity);
-        let result = self.position_loop.tick(
-            &settings.position_loop,
-            &settings.velocity_limits,
-            Setpoint { velocity: expected, ..setpoint },
-            self.measured,
-        );
-        output.velocity_command = result.velocity;
-        output.position_command = setpoint.position;
-        output.following_error = result.following_error;
-        output.limiting = result.limiting;
-        output.excessive_deviation = result.excessive_deviation;
-        setpoint.acceleration
-    }
-
-    /// From the velocity command to the current.
-    #[inline]
-    fn control_velocity(&mut self, acceleration: SignedAcceleration, limits: &TorqueLimits, output: &mut AxisOutput) {
+    fn control(&mut self, acceleration: SignedAcceleration, limits: &TorqueLimits, output: &mut AxisOutput) {
         let settings = &self.settings;
         let mut feed_forward = settings.friction.current(output.velocity_command);
         if acceleration != SignedAcceleration::ZERO {
             feed_forward = feed_forward.saturating_add(settings.velocity_loop.feed_forward(acceleration));
         }
-        let result = self.velocity_loop.tick(
+        let controlled = self.velocity_loop.tick(
             &settings.velocity_loop,
             limits,
             output.velocity_command,
             output.loop_velocity,
             feed_forward,
         );
-        output.current = result.current;
-        if result.limited {
-            output.limiting |= limits.met_by(result.current);
-        }
-        let filtered = self.filter.tick(&settings.filter, i32::from(result.current.to_bits()) << 16);
-        if settings.filter.is_active() {
+        self.current = controlled.current;
+        output.limiting |= controlled.limiting;
+        output.current = if settings.filter.is_active() {
+            let filtered = self.filter.tick(&settings.filter, fine(controlled.current));
             // A filter may swing beyond the limit that its input keeps.
-            output.current = limits.apply(CurrentFraction::from_bits((filtered >> 16) as i16)).0;
-        }
+            limits.apply(CurrentFraction::from_bits((filtered >> 16) as i16)).0
+        } else {
+            controlled.current
+        };
     }
 
     /// The torque command, or less where the velocity limit S-0-0091 stands in its way.
     ///
     /// The velocity loop runs along towards the limit with its integral part held at the commanded torque: below the limit it would give
     /// more than the command, above it gives less, and the one passes into the other without a step.
-    #[inline]
     fn torque(&mut self, measured: Velocity, limits: &TorqueLimits, output: &mut AxisOutput) {
         let settings = &self.settings;
         let (wanted, limiting) = limits.apply(self.torque_command);
@@ -437,6 +459,11 @@ impl Axis {
         self.trajectory.shift(difference);
         self.position_loop.shift(difference);
     }
+}
+
+/// In 2^-31 of peak.
+fn fine(current: CurrentFraction) -> i32 {
+    i32::from(current.to_bits()) << 16
 }
 
 fn ranges_at(settings: &AxisSettings, position: Position) -> ModuloCounter {

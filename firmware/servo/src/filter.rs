@@ -66,7 +66,7 @@ impl CurrentFilterSettings {
         Ok(Self { is_active: sections.iter().any(Option::is_some), sections })
     }
 
-    /// Whether the filter changes anything.
+    /// Whether a tick changes anything: while it does not, ticks may be left out until [`CurrentFilter::reset`].
     #[inline]
     #[must_use]
     pub const fn is_active(&self) -> bool {
@@ -78,8 +78,6 @@ impl CurrentFilterSettings {
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub struct CurrentFilter {
-    /// What has passed since both sections are off; a section that is switched on while current flows starts with it.
-    passed: Option<i32>,
     sections: [SectionState; 2],
 }
 
@@ -92,20 +90,12 @@ impl CurrentFilter {
 
     /// Goes on as if `current`, in 2^-31 of peak, had flowed for ever: the start of a command that is not zero makes no bump.
     pub fn reset(&mut self, current: i32) {
-        self.passed = None;
         self.sections = [SectionState::at_rest(current); 2];
     }
 
     /// One tick of 125 us: a sample in and out, in 2^-31 of peak. What a section would raise above peak stays at peak.
     #[inline]
     pub fn tick(&mut self, settings: &CurrentFilterSettings, current: i32) -> i32 {
-        if !settings.is_active {
-            self.passed = Some(current);
-            return current;
-        }
-        if let Some(passed) = self.passed {
-            self.reset(passed);
-        }
         let mut sample = current;
         for (section, state) in settings.sections.iter().zip(&mut self.sections) {
             if let Some(coefficients) = section {

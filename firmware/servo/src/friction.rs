@@ -34,6 +34,7 @@ pub struct FrictionParameters {
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub struct FrictionSettings {
     is_compensated: bool,
+    band: Velocity,
     /// Velocity steps within the band to 2^-25 of peak.
     coulomb: LimitedGain,
     /// Velocity steps to 2^-25 of peak.
@@ -42,7 +43,8 @@ pub struct FrictionSettings {
 
 impl FrictionSettings {
     /// No compensation.
-    pub const OFF: Self = Self { is_compensated: false, coulomb: LimitedGain::ZERO, viscous: LimitedGain::ZERO };
+    pub const OFF: Self =
+        Self { is_compensated: false, band: Velocity::ZERO, coulomb: LimitedGain::ZERO, viscous: LimitedGain::ZERO };
 
     /// Scales the parameters. Divides.
     ///
@@ -57,10 +59,10 @@ impl FrictionSettings {
         in_range("Coulomb friction current", coulomb, 0, peak_current)?;
         in_range("viscous friction current", viscous, 0, peak_current)?;
         in_range("band of the friction compensation", band, 1_000, 10_000_000)?;
-        let band = Velocity::from_ten_thousandths_rpm(band.cast_signed()).to_bits();
+        let band = Velocity::from_ten_thousandths_rpm(band.cast_signed());
         let slope = LimitedGain::from_ratio(
             u128::from(coulomb) << CURRENT_BITS,
-            u128::from(peak_current).saturating_mul(band.unsigned_abs().into()),
+            u128::from(peak_current).saturating_mul(band.to_bits().unsigned_abs().into()),
         );
         // uA/rpm: 2^-36 rev per tick is 480 000 / 2^36 rpm, and 2^25 * 480 000 / 2^36 / 1000 is 15 / 64.
         let viscous_slope = LimitedGain::from_ratio(
@@ -70,7 +72,8 @@ impl FrictionSettings {
         // With these ranges they are at most 2^25 / 14 316 and 15 / 64.
         Ok(Self {
             is_compensated: coulomb > 0 || viscous > 0,
-            coulomb: slope.unwrap_or(LimitedGain::ZERO).with_input_limit(band),
+            band,
+            coulomb: slope.unwrap_or(LimitedGain::ZERO),
             viscous: viscous_slope.unwrap_or(LimitedGain::ZERO),
         })
     }
@@ -82,7 +85,7 @@ impl FrictionSettings {
         if !self.is_compensated {
             return 0;
         }
-        let coulomb = self.coulomb.apply(command.to_bits());
+        let coulomb = self.coulomb.apply(command.limit(self.band).to_bits());
         let total = coulomb.saturating_add(self.viscous.apply(command.to_bits()));
         total.clamp(-(1 << CURRENT_BITS), 1 << CURRENT_BITS)
     }

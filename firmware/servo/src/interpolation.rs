@@ -122,32 +122,36 @@ const FINE_BITS: u32 = 16;
 /// Longest line in position steps: 64 revolutions, four times the way at [`Velocity::MAX`] in the longest cycle.
 const DISTANCE_LIMIT: i64 = 1 << 38;
 
+/// Where the line ends, in 2^-48 revolution: half a position step, so that cutting to steps is rounding to the nearest, and a slope that
+/// was rounded down ends at the command.
+const END: i64 = 1 << (FINE_BITS - 1);
+
 /// Interpolates position commands.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub struct Interpolator {
-    /// End of the path.
-    target: Position,
-    /// Place on the straight line from its end, in 2^-48 revolution: against the slope until the end, with it while extrapolating.
+    /// Place on the straight line, in 2^-48 revolution: before [`END`] until the command is reached, beyond it while extrapolating.
     place: i64,
     /// In 2^-48 revolution per tick.
     slope: i64,
+    /// End of the path.
+    target: Position,
     /// Of the slope.
     speed: Velocity,
+    /// Ticks to the end of the path: on a line, on a cubic, and how many since then without a command.
+    line: u16,
+    curve: u16,
+    overdue: u16,
     /// Of the cubic from the line.
     deviation: Deviation,
-    /// The path to the last command is a cubic.
-    is_curved: bool,
+    /// What the last tick on a cubic moved, or a tick on the line moves, in 2^-48 revolution.
+    velocity: i64,
+    /// By how much more than the tick before.
+    acceleration: i64,
     /// Way from the last command to this one, in position steps per cycle.
     way: i64,
     /// Velocity at the end of the path, in position steps per cycle.
     exit: i64,
-    /// What the last tick moved, in 2^-48 revolution, and by how much more than the tick before.
-    velocity: i64,
-    acceleration: i64,
-    /// Ticks to the end of the path, and since then.
-    left: u16,
-    overdue: u16,
     ranges: ModuloCounter,
 }
 
@@ -156,18 +160,18 @@ impl Interpolator {
     #[must_use]
     pub const fn new(position: Position, ranges: ModuloCounter) -> Self {
         Self {
-            target: position,
-            place: 0,
+            place: END,
             slope: 0,
+            target: position,
             speed: Velocity::ZERO,
+            line: 0,
+            curve: 0,
+            overdue: 0,
             deviation: Deviation::NONE,
-            is_curved: false,
-            way: 0,
-            exit: 0,
             velocity: 0,
             acceleration: 0,
-            left: 0,
-            overdue: 0,
+            way: 0,
+            exit: 0,
             ranges,
         }
     }
@@ -200,19 +204,24 @@ impl Interpolator {
         let commanded = (target - self.target).to_bits().clamp(-DISTANCE_LIMIT, DISTANCE_LIMIT);
         let way = self.per_cycle(settings, commanded);
         self.target = target;
-        self.place = distance.wrapping_neg() << FINE_BITS;
+        self.place = END.wrapping_sub(distance << FINE_BITS);
         self.follow(settings.per_tick(distance << FINE_BITS));
-        self.left = settings.ticks_per_cycle;
         self.overdue = 0;
-        self.is_curved = settings.interpolation == Interpolation::Cubic;
-        self.deviation = if self.is_curved {
-            let entry = self.exit;
-            self.exit = way.wrapping_add(way.wrapping_sub(self.way) >> 1);
-            Deviation::between(settings, entry.wrapping_sub(distance), self.exit.wrapping_sub(distance))
-        } else {
-            self.acceleration = 0;
-            Deviation::NONE
-        };
+        match settings.interpolation {
+            Interpolation::Linear => {
+                [self.line, self.curve] = [settings.ticks_per_cycle, 0];
+                self.deviation = Deviation::NONE;
+                self.velocity = self.slope;
+                self.acceleration = 0;
+            }
+            Interpolation::Cubic => {
+                [self.line, self.curve] = [0, settings.ticks_per_cycle];
+                let entry = self.exit;
+                self.exit = way.wrapping_add(way.wrapping_sub(self.way) >> 1);
+                self.deviation =
+                    Deviation::between(settings, entry.wrapping_sub(distance), self.exit.wrapping_sub(distance));
+            }
+        }
         self.way = way;
     }
 
@@ -220,7 +229,7 @@ impl Interpolator {
     #[inline]
     fn per_cycle(&self, settings: &InterpolatorSettings, commanded: i64) -> i64 {
         let cycle = u32::from(settings.ticks_per_cycle);
-        let ticks = cycle.saturating_sub(self.left.into()).saturating_add(self.overdue.into());
+        let ticks = cycle.saturating_sub(self.line.max(self.curve).into()).saturating_add(self.overdue.into());
         let half_cycles = ticks.saturating_mul(2);
         if half_cycles <= cycle.saturating_mul(3) {
             commanded
@@ -240,12 +249,11 @@ impl Interpolator {
     /// One tick further: the setpoint of this tick.
     #[inline]
     pub fn tick(&mut self, settings: &InterpolatorSettings) -> (Setpoint, CommandSource) {
-        if self.left == 0 || self.is_curved {
+        if self.line == 0 {
             return self.tick_beside_the_line(settings);
         }
-        self.left = self.left.saturating_sub(1);
-        self.place = if self.left == 0 { 0 } else { self.place.wrapping_add(self.slope) };
-        self.velocity = self.slope;
+        self.line = self.line.saturating_sub(1);
+        self.place = self.place.wrapping_add(self.slope);
         (Setpoint::moving(self.on_the_line(), self.speed), CommandSource::Interpolated)
     }
 
@@ -253,12 +261,11 @@ impl Interpolator {
     #[inline]
     fn tick_beside_the_line(&mut self, settings: &InterpolatorSettings) -> (Setpoint, CommandSource) {
         let before = self.velocity;
-        let source = if self.left > 0 {
-            self.left = self.left.saturating_sub(1);
+        let source = if self.curve > 0 {
+            self.curve = self.curve.saturating_sub(1);
             self.place = self.place.wrapping_add(self.slope);
             self.velocity = self.slope.wrapping_add(self.deviation.tick());
-            if self.left == 0 {
-                self.place = 0;
+            if self.curve == 0 {
                 self.end_curve(settings);
             }
             CommandSource::Interpolated
@@ -285,7 +292,7 @@ impl Interpolator {
     #[inline]
     fn end_curve(&mut self, settings: &InterpolatorSettings) {
         self.deviation = Deviation::NONE;
-        self.is_curved = false;
+        self.place = END;
         self.follow(settings.per_tick(self.exit << FINE_BITS));
     }
 
@@ -304,7 +311,6 @@ impl Interpolator {
     #[inline]
     #[must_use]
     pub fn position(&self) -> Position {
-        // The shift rounds the rest of the way up or down to a whole step; at the end of the path the rest is exactly zero.
         let place = self.place.wrapping_add(self.deviation.value());
         self.target + Position::from_bits(place >> FINE_BITS)
     }
@@ -315,7 +321,7 @@ impl Interpolator {
         self.target + Position::from_bits(self.place >> FINE_BITS)
     }
 
-    /// The setpoint velocity: what the last tick moved.
+    /// The setpoint velocity: what the last tick moved, or with a new line what the next one will.
     #[inline]
     #[must_use]
     pub fn velocity(&self) -> Velocity {

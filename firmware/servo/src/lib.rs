@@ -68,6 +68,7 @@ mod ramp;
 mod scaling;
 mod scope;
 mod settings;
+mod share;
 mod stopping;
 mod temperature;
 mod trajectory;

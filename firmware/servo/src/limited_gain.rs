@@ -1,26 +1,25 @@
 //! A positive real factor for 32-bit values whose product is limited, applied in a handful of instructions.
 
-use crate::wide::quotient;
+use crate::wide::{quotient, saturated};
 
 /// A factor below 2^20, of which the product with a 32-bit value is limited to a magnitude between 2^28 and 2^29.
 ///
-/// The limit is put on the value, where it is so large that the product may be: what is left is shifted to the full width of a word,
-/// and the high word of its product with the mantissa is the result. The mantissa of a factor from 1/8 on has 30 bits; that of a smaller one
-/// counts in 2^-32.
+/// The value is shifted to the full width of a word, where it is limited, and the high word of its product with the mantissa is the result.
+/// The mantissa of a factor from 1/8 on has 30 bits; that of a smaller one, which limits nothing, counts in 2^-32.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub(crate) struct LimitedGain {
-    limit: i32,
-    shift: u32,
+    /// 2 to the number of bits by which a value is shifted.
+    widening: i32,
     mantissa: i32,
 }
 
-/// Largest shift: that of a factor of 2^20.
+/// Most bits to shift a value by: for a factor of 2^20.
 const SHIFT_LIMIT: u32 = 22;
 
 impl LimitedGain {
     /// The factor 0.
-    pub(crate) const ZERO: Self = Self { limit: i32::MAX, shift: 0, mantissa: 0 };
+    pub(crate) const ZERO: Self = Self { widening: 1, mantissa: 0 };
 
     /// The factor `numerator / denominator`; `None` when the denominator is 0 or above 2^126, or the factor is 2^20 or more. Slow.
     pub(crate) fn from_ratio(numerator: u128, denominator: u128) -> Option<Self> {
@@ -30,27 +29,22 @@ impl LimitedGain {
         if shift > SHIFT_LIMIT {
             return None;
         }
-        let mut gain = Self { limit: i32::MAX >> shift, shift, mantissa: 0 };
+        let mut gain = Self { widening: 1 << shift, mantissa: 0 };
         gain.mantissa = gain.mantissa_of(factor);
         Some(gain)
     }
 
-    /// The same with a lower limit of the value.
-    pub(crate) fn with_input_limit(self, limit: i32) -> Self {
-        Self { limit: self.limit.min(limit), ..self }
-    }
-
     /// What a factor in 2^-64 is for values in this gain's width; up to twice the gain itself.
     pub(crate) fn mantissa_of(self, factor: u128) -> i32 {
-        let dropped = self.shift.saturating_add(32);
+        let dropped = self.widening.trailing_zeros().saturating_add(32);
         let half = 1_u128 << dropped.saturating_sub(1);
         i32::try_from(factor.saturating_add(half) >> dropped).unwrap_or(i32::MAX)
     }
 
-    /// `value` within the limit and in the full width of a word: the operand for the mantissa.
+    /// `value` in the full width of a word, and limited to it: the operand for the mantissa.
     #[inline]
     pub(crate) fn full_width(self, value: i32) -> i32 {
-        value.min(self.limit).max(self.limit.wrapping_neg()).wrapping_shl(self.shift)
+        saturated(i64::from(value).wrapping_mul(i64::from(self.widening)))
     }
 
     /// The product with what [`LimitedGain::full_width`] made of a value, to the nearest integer.
@@ -93,13 +87,6 @@ mod tests {
         assert!(gain(1, u64::MAX).is_some());
     }
 
-    #[test]
-    fn a_lower_limit_of_the_value_limits_the_product() {
-        let gain = gain(10, 1).unwrap().with_input_limit(50);
-        assert_eq!([49, 50, 51, i32::MAX].map(|value| gain.apply(value)), [490, 500, 500, 500]);
-        assert_eq!(gain.apply(i32::MIN), -500);
-    }
-
     prop_compose! {
         fn factor()(
             numerator in 1_u64..1 << 50, shift in 0_u32..50, denominator in 1_u64..1 << 50,
@@ -120,10 +107,9 @@ mod tests {
             let off = (product * i128::from(denominator) - exact).abs();
             // Half of the last bit for rounding, another half for a mantissa that counts in 2^-32.
             let allowed = i128::from(denominator) + exact.abs() / 1_000_000_000;
-            if gain.shift > 0 && value.unsigned_abs() > gain.limit.unsigned_abs() {
+            if i32::try_from(i64::from(value) * i64::from(gain.widening)).is_err() {
                 prop_assert_eq!(product.signum(), i128::from(value.signum()));
-                // The limit is cut to the bits that are left of the shift.
-                prop_assert!(((1 << 28) - (1 << 20)..=1 << 29).contains(&product.abs()), "{}", product);
+                prop_assert!((1 << 28..=1 << 29).contains(&product.abs()), "{}", product);
                 prop_assert!(product.abs() * i128::from(denominator) <= exact.abs() + allowed);
             } else {
                 prop_assert!(off <= allowed, "{} of {}/{}", product, exact, denominator);

@@ -249,12 +249,13 @@ impl VelocityLimits {
     #[inline]
     #[must_use]
     pub fn apply(&self, velocity: Velocity) -> (Velocity, Limiting) {
+        if self.negative < velocity && velocity < self.positive {
+            return (velocity, Limiting::empty());
+        }
         if velocity >= self.positive {
             (self.positive, self.positive_cause)
-        } else if velocity <= self.negative {
-            (self.negative, self.negative_cause)
         } else {
-            (velocity, Limiting::empty())
+            (self.negative, self.negative_cause)
         }
     }
 

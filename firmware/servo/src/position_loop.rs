@@ -1,7 +1,8 @@
 //! Position control: proportional, with velocity feed-forward, and a model of the lag that is to be expected.
 
+use crate::share::Share;
 use crate::units::divide_rounding;
-use crate::wide::{saturated, times_fraction_to_nearest};
+use crate::wide::{saturated, times_fraction};
 use crate::{Gain, LOOP_TICKS_PER_SECOND, Limiting, Position, Setpoint, SettingsError, Velocity, VelocityLimits};
 
 /// Gains of the position loop, scaled.
@@ -10,8 +11,8 @@ use crate::{Gain, LOOP_TICKS_PER_SECOND, Limiting, Position, Setpoint, SettingsE
 pub struct PositionLoopSettings {
     /// Position steps to velocity steps, in 2^-26.
     proportional: i32,
-    /// Share of the commanded velocity, in 2^-30.
-    feed_forward: i32,
+    /// Of the commanded velocity.
+    feed_forward: Share,
     /// Velocity steps to the position steps that the axis lags behind at constant speed.
     lag: Gain,
     /// In 2^-38 revolution; the largest value, which no deviation passes, when nothing is monitored.
@@ -36,9 +37,9 @@ impl PositionLoopSettings {
         let denominator = u128::from(LOOP_TICKS_PER_SECOND).saturating_mul(6);
         let left = u128::from(10_000_u16.saturating_sub(feed_forward));
         Ok(Self {
-            // Below 22 of 32, and at most 1 of 2.
+            // Below 22 of 32.
             proportional: divide_rounding(i128::from(kv) << 26, 3_000) as i32,
-            feed_forward: divide_rounding(i128::from(feed_forward) << 30, 10_000) as i32,
+            feed_forward: Share::new(feed_forward.into(), 10_000),
             lag: Gain::from_ratio(denominator.saturating_mul(left), numerator.saturating_mul(10_000)).ok_or(zero)?,
             monitoring_window: match monitoring_window.abs().to_bits() {
                 0 => i64::MAX,
@@ -54,17 +55,11 @@ impl PositionLoopSettings {
         Position::from_bits(self.lag.apply(i64::from(velocity.to_bits())))
     }
 
-    /// The share of a commanded velocity that is passed on.
-    #[inline]
-    fn fed_forward(&self, velocity: Velocity) -> i32 {
-        (i64::from(velocity.to_bits()).wrapping_mul(i64::from(self.feed_forward)).wrapping_add(1 << 29) >> 30) as i32
-    }
-
-    /// What a way in 2^-38 revolution asks for, with what is fed forward.
+    /// What a way in 2^-38 revolution asks for, rounded down, with what is fed forward.
     #[inline]
     fn velocity(&self, way: i64, fed_forward: i32) -> Velocity {
         // A way is below 2^63 and the gain below 2^31: their product is 2^30 short of the range at least.
-        let product = times_fraction_to_nearest(way, self.proportional);
+        let product = times_fraction(way, self.proportional);
         Velocity::from_bits(saturated(product.wrapping_add(i64::from(fed_forward))))
     }
 }
@@ -111,33 +106,31 @@ impl PositionLoop {
     ) -> PositionLoopOutput {
         let following_error = setpoint.position - measured;
         let error = fine(within_range(following_error));
-        let fed_forward = settings.fed_forward(setpoint.velocity);
-        let (velocity, limiting) = limits.apply(settings.velocity(error, fed_forward));
-
+        let fed_forward = settings.feed_forward.of(setpoint.velocity.to_bits());
+        let wanted = settings.velocity(error, fed_forward);
         let lag = self.expected_lag(setpoint.position);
-        self.velocity = limits.limit(settings.velocity(lag, fed_forward));
-        let deviation = error.wrapping_sub(lag).wrapping_abs();
+        let undisturbed = settings.velocity(lag, fed_forward);
+
+        self.velocity = limits.limit(undisturbed);
+        let (velocity, limiting) = limits.apply(wanted);
         PositionLoopOutput {
             velocity,
             following_error,
             limiting,
-            excessive_deviation: deviation > settings.monitoring_window,
+            excessive_deviation: error.wrapping_sub(lag).wrapping_abs() > settings.monitoring_window,
         }
     }
 
     /// Moves the model by a tick; how far it is behind the setpoint, in 2^-38 revolution.
+    ///
+    /// It falls behind by about 64 revolutions at most, after a command that jumps or while a velocity limit is met for long.
     #[inline]
     fn expected_lag(&mut self, setpoint: Position) -> i64 {
-        let moved = i64::from(self.velocity.to_bits()) << (FINE_BITS - 4);
-        self.place = self.place.wrapping_add(moved);
-        let lag = fine(setpoint).wrapping_sub(self.place);
-        if (-LAG_LIMIT..LAG_LIMIT).contains(&lag) {
-            return lag;
-        }
-        // A command that jumps, or a velocity limit that is met for long.
-        let limited = lag.min(LAG_LIMIT).max(-LAG_LIMIT);
-        self.place = fine(setpoint).wrapping_sub(limited);
-        limited
+        let setpoint = fine(setpoint);
+        let lag = setpoint.wrapping_sub(self.place.wrapping_add(fine_way(self.velocity)));
+        let lag = with_high_word(lag, ((lag >> 32) as i32).clamp(-LAG_LIMIT, LAG_LIMIT - 1));
+        self.place = setpoint.wrapping_sub(lag);
+        lag
     }
 
     /// Shifts the command by `difference` without a movement (homing).
@@ -148,8 +141,8 @@ impl PositionLoop {
 
 /// Bits below a position step in which the model counts, and in which the gain has its fraction.
 const FINE_BITS: u32 = 6;
-/// Lags beyond 64 revolutions count as 64.
-const LAG_LIMIT: i64 = 64 << (32 + FINE_BITS);
+/// Largest lag of the model, in the unit of the high word: 64 revolutions.
+const LAG_LIMIT: i32 = 64 << FINE_BITS;
 
 /// In 2^-38 revolution, wrapping at 2^25 revolutions.
 #[inline]
@@ -157,13 +150,25 @@ fn fine(position: Position) -> i64 {
     position.to_bits() << FINE_BITS
 }
 
+/// What a velocity moves in a tick, in 2^-38 revolution.
+#[inline]
+fn fine_way(velocity: Velocity) -> i64 {
+    let bits = velocity.to_bits();
+    // Word by word: the compiler makes more of a shift in 64 bits.
+    i64::from(bits >> 30) << 32 | i64::from(bits.cast_unsigned() << 2)
+}
+
 /// A way within 2^24 revolutions: longer ones are cut to some way between them and the limit, which asks for more than the highest velocity
 /// with every gain.
 #[inline]
 fn within_range(way: Position) -> Position {
     let bits = way.to_bits();
-    let revolutions = ((bits >> 32) as i32).clamp(-(1 << 24), (1 << 24) - 1);
-    Position::from_bits(i64::from(revolutions) << 32 | bits & 0xFFFF_FFFF)
+    Position::from_bits(with_high_word(bits, ((bits >> 32) as i32).clamp(-(1 << 24), (1 << 24) - 1)))
+}
+
+#[inline]
+fn with_high_word(value: i64, high: i32) -> i64 {
+    i64::from(high) << 32 | value & 0xFFFF_FFFF
 }
 
 #[cfg(test)]

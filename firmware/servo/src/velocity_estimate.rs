@@ -5,24 +5,23 @@
 //! speed, and its only parameter exists as an IDN (S-0-0392). One increment per tick of a 65 536-increment encoder is
 //! 7.3 rpm; a time constant of 1 ms brings that down to 0.9 rpm, at 11 degrees of phase at 200 rad/s.
 
+use crate::share::Share;
 use crate::{LOOP_PERIOD_MICROSECONDS, Position, Velocity};
 
 /// Time constant of a velocity filter, scaled.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub struct VelocityFilter {
-    /// Share of the new value in the filtered one, in -2^-31: with this sign a share of one can be represented.
-    negative_share: i32,
+    /// Of the new value in the filtered one.
+    share: Share,
 }
 
 impl VelocityFilter {
     /// A filter with this time constant (S-0-0392); 0 passes the velocities unfiltered.
     #[must_use]
     pub fn from_microseconds(time_constant: u16) -> Self {
-        let whole = LOOP_PERIOD_MICROSECONDS.saturating_add(time_constant.into());
-        let share = (u64::from(LOOP_PERIOD_MICROSECONDS) << 31).saturating_add(u64::from(whole >> 1));
-        // At most 2^31, which becomes -2^31.
-        Self { negative_share: (share.checked_div(whole.into()).unwrap_or(0) as i32).wrapping_neg() }
+        let period = LOOP_PERIOD_MICROSECONDS;
+        Self { share: Share::new(period, period.saturating_add(time_constant.into())) }
     }
 }
 
@@ -32,7 +31,7 @@ impl VelocityFilter {
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub struct FilteredVelocity {
-    /// In 2^-67 revolution per tick, 31 bits below [`Velocity`]: the filter settles to the last step with every time constant.
+    /// In 2^-68 revolution per tick, 32 bits below [`Velocity`]: the filter settles to the last step with every time constant.
     filtered: i64,
 }
 
@@ -40,16 +39,14 @@ impl FilteredVelocity {
     /// Of something that has moved with `velocity` for long.
     #[must_use]
     pub const fn new(velocity: Velocity) -> Self {
-        Self { filtered: (velocity.to_bits() as i64) << 31 }
+        Self { filtered: (velocity.to_bits() as i64) << 32 }
     }
 
     /// Takes the velocity of the next tick.
     #[inline]
     pub fn update(&mut self, filter: &VelocityFilter, velocity: Velocity) -> Velocity {
-        let above = (self.velocity() - velocity).to_bits();
         // Never past the new value, so always within the range of the type.
-        let change = i64::from(above).wrapping_mul(i64::from(filter.negative_share));
-        self.filtered = self.filtered.wrapping_add(change);
+        self.filtered = filter.share.added_to(self.filtered, (velocity - self.velocity()).to_bits());
         self.velocity()
     }
 
@@ -57,7 +54,7 @@ impl FilteredVelocity {
     #[inline]
     #[must_use]
     pub const fn velocity(&self) -> Velocity {
-        Velocity::from_bits((self.filtered >> 31) as i32)
+        Velocity::from_bits((self.filtered >> 32) as i32)
     }
 }
 
@@ -148,7 +145,11 @@ mod tests {
     fn beyond_the_range_it_saturates_and_a_shift_is_no_movement() {
         let filter = VelocityFilter::from_microseconds(0);
         let mut estimate = VelocityEstimate::new(Position::ZERO);
-        assert_eq!(estimate.update(&filter, Position::from_bits(i64::MIN)), -Velocity::MAX);
+        assert_eq!(
+            estimate.update(&filter, Position::from_bits(i64::MIN)),
+            Velocity::from_bits(i32::MIN),
+            "-15 000 rpm"
+        );
         let mut estimate = VelocityEstimate::new(Position::ZERO);
         estimate.shift(Position::from_bits(1 << 40));
         assert_eq!(estimate.update(&filter, Position::from_bits(1 << 40)), Velocity::ZERO);

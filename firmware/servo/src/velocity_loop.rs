@@ -8,7 +8,9 @@ use crate::acceleration_gain::AccelerationGain;
 use crate::limited_gain::LimitedGain;
 use crate::units::{TEN_TO_15, TWO_PI_TIMES_TEN_TO_15};
 use crate::wide::quotient;
-use crate::{CurrentFraction, LOOP_TICKS_PER_SECOND, SettingsError, SignedAcceleration, TorqueLimits, Velocity};
+use crate::{
+    CurrentFraction, LOOP_TICKS_PER_SECOND, Limiting, SettingsError, SignedAcceleration, TorqueLimits, Velocity,
+};
 
 /// Currents inside the loop are in 2^-25 of the peak current. What its parts add up to stays within 32 bits, each where it cannot turn
 /// the sum: the proportional part within 8 to 16 peaks, the feed-forward within 5, the integral part within the limits.
@@ -84,8 +86,8 @@ const HIGHEST_GAIN: u128 = 1 << 18;
 pub struct VelocityLoopOutput {
     /// Torque-producing current.
     pub current: CurrentFraction,
-    /// The current stands at its limit (C3D bit 4).
-    pub limited: bool,
+    /// The limit that the current is held back by (C3D bit 4).
+    pub limiting: Limiting,
 }
 
 /// State of the velocity loop: the integral part.
@@ -126,8 +128,7 @@ impl VelocityLoop {
         feed_forward: i32,
     ) -> VelocityLoopOutput {
         let error = settings.proportional.full_width((command - measured).to_bits());
-        let upper = i32::from(limits.positive.to_bits()) << MORE_BITS;
-        let lower = i32::from(limits.negative.to_bits()) << MORE_BITS;
+        let [lower, upper] = bounds(limits);
         let beside = settings.proportional.of_full_width(error).saturating_add(feed_forward);
         let next = self.integral.wrapping_add(i64::from(error).wrapping_mul(i64::from(settings.integral)));
         let next_part = high_word(next);
@@ -135,15 +136,16 @@ impl VelocityLoop {
         let is_within = |part| lower <= part && part <= upper;
         if is_within(total) && lower <= next_part && next_part < upper {
             self.integral = next;
-            return VelocityLoopOutput { current: rounded(total), limited: false };
+            return VelocityLoopOutput { current: rounded(total), limiting: Limiting::empty() };
         }
-        self.tick_at_limit(next, beside, [lower, upper])
+        self.tick_at_limit(limits, next, beside)
     }
 
     /// The rest of a tick where the current, the integral part or both are at a limit or beyond.
     #[cold]
     #[inline(never)]
-    fn tick_at_limit(&mut self, next: i64, beside: i32, [lower, upper]: [i32; 2]) -> VelocityLoopOutput {
+    fn tick_at_limit(&mut self, limits: &TorqueLimits, next: i64, beside: i32) -> VelocityLoopOutput {
+        let [lower, upper] = bounds(limits);
         let wanted = beside.saturating_add(high_word(next));
         let pushes_further = (wanted > upper && next > self.integral) || (wanted < lower && next < self.integral);
         if !pushes_further {
@@ -151,8 +153,15 @@ impl VelocityLoop {
         }
         let total = beside.saturating_add(high_word(self.integral));
         let current = total.min(upper).max(lower);
-        VelocityLoopOutput { current: rounded(current), limited: total != current }
+        let limiting = if total == current { Limiting::empty() } else { limits.met_by(rounded(current)) };
+        VelocityLoopOutput { current: rounded(current), limiting }
     }
+}
+
+/// The lowest and the highest current inside the loop.
+#[inline]
+fn bounds(limits: &TorqueLimits) -> [i32; 2] {
+    [limits.negative, limits.positive].map(|limit| i32::from(limit.to_bits()) << MORE_BITS)
 }
 
 #[inline]
@@ -169,7 +178,6 @@ fn rounded(current: i32) -> CurrentFraction {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::Limiting;
     use proptest::prelude::*;
 
     /// 1 A s/rad, 10 ms, 10 A.
@@ -192,7 +200,7 @@ mod tests {
         let output =
             velocity_loop.tick(&settings(0), &within(1.0), Velocity::from_bits(RADIAN_PER_SECOND), Velocity::ZERO, 0);
         assert_eq!(output.current, CurrentFraction::from_num(0.1));
-        assert!(!output.limited);
+        assert!(output.limiting.is_empty());
     }
 
     #[test]
@@ -216,7 +224,8 @@ mod tests {
             assert!(
                 velocity_loop
                     .tick(&settings, &within(1.0), Velocity::from_bits(20 * RADIAN_PER_SECOND), Velocity::ZERO, 0)
-                    .limited
+                    .limiting
+                    .contains(Limiting::TORQUE_BIPOLAR)
             );
         }
         let back = velocity_loop.tick(&settings, &within(1.0), Velocity::ZERO, Velocity::ZERO, 0);
@@ -258,13 +267,14 @@ mod tests {
 
     #[test]
     fn each_sign_has_its_own_limit() {
-        let limits = TorqueLimits { negative: CurrentFraction::from_num(-0.125), ..within(0.5) };
+        let negative = CurrentFraction::from_num(-0.125);
+        let limits = TorqueLimits { negative, negative_cause: Limiting::MOTOR_LOAD, ..within(0.5) };
         let fast = Velocity::from_bits(100 * RADIAN_PER_SECOND);
         let mut velocity_loop = VelocityLoop::new();
         let output = velocity_loop.tick(&settings(100), &limits, fast, Velocity::ZERO, 0);
-        assert_eq!((output.current, output.limited), (CurrentFraction::from_num(0.5), true));
+        assert_eq!((output.current, output.limiting), (CurrentFraction::from_num(0.5), Limiting::TORQUE_BIPOLAR));
         let output = velocity_loop.tick(&settings(100), &limits, -fast, Velocity::ZERO, 0);
-        assert_eq!((output.current, output.limited), (CurrentFraction::from_num(-0.125), true));
+        assert_eq!((output.current, output.limiting), (negative, Limiting::MOTOR_LOAD));
     }
 
     #[test]
