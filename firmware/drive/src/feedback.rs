@@ -1,4 +1,4 @@
-//! The feedback values of one instant, in the weight of their IDNs.
+//! The feedback values of one instant: as the loops have them, and in the weights of their IDNs.
 
 use servo::{AxisOutput, CurrentFraction, Position, Velocity};
 
@@ -15,24 +15,48 @@ pub struct FeedbackValues {
     pub following_distance: i32,
     /// S-0-0347.
     pub velocity_error: i32,
+}
+
+/// What the loops gave in one tick; each value is weighted when it is asked for, as few of them are.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub(crate) struct MeasuredValues {
     pub(crate) measured_velocity: Velocity,
     pub(crate) velocity_deviation: Velocity,
     pub(crate) following_error: Position,
     pub(crate) current: CurrentFraction,
 }
 
-impl FeedbackValues {
-    /// Keeps what the loops gave in their last tick; it is weighted when it is asked for.
+impl MeasuredValues {
+    /// Keeps what the loops gave in their last tick.
     pub(crate) fn take_output(&mut self, output: &AxisOutput, current: CurrentFraction) {
         self.measured_velocity = output.velocity;
         self.velocity_deviation = output.velocity_command - output.velocity;
         self.following_error = output.following_error;
         self.current = current;
     }
+}
 
-    /// S-0-0084 as it is transmitted, limited to 16 bits.
-    pub(crate) fn torque_word(&self) -> u32 {
-        let limited = self.torque.clamp(i64::from(i16::MIN), i64::from(i16::MAX));
-        (limited & 0xFFFF).cast_unsigned() as u32
+/// What the AT shows: where the axis was at t4, and what the loops had given by then.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub(crate) struct ShownValues {
+    pub(crate) position: Position,
+    pub(crate) measured: MeasuredValues,
+}
+
+/// S-0-0084 as it is transmitted, limited to 16 bits.
+pub(crate) fn torque_word(torque: i64) -> u32 {
+    let limited = torque.clamp(i64::from(i16::MIN), i64::from(i16::MAX));
+    (limited & 0xFFFF).cast_unsigned() as u32
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_torque_beyond_16_bits_is_shown_as_the_largest() {
+        for (torque, word) in [(0, 0), (-1, 0xFFFF), (32_767, 0x7FFF), (40_000, 0x7FFF), (-40_000, 0x8000)] {
+            assert_eq!(torque_word(torque), word);
+        }
     }
 }

@@ -25,7 +25,7 @@ pub(crate) use travel::{HOME_SWITCH, HOMING_ENABLE, HomingFailure, PROBE_1_ENABL
 use travel::{HomingRun, ProbeRun};
 
 use crate::diagnosis::{Manufacturer1, Manufacturer2, Manufacturer3};
-use crate::feedback::FeedbackValues;
+use crate::feedback::{MeasuredValues, ShownValues};
 use crate::hardware::{Hardware, Inputs, InterruptLine};
 use crate::identification::{Identification, Outcome};
 use crate::link::CurrentLink;
@@ -102,7 +102,8 @@ pub struct Motion<B, H> {
     mode: Option<OperationMode>,
     phase: Phase,
     commands: CommandValues,
-    values: FeedbackValues,
+    values: MeasuredValues,
+    shown: ShownValues,
     supervision: Supervision,
     lost: Option<PhaseError>,
     uninitialised_mode: bool,
@@ -197,7 +198,8 @@ impl<B: Bus + Clone, H: Hardware> Motion<B, H> {
             mode: None,
             phase: Phase::Cp0,
             commands: CommandValues::default(),
-            values: FeedbackValues::default(),
+            values: MeasuredValues::default(),
+            shown: ShownValues::default(),
             supervision: Supervision::new(),
             lost: None,
             uninitialised_mode: false,

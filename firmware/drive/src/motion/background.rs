@@ -184,7 +184,7 @@ impl<B: Bus + Clone, H: Hardware> Motion<B, H> {
             homing: self.homing,
             status_word: self.status_word(),
             commands: self.commands,
-            values: self.values,
+            values: self.feedback_values(),
             mst_errors: self.supervision.mst_errors(),
             mdt_errors: self.supervision.mdt_errors(),
             operating_time: self.operating_time(),

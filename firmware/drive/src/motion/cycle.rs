@@ -170,12 +170,15 @@ impl<B: Bus + Clone, H: Hardware> Motion<B, H> {
         let displaced = self.switches.run && core::mem::take(&mut self.displaced);
         let resuming = core::mem::take(&mut self.resuming) || displaced;
         let starting = (resuming && self.switches.on && self.switches.enable)
-            || self.machine.would_switch_on(self.switches, self.conditions());
+            || self.machine.would_switch_on(self.switches, || self.conditions());
+        if !starting {
+            return;
+        }
         let window = self.settings.monitoring_window;
         // A movement of the drive's own begins where the axis stands.
         let positioned =
             matches!(self.mode, None | Some(OperationMode::PositionWithLag | OperationMode::PositionWithoutLag));
-        if !starting || !positioned || window == Position::ZERO {
+        if !positioned || window == Position::ZERO {
             return;
         }
         let mut distance = self.commanded_position() - self.axis.cyclic_position(self.encoder.position());
