@@ -1,21 +1,6 @@
-//! The feedback values of one instant: as the loops have them, and in the weights of their IDNs.
+//! The feedback values of one instant, as the loops have them.
 
 use servo::{AxisOutput, CurrentFraction, Position, Velocity};
-
-/// What the AT and the service channel show of the motor side.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub struct FeedbackValues {
-    /// S-0-0051.
-    pub position: i32,
-    /// S-0-0040.
-    pub velocity: i32,
-    /// S-0-0084 in 0.1 % of S-0-0111.
-    pub torque: i64,
-    /// S-0-0189.
-    pub following_distance: i32,
-    /// S-0-0347.
-    pub velocity_error: i32,
-}
 
 /// What the loops gave in one tick; each value is weighted when it is asked for, as few of them are.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]

@@ -89,7 +89,7 @@ impl<B: Bus> Interrupts<B> {
     /// `seen` is called with the events of a round before they are acknowledged, which makes another edge on the line: time to look at what the
     /// hardware has latched at their own. 3 accesses for one event once the errors are masked, before that 5 to 7, for nothing 1 or 2. Nothing
     /// gets lost between the lines' edges: a flag that comes while this runs is either found in the next round or sets the line again.
-    #[inline]
+    #[inline(always)]
     pub fn take(&mut self, mut seen: impl FnMut(Seen)) -> Option<Events> {
         if !self.errors_masked {
             return self.take_with_errors(seen);

@@ -315,12 +315,16 @@ impl LoopClock {
     fn judge_lock(&mut self, measured: i32) {
         if measured.abs() <= self.settings.period() >> GOOD_SHIFT {
             self.bad = 0;
-            self.good = self.good.saturating_add(1);
-            self.locked |= self.good >= LOCK_EVENTS;
+            self.good = self.good.saturating_add(1).min(LOCK_EVENTS);
+            if self.good == LOCK_EVENTS {
+                self.locked = true;
+            }
         } else {
             self.good = 0;
-            self.bad = self.bad.saturating_add(1);
-            self.locked &= self.bad < LOCK_EVENTS;
+            self.bad = self.bad.saturating_add(1).min(LOCK_EVENTS);
+            if self.bad == LOCK_EVENTS {
+                self.locked = false;
+            }
         }
     }
 }

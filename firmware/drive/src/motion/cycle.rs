@@ -133,6 +133,10 @@ impl<B: Bus + Clone, H: Hardware> Motion<B, H> {
     fn commanded_velocity(&self) -> Velocity {
         let Polarity { command, additive, .. } = self.settings.velocity_polarity;
         let signed = |value: i32, reversed: bool| {
+            // Most drives have no additive command, and many none of a velocity.
+            if value == 0 {
+                return Velocity::ZERO;
+            }
             let velocity = self.settings.velocity.to_velocity(value);
             if reversed { -velocity } else { velocity }
         };
@@ -157,6 +161,10 @@ impl<B: Bus + Clone, H: Hardware> Motion<B, H> {
     fn commanded_position(&self) -> Position {
         let Polarity { command, additive, .. } = self.settings.position_polarity;
         let signed = |value: i32, reversed: bool| {
+            // Most drives have no additive command.
+            if value == 0 {
+                return Position::ZERO;
+            }
             let position = self.settings.position.to_position(value);
             if reversed { -position } else { position }
         };

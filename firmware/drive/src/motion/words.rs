@@ -8,7 +8,7 @@ use servo::{AxisOutput, Limiting, Mode, Position, Velocity};
 use super::Motion;
 use crate::bits::{Source, SourceBit, Word};
 use crate::diagnosis::{Manufacturer2, Manufacturer3};
-use crate::feedback::{FeedbackValues, ShownValues, torque_word};
+use crate::feedback::{ShownValues, torque_word};
 use crate::hardware::Hardware;
 use crate::record::Feedback;
 use crate::state::status_bits;
@@ -78,18 +78,6 @@ impl<B: Bus + Clone, H: Hardware> Motion<B, H> {
     #[inline]
     pub(super) fn refresh_values(&mut self, position: Position) {
         self.shown = ShownValues { position, measured: self.values };
-    }
-
-    /// All values that are shown, weighted.
-    pub(super) fn feedback_values(&self) -> FeedbackValues {
-        let measured = &self.shown.measured;
-        FeedbackValues {
-            position: self.shown_position(),
-            velocity: self.weighted_velocity(measured.measured_velocity),
-            torque: self.shown_torque(),
-            following_distance: self.shown_following_distance(),
-            velocity_error: self.weighted_velocity(measured.velocity_deviation),
-        }
     }
 
     fn shown_position(&self) -> i32 {
