@@ -59,7 +59,6 @@ pub use diagnosis::{
     of_phase_error,
 };
 pub use error_memory::{ERRORS, ErrorMemory, ErrorRecord};
-pub use feedback::FeedbackValues;
 pub use hardware::{
     Cycle, Hardware, Inputs, InterruptLine, LOOP_PERIOD_MICROSECONDS, PowerStage, ProbeInput, ResetCause, Samples,
 };

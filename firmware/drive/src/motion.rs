@@ -29,7 +29,7 @@ pub(crate) use travel::{HOME_SWITCH, HOMING_ENABLE, HomingFailure, PROBE_1_ENABL
 use travel::{HomingRun, ProbeRun};
 
 use crate::diagnosis::{Manufacturer1, Manufacturer2, Manufacturer3};
-use crate::feedback::FeedbackValues;
+use crate::feedback::ShownValues;
 use crate::hardware::{Hardware, Inputs, InterruptLine};
 use crate::identification::{Identification, Outcome};
 use crate::link::CurrentLink;
@@ -100,13 +100,13 @@ pub struct Motion<B, H> {
     until_supervision: u8,
     /// Ticks of the supervision for which the two channels of safe torque off have differed.
     channels_differ: u16,
-    /// Phase of the last edge that may have been t3.
+    /// Phase of the last edge of t3.
     edge_phase: u16,
     switches: Switches,
     mode: Option<OperationMode>,
     phase: Phase,
     commands: CommandValues,
-    values: FeedbackValues,
+    shown: ShownValues,
     supervision: Supervision,
     lost: Option<PhaseError>,
     uninitialised_mode: bool,
@@ -201,7 +201,7 @@ impl<B: Bus + Clone, H: Hardware> Motion<B, H> {
             mode: None,
             phase: Phase::Cp0,
             commands: CommandValues::default(),
-            values: FeedbackValues::default(),
+            shown: ShownValues::default(),
             supervision: Supervision::new(),
             lost: None,
             uninitialised_mode: false,
@@ -335,26 +335,23 @@ impl<B: Bus + Clone, H: Hardware> Motion<B, H> {
         self.axis.mode() == Mode::Travel && !self.homing
     }
 
-    /// Keeps the phase that an edge of this interrupt line has to the loop tick; to be called before the interrupt is acknowledged.
+    /// Keeps the phase that the edge of t3 on this interrupt line has to the loop tick; to be called before the interrupt is acknowledged.
+    #[inline]
     pub fn take_edge(&mut self, line: InterruptLine) {
         self.edge_phase = self.hardware.edge_phase(line);
     }
 
-    /// The encoder position that the hardware latched at an edge of this interrupt line; to be read before the interrupt is
+    /// Keeps the encoder position that the hardware latched at the edge of t4 on this interrupt line; to be called before the interrupt is
     /// acknowledged.
-    pub fn latch(&mut self, line: InterruptLine) -> u32 {
-        self.hardware.encoder_latch(line)
+    #[inline]
+    pub fn take_latch(&mut self, line: InterruptLine) {
+        self.latch = self.hardware.encoder_latch(line);
     }
 
     /// Takes the position of this moment where the latch of an interrupt edge is missing (polled events).
     pub fn latch_now(&mut self) {
         self.latch = self.hardware.encoder_count();
         self.edge_phase = self.hardware.phase_now();
-    }
-
-    /// The latch that belongs to t4.
-    pub fn set_latch(&mut self, latch: u32) {
-        self.latch = latch;
     }
 
     /// Steps the state machine and puts its state into axis, bridge and brake.

@@ -3,7 +3,6 @@
 use sercos::diagnostic::{Class1, Class2, Class3};
 
 use crate::diagnosis::{Manufacturer1, Manufacturer2, Manufacturer3};
-use crate::feedback::FeedbackValues;
 use crate::motion::CommandValues;
 use crate::state::{Conditions, DriveState};
 
@@ -32,8 +31,6 @@ pub struct Snapshot {
     pub status_word: u16,
     /// S-0-0134 and the command values.
     pub commands: CommandValues,
-    /// Feedback values.
-    pub values: FeedbackValues,
     /// S-0-0028.
     pub mst_errors: u16,
     /// S-0-0029.

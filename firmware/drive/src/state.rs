@@ -97,9 +97,15 @@ impl StateMachine {
 
     /// Whether these switches would bring torque on: the edge is there, and nothing stands in its way.
     #[must_use]
-    pub const fn would_switch_on(&self, switches: Switches, conditions: Conditions) -> bool {
-        let rising = switches.on && switches.enable && conditions.operating_phase && !self.request_before;
-        matches!(self.state, DriveState::Off) && rising && conditions.power && !conditions.fault && !conditions.fatal
+    ///
+    /// `conditions` are asked for only if it depends on them.
+    #[inline]
+    pub fn would_switch_on(&self, switches: Switches, conditions: impl FnOnce() -> Conditions) -> bool {
+        if self.state != DriveState::Off || self.request_before || !switches.on || !switches.enable {
+            return false;
+        }
+        let conditions = conditions();
+        conditions.operating_phase && conditions.power && !conditions.fault && !conditions.fatal
     }
 
     /// Takes one look at switches and conditions and returns the new state. Called every loop tick; costs a few compares.
@@ -181,14 +187,14 @@ mod tests {
     #[test]
     fn only_an_edge_that_would_bring_torque_counts_as_switching_on() {
         let mut machine = StateMachine::default();
-        assert!(machine.would_switch_on(FOLLOW, READY));
+        assert!(machine.would_switch_on(FOLLOW, || READY));
         for conditions in [FAULT, Conditions { power: false, ..READY }, Conditions { operating_phase: false, ..READY }]
         {
-            assert!(!machine.would_switch_on(FOLLOW, conditions), "{conditions:?}");
+            assert!(!machine.would_switch_on(FOLLOW, || conditions), "{conditions:?}");
         }
-        assert!(!machine.would_switch_on(ENABLED, READY));
+        assert!(!machine.would_switch_on(ENABLED, || READY));
         let _ = machine.update(FOLLOW, Conditions { power: false, ..READY });
-        assert!(!machine.would_switch_on(FOLLOW, READY), "the edge has gone by");
+        assert!(!machine.would_switch_on(FOLLOW, || READY), "the edge has gone by");
     }
 
     fn following() -> StateMachine {

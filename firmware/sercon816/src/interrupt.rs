@@ -26,11 +26,21 @@ pub struct Events {
 }
 
 impl Events {
-    /// Nothing happened.
+    /// Nothing that anybody waits for.
     #[must_use]
     pub fn is_empty(&self) -> bool {
         *self == Self::default()
     }
+}
+
+/// Events that hardware beside the chip has latched something at, not acknowledged yet.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
+pub struct Seen {
+    /// The t3 timer.
+    pub command_valid: bool,
+    /// The t4 timer.
+    pub capture_feedback: bool,
 }
 
 /// The handler of both interrupt lines, and the poll of the loop timer.
@@ -74,19 +84,41 @@ impl<B: Bus> Interrupts<B> {
         self.errors_masked
     }
 
-    /// Reads and acknowledges until nothing is pending, at most [`INTERRUPT_ROUNDS`] times.
+    /// Reads and acknowledges until nothing is pending, at most [`INTERRUPT_ROUNDS`] times; `None` if nothing was.
     ///
-    /// 3 accesses for one event once the errors are masked, before that 5 to 7. Nothing gets lost between the lines' edges: a flag that comes while this runs is either found in the next round
-    /// or sets the line again.
-    pub fn take(&mut self) -> Events {
+    /// `seen` is called with the events of a round before they are acknowledged, which makes another edge on the line: time to look at what the
+    /// hardware has latched at their own. 3 accesses for one event once the errors are masked, before that 5 to 7, for nothing 1 or 2. Nothing
+    /// gets lost between the lines' edges: a flag that comes while this runs is either found in the next round or sets the line again.
+    #[inline(always)]
+    pub fn take(&mut self, mut seen: impl FnMut(Seen)) -> Option<Events> {
+        if !self.errors_masked {
+            return self.take_with_errors(seen);
+        }
+        let mut status = 0;
+        for _ in 0..INTERRUPT_ROUNDS {
+            let new_status = self.bus.read_register(Register::INTERRUPT_STATUS);
+            if new_status == 0 {
+                break;
+            }
+            self.show(new_status, &mut seen);
+            self.bus.write_register(Register::INTERRUPT_STATUS, new_status);
+            status |= new_status;
+        }
+        if status == 0 { None } else { Some(self.sorted(status, 0)) }
+    }
+
+    /// [`Interrupts::take`] until [`Interrupts::mask_errors`], when nothing is in a hurry yet.
+    #[inline(never)]
+    fn take_with_errors(&mut self, mut seen: impl FnMut(Seen)) -> Option<Events> {
         let mut status = 0;
         let mut errors = 0;
         for _ in 0..INTERRUPT_ROUNDS {
-            let new_errors = if self.errors_masked { 0 } else { self.bus.read_register(Register::ERROR_STATUS) };
+            let new_errors = self.bus.read_register(Register::ERROR_STATUS);
             let new_status = self.bus.read_register(Register::INTERRUPT_STATUS);
             if new_errors == 0 && new_status == 0 {
                 break;
             }
+            self.show(new_status, &mut seen);
             if new_errors != 0 {
                 self.bus.write_register(Register::ERROR_STATUS, new_errors);
             }
@@ -96,6 +128,19 @@ impl<B: Bus> Interrupts<B> {
             errors |= new_errors;
             status |= new_status;
         }
+        (status != 0 || errors != 0).then(|| self.sorted(status, errors))
+    }
+
+    #[inline]
+    fn show(&self, status: u16, seen: &mut impl FnMut(Seen)) {
+        seen(Seen {
+            command_valid: status & self.timers.command_valid.mask() != 0,
+            capture_feedback: status & self.timers.capture_feedback.mask() != 0,
+        });
+    }
+
+    #[inline]
+    fn sorted(&self, status: u16, errors: u16) -> Events {
         let events = InterruptStatus::new_with_raw_value(status);
         Events {
             service_channel: events.service_container(0),
@@ -145,12 +190,12 @@ mod tests {
         let mut interrupts = Interrupts::new(bus.clone());
         bus.set_register(5, 0x1401);
         bus.set_register(4, 0x0200);
-        let events = interrupts.take();
+        let events = interrupts.take(|_| {}).unwrap();
         assert!(events.service_channel && events.command_valid && events.cycle && !events.capture_feedback);
         assert!(events.errors.mst_missing());
         assert_eq!(events.raw, 0x14);
         assert_eq!(bus.take_writes(), [Write::Register(4, 0x0200), Write::Register(5, 0x1401)]);
-        assert!(interrupts.take().is_empty());
+        assert_eq!(interrupts.take(|_| {}), None);
     }
 
     #[test]
@@ -160,18 +205,41 @@ mod tests {
             bus.set_register(5, 0x0001);
             bus.set_register(4, 0x0002);
             bus.0.borrow_mut().late = Some((register, bits));
-            let events = Interrupts::new(bus.clone()).take();
+            let events = Interrupts::new(bus.clone()).take(|_| {}).unwrap();
             assert!(events.service_channel && events.errors.fibre_break());
             assert_eq!((events.capture_feedback, events.errors.distorted()), (register == 5, register == 4));
         }
     }
 
     #[test]
+    fn every_event_is_shown_before_it_is_acknowledged_and_in_its_round() {
+        let bus = TestBus::new();
+        bus.set_register(5, 0x0401);
+        bus.0.borrow_mut().late = Some((5, 0x0800));
+        let mut rounds = std::vec::Vec::new();
+        let events = Interrupts::new(bus.clone()).take(|seen| {
+            rounds.push((seen.command_valid, seen.capture_feedback, bus.register(5)));
+        });
+        assert_eq!(rounds, [(true, false, 0x0401), (false, true, 0x0800)]);
+        assert!(events.is_some_and(|events| events.command_valid && events.capture_feedback));
+    }
+
+    #[test]
+    fn a_line_with_nothing_behind_it_costs_one_access_once_the_errors_are_masked() {
+        let bus = TestBus::new();
+        let mut interrupts = Interrupts::new(bus.clone());
+        interrupts.mask_errors();
+        bus.take_accesses();
+        assert_eq!(interrupts.take(|_| unreachable!("nothing happened")), None);
+        assert_eq!(bus.take_accesses(), 1);
+    }
+
+    #[test]
     fn other_service_containers_are_acknowledged_and_ignored() {
         let bus = TestBus::new();
         bus.set_register(5, 0x00FE);
-        let events = Interrupts::new(bus.clone()).take();
-        assert!(!events.service_channel);
+        let events = Interrupts::new(bus.clone()).take(|_| {}).unwrap();
+        assert!(!events.service_channel && events.is_empty());
         assert_eq!(bus.register(5), 0);
     }
 
@@ -180,7 +248,7 @@ mod tests {
         let bus = TestBus::new();
         bus.0.borrow_mut().persistent = (4, 0x0002);
         bus.set_register(4, 0x0002);
-        let events = Interrupts::new(bus.clone()).take();
+        let events = Interrupts::new(bus.clone()).take(|_| {}).unwrap();
         assert!(events.errors.fibre_break());
         assert_eq!(bus.take_accesses(), 4 * 3);
     }
@@ -197,7 +265,7 @@ mod tests {
         interrupts.carry_out(&Orders { found: Some(found), ..Orders::default() });
         assert_eq!([0x1A, 0x1B, 0x1C, 0x1D].map(|word| bus.register(word)), [0xFFFF, 800, 0xFFFF, 0xFFFF]);
         bus.set_register(5, 0x8400);
-        let events = interrupts.take();
+        let events = interrupts.take(|_| {}).unwrap();
         assert!(events.command_valid && !events.capture_feedback && !events.cycle);
     }
 

@@ -51,7 +51,7 @@ pub use bus::{Bus, RamAddress, Register};
 pub use container::DataContainer;
 pub use discovery::{Discovery, Observation, Orders, Timer, TimerMap};
 pub use header::{END_MARKER, HeaderKind, ReceiveHeader, TransmitHeader, TransmitMode, header_kind};
-pub use interrupt::{Events, Interrupts};
+pub use interrupt::{Events, Interrupts, Seen};
 pub use layout::Block;
 pub use port::{CommandPort, FeedbackPort};
 pub use register::{ClockDivider, SerialConfiguration, ServiceTimeouts, StartCommand, Transceiver};

@@ -81,21 +81,19 @@ impl LoopClockSettings {
 
 /// The distance to the nearest tick, in +- half a period; for distances of less than two periods.
 #[inline]
-const fn wrapped(distance: i32, period: i32) -> i32 {
+fn wrapped(distance: i32, period: i32) -> i32 {
     let half = period >> 1;
     // Nearly always it is there already.
     if distance.wrapping_add(half).cast_unsigned() <= period.cast_unsigned() {
         return distance;
     }
     let mut wrapped = distance;
-    let mut pass = 0;
-    while pass < 2 {
+    for _ in 0..2 {
         if wrapped > half {
             wrapped = wrapped.wrapping_sub(period);
         } else if wrapped < half.wrapping_neg() {
             wrapped = wrapped.wrapping_add(period);
         }
-        pass = 1 + pass;
     }
     wrapped
 }
@@ -317,12 +315,16 @@ impl LoopClock {
     fn judge_lock(&mut self, measured: i32) {
         if measured.abs() <= self.settings.period() >> GOOD_SHIFT {
             self.bad = 0;
-            self.good = self.good.saturating_add(1);
-            self.locked |= self.good >= LOCK_EVENTS;
+            self.good = self.good.saturating_add(1).min(LOCK_EVENTS);
+            if self.good == LOCK_EVENTS {
+                self.locked = true;
+            }
         } else {
             self.good = 0;
-            self.bad = self.bad.saturating_add(1);
-            self.locked &= self.bad < LOCK_EVENTS;
+            self.bad = self.bad.saturating_add(1).min(LOCK_EVENTS);
+            if self.bad == LOCK_EVENTS {
+                self.locked = false;
+            }
         }
     }
 }

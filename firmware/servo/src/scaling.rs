@@ -112,6 +112,18 @@ mod tests {
     use proptest::prelude::*;
 
     #[test]
+    fn nothing_is_nothing_in_every_scale() {
+        for (numerator, denominator) in [(1, 1), (3_600_000, 1), (1_048_577, 7), (2, 1)] {
+            if let Ok(scale) = PositionScale::new(numerator, denominator) {
+                assert_eq!(scale.to_position(0), Position::ZERO);
+            }
+            for scale in [VelocityScale::new(1, 10_000 * numerator), VelocityScale::new(denominator, numerator)] {
+                assert!(scale.is_ok_and(|scale| scale.to_velocity(0) == Velocity::ZERO));
+            }
+        }
+    }
+
+    #[test]
     fn the_preferred_rotary_scalings_give_degrees_and_rpm() {
         let scale = PositionScale::new(3_600_000, 1).unwrap();
         assert_eq!(scale.to_position(900_000), Position::from_bits(1 << 30));

@@ -93,8 +93,8 @@ impl Wide {
         let share = |ticks: i64| (1_i64 << 32) / ticks;
         let wanted = self.phase + self.drift - ((self.running + self.next) << 16) - self.residue;
         (self.rate, self.drift_rate) = (
-            limited(wanted * share(self.ticks_per_cycle - 2) >> 32),
-            limited(self.drift * share(self.ticks_per_cycle) >> 32),
+            limited((wanted * share(self.ticks_per_cycle - 2)) >> 32),
+            limited((self.drift * share(self.ticks_per_cycle)) >> 32),
         );
         self.budget = self.ticks_per_cycle - 2;
     }
@@ -119,9 +119,9 @@ impl Wide {
             (8_192, 256)
         };
         self.events = n.min(31);
-        self.phase = predicted + (deviation * of_phase >> 16);
-        let largest = (self.counts * self.ticks_per_cycle << 16) / 2_000;
-        self.drift = (self.drift + (deviation * of_drift >> 16)).clamp(-largest, largest);
+        self.phase = predicted + ((deviation * of_phase) >> 16);
+        let largest = ((self.counts * self.ticks_per_cycle) << 16) / 2_000;
+        self.drift = (self.drift + ((deviation * of_drift) >> 16)).clamp(-largest, largest);
     }
 }
 

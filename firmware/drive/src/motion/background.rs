@@ -169,9 +169,6 @@ impl<B: Bus + Clone, H: Hardware> Motion<B, H> {
 
     /// What the service channel may ask for.
     pub fn snapshot(&mut self) -> Snapshot {
-        if self.phase < Phase::Cp3 {
-            self.refresh_values(self.encoder.position());
-        }
         Snapshot {
             state: self.machine.state(),
             conditions: self.conditions(),
@@ -184,7 +181,6 @@ impl<B: Bus + Clone, H: Hardware> Motion<B, H> {
             homing: self.homing,
             status_word: self.status_word(),
             commands: self.commands,
-            values: self.values,
             mst_errors: self.supervision.mst_errors(),
             mdt_errors: self.supervision.mdt_errors(),
             operating_time: self.operating_time(),

@@ -26,8 +26,11 @@ impl ClockMonitor {
         if !locked {
             return;
         }
-        self.highest = self.highest.max(counts);
-        self.lowest = self.lowest.min(counts);
+        if counts > self.highest {
+            self.highest = counts;
+        } else if counts < self.lowest {
+            self.lowest = counts;
+        }
         let magnitude = counts.unsigned_abs();
         let class = ENDS.iter().position(|&end| magnitude <= end).unwrap_or(ENDS.len());
         if let Some(count) = self.counts.get_mut(class) {

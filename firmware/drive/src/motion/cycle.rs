@@ -132,6 +132,10 @@ impl<B: Bus + Clone, H: Hardware> Motion<B, H> {
     fn commanded_velocity(&self) -> Velocity {
         let Polarity { command, additive, .. } = self.settings.velocity_polarity;
         let signed = |value: i32, reversed: bool| {
+            // Most drives have no additive command, and many none of a velocity.
+            if value == 0 {
+                return Velocity::ZERO;
+            }
             let velocity = self.settings.velocity.to_velocity(value);
             if reversed { -velocity } else { velocity }
         };
@@ -156,6 +160,10 @@ impl<B: Bus + Clone, H: Hardware> Motion<B, H> {
     fn commanded_position(&self) -> Position {
         let Polarity { command, additive, .. } = self.settings.position_polarity;
         let signed = |value: i32, reversed: bool| {
+            // Most drives have no additive command.
+            if value == 0 {
+                return Position::ZERO;
+            }
             let position = self.settings.position.to_position(value);
             if reversed { -position } else { position }
         };
@@ -169,12 +177,15 @@ impl<B: Bus + Clone, H: Hardware> Motion<B, H> {
         let displaced = self.switches.run && core::mem::take(&mut self.displaced);
         let resuming = core::mem::take(&mut self.resuming) || displaced;
         let starting = (resuming && self.switches.on && self.switches.enable)
-            || self.machine.would_switch_on(self.switches, self.conditions());
+            || self.machine.would_switch_on(self.switches, || self.conditions());
+        if !starting {
+            return;
+        }
         let window = self.settings.monitoring_window;
         // A movement of the drive's own begins where the axis stands.
         let positioned =
             matches!(self.mode, None | Some(OperationMode::PositionWithLag | OperationMode::PositionWithoutLag));
-        if !starting || !positioned || window == Position::ZERO {
+        if !positioned || window == Position::ZERO {
             return;
         }
         let mut distance = self.commanded_position() - self.axis.cyclic_position(self.encoder.position());

@@ -8,6 +8,7 @@ use servo::{Limiting, Mode, Position, Velocity};
 use super::Motion;
 use crate::bits::{Source, SourceBit, Word};
 use crate::diagnosis::{Manufacturer2, Manufacturer3};
+use crate::feedback::{ShownValues, torque_word};
 use crate::hardware::Hardware;
 use crate::record::Feedback;
 use crate::state::status_bits;
@@ -73,35 +74,46 @@ impl<B: Bus + Clone, H: Hardware> Motion<B, H> {
         status
     }
 
+    /// What is shown from now on is `position` and what the loops gave in their last tick.
+    #[inline]
     pub(super) fn refresh_values(&mut self, position: Position) {
-        let settings = &self.settings;
-        let within = self.axis.cyclic_position(position);
-        let within = match (settings.position_polarity.feedback, self.axis.settings().interpolator().modulo()) {
+        self.shown = ShownValues::at(position, &self.output, self.motor.torque_current());
+    }
+
+    fn shown_position(&self) -> i32 {
+        let within = self.axis.cyclic_position(self.shown.position);
+        let within = match (self.settings.position_polarity.feedback, self.axis.settings().interpolator().modulo()) {
             (false, _) => within,
             (true, Some(modulo)) if within != Position::ZERO => modulo.value() - within,
             (true, _) => -within,
         };
-        self.values.position = settings.position.from_position(within);
-        let reversed = settings.velocity_polarity.feedback;
-        let shown = |velocity: Velocity| settings.velocity.from_velocity(if reversed { -velocity } else { velocity });
-        self.values.velocity = shown(self.output.velocity);
-        self.values.velocity_error = shown(self.output.velocity_command - self.output.velocity);
-        self.values.following_distance = settings.position.from_position(self.output.following_error);
-        let torque = settings.torque.apply(i64::from(self.motor.torque_current().to_bits()));
-        self.values.torque = if settings.torque_polarity.feedback { torque.wrapping_neg() } else { torque };
+        self.settings.position.from_position(within)
+    }
+
+    fn weighted_velocity(&self, velocity: Velocity) -> i32 {
+        let reversed = self.settings.velocity_polarity.feedback;
+        self.settings.velocity.from_velocity(if reversed { -velocity } else { velocity })
+    }
+
+    fn shown_following_distance(&self) -> i32 {
+        self.settings.position.from_position(self.shown.following_error)
+    }
+
+    fn shown_torque(&self) -> i64 {
+        let torque = self.settings.torque.apply(i64::from(self.shown.current.to_bits()));
+        if self.settings.torque_polarity.feedback { torque.wrapping_neg() } else { torque }
     }
 
     pub(super) fn signal(&self, signal: Feedback) -> u32 {
         match signal {
             Feedback::Bits(word) => u32::from(self.word(word)),
-            Feedback::Velocity => self.values.velocity.cast_unsigned(),
-            Feedback::Position => self.values.position.cast_unsigned(),
-            Feedback::Position2 if self.settings.has_feedback_2 => self.values.position.cast_unsigned(),
-            Feedback::Position2 => 0,
-            Feedback::Torque => self.values.torque_word(),
+            Feedback::Velocity => self.weighted_velocity(self.shown.velocity).cast_unsigned(),
+            Feedback::Position2 if !self.settings.has_feedback_2 => 0,
+            Feedback::Position | Feedback::Position2 => self.shown_position().cast_unsigned(),
+            Feedback::Torque => torque_word(self.shown_torque()),
             Feedback::SignalStatus => u32::from(self.signal_status()),
-            Feedback::FollowingDistance => self.values.following_distance.cast_unsigned(),
-            Feedback::VelocityError => self.values.velocity_error.cast_unsigned(),
+            Feedback::FollowingDistance => self.shown_following_distance().cast_unsigned(),
+            Feedback::VelocityError => self.weighted_velocity(self.shown.velocity_deviation).cast_unsigned(),
             Feedback::Probe(probe, edge) => self.probe_value(probe, edge).cast_unsigned(),
             Feedback::BusVoltage => self.motor.watched().bus.into(),
             Feedback::MotorTemperature => u32::from(self.motor.watched().winding.cast_unsigned()),

@@ -158,7 +158,11 @@ fn table(rows: &[Vec<String>], style: Style) -> String {
 
 #[cfg(test)]
 mod tests {
+    use super::super::gates::{Rate, Task};
+    use super::super::response::Load;
+    use super::super::verdict::Timing;
     use super::*;
+    use emulator::{Demand, TaskCount};
 
     #[test]
     fn a_table_is_aligned_for_the_terminal_and_plain_in_markdown() {
@@ -175,6 +179,24 @@ mod tests {
         assert_eq!(verdict(true, count, Some(8)), "TOO MANY");
         assert_eq!(verdict(true, count, Some(9)), "ok");
         assert_eq!(verdict(true, count, None), "reported");
+    }
+
+    #[test]
+    fn a_row_has_the_longest_activation_and_the_longest_cycle() {
+        let rate = Rate::EachCycle;
+        let task = Task { name: "edge", vector: "EXTI3", priority: 4, rate, budget: None, forbidden: &[] };
+        let mut count = TaskCount::default();
+        count.worst.activation = Demand { activations: 1, instructions: 1_000, bus: 2 };
+        count.worst.cycle = Demand { activations: 2, instructions: 1_100, bus: 4 };
+        count.worst.activations = 3;
+        let load = Load { priority: 4, period: 500_000, demand: 0, locked: 0, ceiling: 4 };
+        let timing = Timing { load, share: 25, blocking: 2_000, response: Some(40_100) };
+        let task = TaskReport { task, count: Some(count), found: None, timing: Some(timing) };
+        let rows = response_times(&Report { tasks: vec![task], functions: Vec::new(), failures: Vec::new() });
+        let expected = ["edge", "4", "500", "1000", "2", "10.1", "3 x", "12.1", "2.0", "40.1", "2.5"];
+        assert_eq!(rows[1], expected);
+        assert!(rows.iter().all(|row| row.len() == rows[0].len()));
+        assert_eq!(rows[2].last().unwrap(), "2.5");
     }
 
     #[test]
