@@ -42,7 +42,7 @@ impl Run {
     /// A tick of two cycles.
     fn tick(&mut self, quadrature: f64, speed: f64) -> Seen {
         let bus = self.drive.bus();
-        let readings: CurrentReadings = *self.drive.current_loop.readings();
+        let readings: CurrentReadings = self.drive.readings.readings();
         let output = self.weakening.tick(&self.settings, &readings, &bus);
         let limit = output.quadrature_limit.to_num::<f64>();
         for _ in 0..2 {
