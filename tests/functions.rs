@@ -76,7 +76,13 @@ fn in_torque_mode_the_motor_accelerates_with_the_commanded_torque_up_to_the_velo
     bench.run(Nanoseconds::from_millis(3_000));
     let rpm = bench.rpm();
     assert!((49.0..51.0).contains(&rpm), "held at 50 rpm, not {rpm}");
-    assert_eq!((bench.number(334), bench.number(335)), (0, 1), "it is the velocity that is limited, not the torque");
+    // Only a tick whose noise would brake by itself needs no limit.
+    let seen = [(); 20].map(|()| {
+        bench.run(Nanoseconds::from_millis(7));
+        (bench.number(334), bench.number(335))
+    });
+    let limited = seen.iter().filter(|&&seen| seen == (0, 1)).count();
+    assert!(limited >= 15, "it is the velocity that is limited, not the torque: {seen:?}");
 }
 
 #[test]

@@ -65,9 +65,9 @@ pub const PWM_FREQUENCY: PwmFrequency = PwmFrequency::Khz16;
 /// Dead time between high and low side, in nanoseconds: IGBT modules of this size switch within some 0.5 us.
 pub const DEAD_TIME_NANOSECONDS: u32 = 1_000;
 
-/// Largest trim in either direction, in counts of 84 MHz a tick: 2 %. Pulls half a period of phase error in within 50 ticks (6 ms) and
-/// changes neither modulation depth nor ripple by more than that.
-pub const LARGEST_TRIM: i16 = 210;
+/// Largest trim that lengthens a tick, in counts of 84 MHz; one more that shortens it. 2.4 %: pulls half a period of phase error in within 50
+/// ticks (6 ms) and changes neither modulation depth nor ripple by more than that. A power of two, less one: one instruction limits to it.
+pub const LARGEST_TRIM: i32 = 255;
 
 /// BDTR with the outputs off.
 ///
@@ -114,7 +114,7 @@ pub(crate) fn start(timer: pac::TIM1, rcc: &mut Rcc) -> (Bridge, Modulator) {
     });
     // Before the preload is switched on, so that it is in force: at 0 OC4REF would be high at once, and start the converters.
     let reload = PWM_FREQUENCY.nominal_reload();
-    timer.ccr4().write(|w| w.ccr().set(trigger(reload)));
+    timer.ccr4().write(|w| w.ccr().set(trigger(reload.into()) as u16));
     // Mode 2: OC4REF rises while counting up, before the peak. Mode 1 would rise behind it.
     timer.ccmr2_output().write(|w| {
         w.oc3m().pwm_mode1().oc3pe().enabled();
@@ -138,7 +138,7 @@ pub(crate) fn start(timer: pac::TIM1, rcc: &mut Rcc) -> (Bridge, Modulator) {
     // SAFETY: every value is valid for SR; this one clears all flags.
     timer.sr().write(|w| unsafe { w.bits(0) });
     timer.cr1().modify(|_, w| w.cen().enabled());
-    (Bridge(()), Modulator { timer, reload, last_peak: None, first: false })
+    (Bridge(()), Modulator { timer, reload: reload.into(), last_peak: 0, overdue: u16::MAX, first: false })
 }
 
 /// Switches torque on and off; owned by the task that decides about it.
@@ -194,9 +194,11 @@ const SR_BITS: u32 = 0x1EFF;
 pub struct Modulator {
     timer: pac::TIM1,
     /// In force from the last valley on, or from the next.
-    reload: u16,
-    /// Time of TIM9.
-    last_peak: Option<u16>,
+    reload: u32,
+    /// Time of TIM9, of which the lower half counts.
+    last_peak: u32,
+    /// Counts after it from which on a period has been left out. Never, as long as there was none.
+    overdue: u16,
     first: bool,
 }
 
@@ -211,22 +213,29 @@ impl Modulator {
     #[inline(always)]
     pub fn begin(&mut self) -> Cycle {
         let down = self.timer.cr1().read().dir().is_down();
-        let counter = self.timer.cnt().read().cnt().bits();
-        let peak = edge_time::now().wrapping_sub(since_peak(self.reload, down, counter));
-        let missed = match self.last_peak {
-            Some(last) => missed(PWM_FREQUENCY, peak.wrapping_sub(last)),
-            None => false,
-        };
-        self.last_peak = Some(peak);
-        self.first = first(PWM_FREQUENCY, self.first, missed);
+        let counter = self.timer.cnt().read().bits();
+        let peak = edge_time::register().wrapping_sub(since_peak(self.reload, down, counter));
+        let missed = peak.wrapping_sub(self.last_peak) as u16 > self.overdue;
+        self.last_peak = peak;
+        self.overdue = overdue(PWM_FREQUENCY);
+        self.first = first(PWM_FREQUENCY, self.first);
+        if missed {
+            self.skip();
+        }
         if self.first {
-            loop_phase::publish(peak);
+            loop_phase::publish(peak as u16);
         }
         Cycle { first: self.first, late: missed || !down }
     }
 
-    /// Pulse widths of the high sides, phases A, B, C: 0 (low side on all the time) to [`Modulator::reload`] (high side). Half of it
-    /// is no voltage. In force from the next valley on.
+    /// Counts a period that nobody has seen.
+    #[cold]
+    fn skip(&mut self) {
+        self.first = first(PWM_FREQUENCY, self.first);
+    }
+
+    /// Pulse widths of the high sides, phases A, B, C: 0 (low side on all the time) to the peak of the counter or beyond (high side).
+    /// Half of it is no voltage. In force from the next valley on.
     ///
     /// Where the low sides are on for less than twice 0.86 us + dead time, the currents are sampled while they switch.
     #[inline(always)]
@@ -236,21 +245,18 @@ impl Modulator {
         self.timer.ccr3().write(|w| w.ccr().set(c));
     }
 
-    /// Lengthens (positive) or shortens the ticks by so many counts of 84 MHz, limited to +-[`LARGEST_TRIM`]; from the next valley on.
+    /// Lengthens (positive) or shortens the ticks by so many counts of 84 MHz, limited to [`LARGEST_TRIM`]; from the next valley on.
     ///
     /// To be called in every period: an odd count at 16 kHz is made by the first one alone. The trigger moves with the peak.
     #[inline(always)]
-    pub fn set_reload(&mut self, trim: i16) {
-        self.reload = reload(PWM_FREQUENCY, trim, self.first);
-        self.timer.arr().write(|w| w.arr().set(self.reload));
-        self.timer.ccr4().write(|w| w.ccr().set(trigger(self.reload)));
-    }
-
-    /// Peak of the counter that belongs to compare values written now.
-    #[inline(always)]
-    #[must_use]
-    pub const fn reload(&self) -> u16 {
-        self.reload
+    pub fn set_reload(&mut self, trim: i32) {
+        let reload = reload(PWM_FREQUENCY, trim, self.first);
+        self.reload = reload;
+        // SAFETY: both registers hold 16 bits, and `reload` gives no more, see the assertions at the end of this file.
+        unsafe {
+            self.timer.arr().write(|w| w.bits(reload));
+            self.timer.ccr4().write(|w| w.bits(trigger(reload)));
+        }
     }
 
     /// Switches the outputs off; they stay off until [`Bridge::acknowledge_trip`].
@@ -269,42 +275,42 @@ fn registers() -> &'static pac::tim1::RegisterBlock {
 }
 
 /// Compare value of the trigger: the converters hold the currents at the peak.
-const fn trigger(reload: u16) -> u16 {
-    reload.wrapping_sub(TRIGGER_TO_HOLD)
+const fn trigger(reload: u32) -> u32 {
+    reload.wrapping_sub(TRIGGER_TO_HOLD as u32)
 }
 
 /// Value of ARR. One count more makes a period two counts of 168 MHz longer, which is one of 84 MHz; the tick is the sum of its periods.
-const fn reload(frequency: PwmFrequency, trim: i16, first: bool) -> u16 {
+#[inline(always)]
+const fn reload(frequency: PwmFrequency, trim: i32, first: bool) -> u32 {
     let limited = if trim > LARGEST_TRIM {
         LARGEST_TRIM
-    } else if trim < -LARGEST_TRIM {
-        -LARGEST_TRIM
+    } else if trim < !LARGEST_TRIM {
+        !LARGEST_TRIM
     } else {
         trim
     };
     let share = match frequency {
         PwmFrequency::Khz8 => limited,
-        PwmFrequency::Khz16 => limited.wrapping_add(first as i16) >> 1,
+        PwmFrequency::Khz16 => limited.wrapping_add(first as i32) >> 1,
     };
-    frequency.nominal_reload().wrapping_add_signed(share)
+    (frequency.nominal_reload() as u32).wrapping_add_signed(share)
 }
 
 /// Counts since the last peak: down from it, or up again behind the valley.
-const fn since_peak(reload: u16, down: bool, counter: u16) -> u16 {
+const fn since_peak(reload: u32, down: bool, counter: u32) -> u32 {
     if down { reload.wrapping_sub(counter) } else { reload.wrapping_add(counter) }
 }
 
-/// Was a period left out, `elapsed` counts after the last peak that was seen?
-const fn missed(frequency: PwmFrequency, elapsed: u16) -> bool {
-    // One and a half periods.
-    elapsed > frequency.nominal_reload().wrapping_mul(3)
+/// More counts than these after the last peak that was seen, and a period was left out: one and a half.
+const fn overdue(frequency: PwmFrequency) -> u16 {
+    frequency.nominal_reload().wrapping_mul(3)
 }
 
-/// Is this the first period of a tick? After a missed one the ticks keep their places.
-const fn first(frequency: PwmFrequency, previous: bool, missed: bool) -> bool {
+/// Is a period the first one of a tick, after one that was or was not?
+const fn first(frequency: PwmFrequency, previous: bool) -> bool {
     match frequency {
         PwmFrequency::Khz8 => true,
-        PwmFrequency::Khz16 => previous == missed,
+        PwmFrequency::Khz16 => !previous,
     }
 }
 
@@ -326,16 +332,16 @@ const _: () = {
 const _: () = {
     use PwmFrequency::{Khz8, Khz16};
     assert!(reload(Khz8, 0, true) == 10_500 && reload(Khz8, 1, true) == 10_501 && reload(Khz8, -7, true) == 10_493);
-    assert!(reload(Khz8, i16::MAX, true) == 10_710 && reload(Khz8, i16::MIN, true) == 10_290);
-    assert!(reload(Khz8, 211, true) == 10_710 && reload(Khz8, -211, true) == 10_290);
+    assert!(reload(Khz8, i32::MAX, true) == 10_755 && reload(Khz8, i32::MIN, true) == 10_244);
+    assert!(reload(Khz8, 256, true) == 10_755 && reload(Khz8, -257, true) == 10_244);
     assert!(reload(Khz16, 1, true) == 5_251 && reload(Khz16, 1, false) == 5_250);
     assert!(reload(Khz16, -1, true) == 5_250 && reload(Khz16, -1, false) == 5_249);
-    assert!(reload(Khz16, i16::MAX, true) == 5_355 && reload(Khz16, i16::MIN, false) == 5_145);
-    let mut trim = -LARGEST_TRIM;
+    assert!(reload(Khz16, i32::MAX, true) == 5_378 && reload(Khz16, i32::MIN, false) == 5_122);
+    let mut trim = !LARGEST_TRIM;
     while trim <= LARGEST_TRIM {
         let tick = reload(Khz16, trim, true) as i32 + reload(Khz16, trim, false) as i32;
-        assert!(tick == loop_phase::COUNTS as i32 + trim as i32);
-        assert!(reload(Khz8, trim, true) as i32 == loop_phase::COUNTS as i32 + trim as i32);
+        assert!(tick == loop_phase::COUNTS as i32 + trim);
+        assert!(reload(Khz8, trim, true) as i32 == loop_phase::COUNTS as i32 + trim);
         trim += 1;
     }
 };
@@ -347,12 +353,9 @@ const _: () = {
     assert!(since_peak(5_250, true, 1) == 5_249 && since_peak(5_250, false, 1) == 5_251);
     assert!(since_peak(10_710, false, 10_710) == 21_420);
 
-    assert!(!missed(Khz16, 10_500) && !missed(Khz16, 10_710) && missed(Khz16, 20_580) && missed(Khz16, 21_420));
-    assert!(!missed(Khz16, 15_750) && missed(Khz16, 15_751));
-    assert!(!missed(Khz8, 21_000) && !missed(Khz8, 21_420) && missed(Khz8, 41_160));
-    assert!(!missed(Khz8, 31_500) && missed(Khz8, 31_501));
+    // Beyond the longest period, and not beyond two of the shortest.
+    assert!(overdue(Khz16) == 15_750 && 10_756 < overdue(Khz16) && overdue(Khz16) < 20_488);
+    assert!(overdue(Khz8) == 31_500 && 21_510 < overdue(Khz8) && overdue(Khz8) < 40_976);
 
-    assert!(first(Khz16, false, false) && !first(Khz16, true, false));
-    assert!(!first(Khz16, false, true) && first(Khz16, true, true));
-    assert!(first(Khz8, true, false) && first(Khz8, false, true));
+    assert!(first(Khz16, false) && !first(Khz16, true) && first(Khz8, true) && first(Khz8, false));
 };

@@ -78,20 +78,23 @@ impl CurrentSense {
         Self { converters }
     }
 
-    /// Everything that was measured: six loads.
+    /// Currents and voltage of this period.
+    ///
+    /// The registers as they are: what is above the 12 bits is reserved and read as 0.
     #[inline(always)]
     pub fn read(&self) -> Samples {
         let (adc1, adc2, adc3) = &self.converters;
         Samples {
-            currents: [
-                adc1.jdr1().read().jdata().bits(),
-                adc2.jdr1().read().jdata().bits(),
-                adc3.jdr1().read().jdata().bits(),
-            ],
-            bus: adc1.jdr2().read().jdata().bits(),
-            heat_sink: adc2.jdr2().read().jdata().bits(),
-            motor: adc3.jdr2().read().jdata().bits(),
+            currents: [adc1.jdr1().read().bits(), adc2.jdr1().read().bits(), adc3.jdr1().read().bits()],
+            bus: adc1.jdr2().read().bits(),
         }
+    }
+
+    /// Temperatures of heat sink and motor.
+    #[inline(always)]
+    pub fn temperatures(&self) -> [u32; 2] {
+        let (_, adc2, adc3) = &self.converters;
+        [adc2.jdr2().read().bits(), adc3.jdr2().read().bits()]
     }
 
     /// Clears the interrupt; to be called first in the handler.

@@ -54,6 +54,12 @@ impl EdgeTime {
 /// Time now, in counts of 168 MHz, wrapping at 2^16: for the current loop, which shares the clock with the handlers of the lines.
 #[inline(always)]
 pub(crate) fn now() -> u16 {
+    register() as u16
+}
+
+/// [`now`] as the register has it: 0 above its 16 bits.
+#[inline(always)]
+pub(crate) fn register() -> u32 {
     // SAFETY: reading TIM9_CNT has no side effect, and nobody writes it after set-up.
-    unsafe { (*pac::TIM9::ptr()).cnt().read().cnt().bits() }
+    unsafe { (*pac::TIM9::ptr()).cnt().read().bits() }
 }

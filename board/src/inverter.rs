@@ -24,6 +24,11 @@ impl PowerStage for Inverter {
     }
 
     #[inline(always)]
+    fn temperatures(&mut self) -> [u32; 2] {
+        self.current_sense.temperatures()
+    }
+
+    #[inline(always)]
     fn encoder_count(&mut self) -> u32 {
         encoder::count()
     }
@@ -34,7 +39,7 @@ impl PowerStage for Inverter {
     }
 
     #[inline(always)]
-    fn trim(&mut self, counts: i16) {
+    fn trim(&mut self, counts: i32) {
         self.modulator.set_reload(counts);
     }
 

@@ -1,12 +1,14 @@
 //! The task of highest priority: one cycle of the current loop, with everything that must not wait for another task.
 
-use servo::Rotation;
+use core::sync::atomic::AtomicU32;
+
 use servo::current::{
-    BusScale, CurrentCommand, CurrentLoop, CurrentLoopSettings, Offsets, Protection, PwmFrequency, Trip,
+    CurrentCommand, CurrentLoop, CurrentLoopSettings, Offsets, Protection, PwmFrequency, SharedCommand, Trip,
 };
 
 use crate::hardware::{PowerStage, Samples};
-use crate::link::{COMMAND_WORDS, CurrentLink, SETTINGS_WORDS, set};
+use crate::link::{CurrentLink, CycleReport, get, set};
+use crate::settings::motor::FREQUENCY;
 use crate::work::Work;
 
 /// What the tasks of the loop tick ask of the current loop.
@@ -39,17 +41,23 @@ pub struct CurrentControl<P: 'static> {
     link: &'static CurrentLink,
     current_loop: CurrentLoop,
     offsets: Offsets,
-    settings: CurrentSettings,
+    protection: Protection,
+    frequency: PwmFrequency,
     settings_read: u32,
     count: u32,
-    trip: Option<Trip>,
-    was_on: bool,
+    control: Control,
     was_late: bool,
-    late: u32,
-    /// Phase currents of this cycle, counts 2^-3; nothing while the bridge is off.
-    phases: [i32; 3],
-    /// Electrical angle of this cycle, 2^-32 revolution.
-    angle: u32,
+}
+
+/// What the current loop does with the bridge.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Control {
+    /// Nothing: it is off.
+    Resting,
+    /// Current as commanded.
+    Regulating,
+    /// It has switched the bridge off by itself, until the order to do so comes as well.
+    Tripped,
 }
 
 impl<P: PowerStage> CurrentControl<P> {
@@ -61,17 +69,14 @@ impl<P: PowerStage> CurrentControl<P> {
         Self {
             stage,
             link,
-            current_loop: CurrentLoop::new(),
+            current_loop: CurrentLoop::new(settings.current_loop),
             offsets: Offsets::default(),
-            settings,
+            protection: settings.protection,
+            frequency: settings.frequency,
             settings_read: link.settings.sent(),
             count,
-            trip: None,
-            was_on: false,
+            control: Control::Resting,
             was_late: false,
-            late: 0,
-            phases: [0; 3],
-            angle: 0,
         }
     }
 
@@ -82,58 +87,94 @@ impl<P: PowerStage> CurrentControl<P> {
     #[inline]
     pub fn current_loop(&mut self) -> Work {
         let cycle = self.stage.begin();
-        let samples = self.stage.samples();
         let count = self.stage.encoder_count();
         let moved = count.wrapping_sub(self.count).cast_signed();
         self.count = count;
-        self.take_settings();
-        let order = CurrentOrder::from_words(self.link.command.read());
-        self.stage.trim(order.trim);
-        self.angle = order.command.angle_at(count);
-        if order.on {
-            self.regulate(&order.command, &samples, moved, cycle.late);
+        if cycle.late {
+            self.take_delay();
         } else {
-            self.rest(&samples);
+            self.was_late = false;
         }
-        self.was_late = cycle.late;
-        self.late = self.late.wrapping_add(cycle.late.into());
-        self.report(&samples, cycle.first);
+        let link = self.link;
+        let order = link.order.last();
+        let report = link.report.cycle(cycle.first);
+        self.stage.trim(get(&order.trim).cast_signed());
+        report.readings.set_angle(order.command.angle_at(count));
+        let samples = self.stage.samples();
+        set(&report.bus, samples.bus);
+        if get(&order.on) == 0 {
+            self.rest(&samples);
+        } else {
+            self.regulate(&order.command, report, &samples, moved);
+        }
+        if cycle.first {
+            set(&link.report.count, count);
+        }
+        if !cycle.first || FREQUENCY.cycles_per_tick() < 2 {
+            self.take_settings();
+            let [heat_sink, motor] = self.stage.temperatures();
+            set(&link.report.temperatures, heat_sink | motor << 16);
+        }
         if cycle.first { Work::CONTROL_LOOP } else { Work::empty() }
     }
 
     #[inline]
-    fn regulate(&mut self, command: &CurrentCommand, samples: &Samples, moved: i32, late: bool) {
-        if !self.was_on {
-            self.was_on = true;
-            self.offsets.interrupt();
-        }
+    fn regulate(&mut self, command: &SharedCommand, report: &CycleReport, samples: &Samples, moved: i32) {
         let currents = self.offsets.remove(samples.currents);
-        self.phases = currents;
-        if self.trip.is_some() {
+        report.readings.set_phases(currents);
+        if self.control != Control::Regulating && !self.begin() {
             return;
         }
-        self.trip = self.settings.protection.check(currents, samples.bus, moved);
-        // A single late cycle repeats the voltage of the one before, two in a row would be no control any more.
-        if self.trip.is_none() && late && self.was_late {
-            self.trip = Some(Trip::Late);
-        }
-        if self.trip.is_some() {
-            self.stage.switch_off();
+        if let Some(trip) = self.protection.check(currents, samples.bus, moved) {
+            self.trip(trip);
             return;
         }
-        let counts = self.current_loop.cycle(&self.settings.current_loop, command, currents, self.angle);
+        let counts = self.current_loop.cycle(command, &report.readings);
         self.stage.set_compare(counts);
     }
 
+    /// Begins to regulate, unless the bridge has been switched off for good.
+    #[cold]
+    fn begin(&mut self) -> bool {
+        if self.control == Control::Tripped {
+            return false;
+        }
+        self.control = Control::Regulating;
+        self.offsets.interrupt();
+        true
+    }
+
+    #[cold]
+    fn trip(&mut self, trip: Trip) {
+        self.control = Control::Tripped;
+        self.stage.switch_off();
+        set(&self.link.report.trip, trip.code());
+    }
+
     fn rest(&mut self, samples: &Samples) {
-        if self.was_on {
-            self.was_on = false;
-            self.trip = None;
+        let report = &self.link.report;
+        if self.control != Control::Resting {
+            self.control = Control::Resting;
+            set(&report.trip, 0);
             self.current_loop.reset();
-            self.phases = [0; 3];
-            self.stage.set_compare([self.settings.frequency.reload() / 2; 3]);
+            for first in [true, false] {
+                report.cycle(first).readings.without_current();
+            }
+            self.stage.set_compare([self.frequency.reload() / 2; 3]);
         }
         self.offsets.calibrate(samples.currents);
+        set(&report.calibrated, self.offsets.is_calibrated().into());
+    }
+
+    /// A single late cycle repeats the voltage of the one before, two in a row would be no control any more.
+    #[cold]
+    fn take_delay(&mut self) {
+        if self.was_late && self.control == Control::Regulating {
+            self.trip(Trip::Late);
+        }
+        self.was_late = true;
+        let late = &self.link.report.late;
+        set(late, get(late).wrapping_add(1));
     }
 
     #[inline]
@@ -141,108 +182,62 @@ impl<P: PowerStage> CurrentControl<P> {
         let sent = self.link.settings.sent();
         if sent != self.settings_read {
             self.settings_read = sent;
-            self.settings = CurrentSettings::from_words(self.link.settings.read());
-        }
-    }
-
-    #[inline]
-    fn report(&mut self, samples: &Samples, first: bool) {
-        let report = &self.link.report;
-        let readings = self.current_loop.readings();
-        let [first_cycle, second_cycle] = &report.cycles;
-        let cycle = if first { first_cycle } else { second_cycle };
-        set(&cycle.direct, readings.direct.cast_unsigned());
-        set(&cycle.quadrature, readings.quadrature.cast_unsigned());
-        set(&cycle.direct_voltage, readings.direct_voltage.cast_unsigned());
-        set(&cycle.quadrature_voltage, readings.quadrature_voltage.cast_unsigned());
-        // Twelve bits and three of fraction.
-        let [phase_u, phase_v, phase_w] = self.phases.map(|current| u32::from((current as i16).cast_unsigned()));
-        set(&cycle.phases, phase_u | phase_v << 16);
-        set(&cycle.phase_and_angle, phase_w | self.angle & 0xFFFF_0000);
-        set(&cycle.bus, samples.bus.into());
-        set(&report.temperatures, u32::from(samples.heat_sink) | u32::from(samples.motor) << 16);
-        set(&report.trip, self.trip.map_or(0, Trip::code));
-        set(&report.calibrated, self.offsets.is_calibrated().into());
-        set(&report.late, self.late);
-        if first {
-            set(&report.count, self.count);
+            let settings = self.link.settings.last().get();
+            self.current_loop.set(settings.current_loop);
+            self.protection = settings.protection;
+            self.frequency = settings.frequency;
         }
     }
 }
 
-impl CurrentOrder {
-    /// For the mailbox.
-    pub(crate) fn to_words(self) -> [u32; COMMAND_WORDS] {
-        let command = self.command;
-        let [longest, longest_direct, inverse, counts, side] = command.bus.to_words();
-        [
-            self.on.into(),
-            i32::from(self.trim).cast_unsigned(),
-            command.direct.cast_unsigned(),
-            command.quadrature.cast_unsigned(),
-            command.angle,
-            command.count,
-            command.angle_per_increment,
-            command.ahead.cosine.cast_unsigned(),
-            command.ahead.sine.cast_unsigned(),
-            command.direct_voltage.cast_unsigned(),
-            command.quadrature_voltage.cast_unsigned(),
-            longest,
-            longest_direct,
-            inverse,
-            counts,
-            side,
-        ]
+/// A [`CurrentOrder`] in the mailbox.
+#[derive(Debug)]
+pub(crate) struct SharedOrder {
+    command: SharedCommand,
+    on: AtomicU32,
+    trim: AtomicU32,
+}
+
+impl SharedOrder {
+    pub(crate) const fn new() -> Self {
+        Self { command: SharedCommand::new(), on: AtomicU32::new(0), trim: AtomicU32::new(0) }
     }
 
     #[inline]
-    fn from_words(words: [u32; COMMAND_WORDS]) -> Self {
-        let [on, trim, direct, quadrature, angle, count, angle_per_increment, cosine, sine, vd, vq, a, b, c, d, e] =
-            words;
-        Self {
-            on: on != 0,
-            trim: trim.cast_signed() as i16,
-            command: CurrentCommand {
-                direct: direct.cast_signed(),
-                quadrature: quadrature.cast_signed(),
-                angle,
-                count,
-                angle_per_increment,
-                ahead: Rotation { cosine: cosine.cast_signed(), sine: sine.cast_signed() },
-                direct_voltage: vd.cast_signed(),
-                quadrature_voltage: vq.cast_signed(),
-                bus: BusScale::from_words([a, b, c, d, e]),
-            },
-        }
+    pub(crate) fn set(&self, order: &CurrentOrder) {
+        self.command.set(&order.command);
+        set(&self.on, order.on.into());
+        set(&self.trim, i32::from(order.trim).cast_unsigned());
     }
 }
 
-impl CurrentSettings {
-    /// For the mailbox.
-    pub(crate) fn to_words(self) -> [u32; SETTINGS_WORDS] {
-        let [alpha, beta, proportional, integral, middle, slope, full] = self.current_loop.to_words();
-        let [current, sum, bus, increments] = self.protection.to_words();
-        [
-            alpha,
-            beta,
-            proportional,
-            integral,
-            middle,
-            slope,
-            full,
-            current,
-            sum,
-            bus,
-            increments,
-            (self.frequency == PwmFrequency::Khz8).into(),
-        ]
+/// [`CurrentSettings`] in the mailbox.
+#[derive(Debug)]
+pub(crate) struct SharedSettings([AtomicU32; 13]);
+
+impl SharedSettings {
+    pub(crate) const fn new() -> Self {
+        Self([const { AtomicU32::new(0) }; 13])
     }
 
-    fn from_words(words: [u32; SETTINGS_WORDS]) -> Self {
-        let [alpha, beta, proportional, integral, middle, slope, full, current, sum, bus, increments, slow] = words;
-        Self {
-            current_loop: CurrentLoopSettings::from_words([alpha, beta, proportional, integral, middle, slope, full]),
-            protection: Protection::from_words([current, sum, bus, increments]),
+    pub(crate) fn set(&self, settings: &CurrentSettings) {
+        let [alpha, beta, proportional, integral, middle, first, second, third] = settings.current_loop.to_words();
+        let [current, sum, bus, increments] = settings.protection.to_words();
+        let slow = (settings.frequency == PwmFrequency::Khz8).into();
+        let words =
+            [alpha, beta, proportional, integral, middle, first, second, third, current, sum, bus, increments, slow];
+        for (place, word) in self.0.iter().zip(words) {
+            set(place, word);
+        }
+    }
+
+    fn get(&self) -> CurrentSettings {
+        let words = self.0.each_ref().map(get);
+        let [alpha, beta, proportional, integral, middle, first, second, third, protection @ .., slow] = words;
+        let current_loop = [alpha, beta, proportional, integral, middle, first, second, third];
+        CurrentSettings {
+            current_loop: CurrentLoopSettings::from_words(current_loop),
+            protection: Protection::from_words(protection),
             frequency: if slow == 0 { PwmFrequency::Khz16 } else { PwmFrequency::Khz8 },
         }
     }

@@ -62,14 +62,18 @@ pub trait PowerStage {
     /// What the converters measured for this cycle.
     fn samples(&mut self) -> Samples;
 
+    /// Temperatures of heat sink and motor, 12 bits each.
+    fn temperatures(&mut self) -> [u32; 2];
+
     /// The encoder counter now.
     fn encoder_count(&mut self) -> u32;
 
-    /// Compare values of the three phases, 0 (low side) to the reload value (high side); they act from the next bottom of the period on.
+    /// Compare values of the three phases, 0 (low side) to the reload value or more (high side); they act from the next bottom of the
+    /// period on.
     fn set_compare(&mut self, counts: [u16; 3]);
 
     /// Lengthens loop ticks by so many counts of [`Hardware::LOOP_TIMER_COUNTS`] from the next period on; set in every cycle.
-    fn trim(&mut self, counts: i16);
+    fn trim(&mut self, counts: i32);
 
     /// Switches all six transistors off, at once.
     fn switch_off(&mut self);
@@ -85,18 +89,14 @@ pub struct Cycle {
     pub late: bool,
 }
 
-/// Results of the converters, 12 bits each.
+/// Results of the converters, 12 bits each, in the whole words that they are read and worked with.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub struct Samples {
     /// Phase currents, 2 048 at zero; positive flows into the motor.
-    pub currents: [u16; 3],
+    pub currents: [u32; 3],
     /// Bus voltage.
-    pub bus: u16,
-    /// Temperature of the heat sink.
-    pub heat_sink: u16,
-    /// Temperature of the motor.
-    pub motor: u16,
+    pub bus: u32,
 }
 
 /// Digital inputs. A broken wire reads as `false`, which is the safe state of each of them.

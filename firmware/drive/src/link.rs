@@ -3,32 +3,35 @@
 //! The current loop interrupts everything else and is interrupted by nothing. Whatever it reads or writes here is done before the other
 //! side gets on, so two rules suffice on a single core:
 //!
-//! * Downwards ([`Mailbox`]): the lower side fills the buffer that is not in use, then switches over with one store. The current loop never
-//!   sees half of it.
-//! * Upwards ([`Report`]): the current loop writes words; the lower side reads each of them whole. What must belong together is packed into
-//!   one word, or written only once in a tick ([`CycleReport`]): the first cycle's readings stand for a tick from then on, which is when the
-//!   lower side is started; the second cycle's come half a tick later, when it has long read those of the tick before.
+//! * Downwards ([`Mailbox`]): the lower side fills the message that is not in use, then switches over with one store. The current loop never
+//!   sees half of it, and reads of it what it needs, where it lies.
+//! * Upwards ([`Report`]): the current loop writes words; the lower side reads each of them whole. What must belong together is written only
+//!   once in a tick ([`CycleReport`]): the first cycle's readings stand for a tick from then on, which is when the lower side is started;
+//!   the second cycle's come half a tick later, when it has long read those of the tick before.
 
 use core::sync::atomic::{AtomicU32, Ordering, compiler_fence};
+
+use servo::current::SharedReadings;
+
+use crate::current_control::{SharedOrder, SharedSettings};
 
 /// The words of both directions; one for each drive.
 #[derive(Debug)]
 pub struct CurrentLink {
-    pub(crate) command: Mailbox<COMMAND_WORDS>,
-    pub(crate) settings: Mailbox<SETTINGS_WORDS>,
+    pub(crate) order: Mailbox<SharedOrder>,
+    pub(crate) settings: Mailbox<SharedSettings>,
     pub(crate) report: Report,
 }
-
-/// Words of a command, see `current_control`.
-pub(crate) const COMMAND_WORDS: usize = 16;
-/// Words of the settings.
-pub(crate) const SETTINGS_WORDS: usize = 12;
 
 impl CurrentLink {
     /// Nothing commanded, nothing reported.
     #[must_use]
     pub const fn new() -> Self {
-        Self { command: Mailbox::new(), settings: Mailbox::new(), report: Report::new() }
+        Self {
+            order: Mailbox::new([const { SharedOrder::new() }; 2]),
+            settings: Mailbox::new([const { SharedSettings::new() }; 2]),
+            report: Report::new(),
+        }
     }
 }
 
@@ -38,27 +41,24 @@ impl Default for CurrentLink {
     }
 }
 
-/// A message of `N` words from a lower to a higher priority.
+/// A message from a lower to a higher priority.
 #[derive(Debug)]
-pub(crate) struct Mailbox<const N: usize> {
-    buffers: [[AtomicU32; N]; 2],
-    /// How many messages were sent; the last bit says which buffer is in use.
+pub(crate) struct Mailbox<T> {
+    messages: [T; 2],
+    /// How many messages were sent; the last bit says which one is in use.
     sent: AtomicU32,
 }
 
-impl<const N: usize> Mailbox<N> {
-    const fn new() -> Self {
-        Self { buffers: [const { [const { AtomicU32::new(0) }; N] }; 2], sent: AtomicU32::new(0) }
+impl<T> Mailbox<T> {
+    const fn new(messages: [T; 2]) -> Self {
+        Self { messages, sent: AtomicU32::new(0) }
     }
 
-    /// Sends a message. From one place only, of lower priority than the reader.
-    pub(crate) fn send(&self, words: [u32; N]) {
+    /// Sends a message, which `fill` writes. From one place only, of lower priority than the reader.
+    #[inline]
+    pub(crate) fn send(&self, fill: impl FnOnce(&T)) {
         let sent = self.sent.load(Ordering::Relaxed).wrapping_add(1);
-        let [even, odd] = &self.buffers;
-        let buffer = if sent & 1 == 0 { even } else { odd };
-        for (place, word) in buffer.iter().zip(words) {
-            place.store(word, Ordering::Relaxed);
-        }
+        fill(self.message(sent));
         // One core: it is enough that the compiler keeps the order.
         compiler_fence(Ordering::SeqCst);
         self.sent.store(sent, Ordering::Relaxed);
@@ -70,16 +70,16 @@ impl<const N: usize> Mailbox<N> {
         self.sent.load(Ordering::Relaxed)
     }
 
-    /// The last message.
+    /// The last message. It stands still until the one after it has been sent.
     #[inline]
-    pub(crate) fn read(&self) -> [u32; N] {
-        let [even, odd] = &self.buffers;
-        let buffer = if self.sent.load(Ordering::Relaxed) & 1 == 0 { even } else { odd };
-        let mut words = [0; N];
-        for (word, place) in words.iter_mut().zip(buffer) {
-            *word = place.load(Ordering::Relaxed);
-        }
-        words
+    pub(crate) fn last(&self) -> &T {
+        self.message(self.sent())
+    }
+
+    #[inline]
+    fn message(&self, number: u32) -> &T {
+        let [even, _] = &self.messages;
+        self.messages.get((number & 1) as usize).unwrap_or(even)
     }
 }
 
@@ -88,8 +88,8 @@ impl<const N: usize> Mailbox<N> {
 pub(crate) struct Report {
     /// Encoder count in the first cycle of the tick.
     pub(crate) count: AtomicU32,
-    /// What the first and the second cycle of a tick have read.
-    pub(crate) cycles: [CycleReport; 2],
+    /// What the cycles of a tick have read, the first of them last.
+    cycles: [CycleReport; 2],
     /// Heat sink (low half) and motor temperature in counts.
     pub(crate) temperatures: AtomicU32,
     /// [`servo::current::Trip::code`], 0: none.
@@ -111,38 +111,28 @@ impl Report {
             late: AtomicU32::new(0),
         }
     }
+
+    /// What the first or the second cycle of a tick has read.
+    #[inline]
+    pub(crate) fn cycle(&self, first: bool) -> &CycleReport {
+        let [second, of_the_first] = &self.cycles;
+        if first { of_the_first } else { second }
+    }
 }
 
-/// Readings of one cycle of the current loop.
+/// Readings of one cycle of the current loop. As long as a power of two, so that the choice of one is a shift and an addition.
 #[derive(Debug)]
+#[repr(align(64))]
 pub(crate) struct CycleReport {
-    /// Flux-producing current, 2^-26 of peak.
-    pub(crate) direct: AtomicU32,
-    /// Torque-producing current, 2^-26 of peak.
-    pub(crate) quadrature: AtomicU32,
-    /// d voltage, volt 2^-14.
-    pub(crate) direct_voltage: AtomicU32,
-    /// q voltage, volt 2^-14.
-    pub(crate) quadrature_voltage: AtomicU32,
-    /// Currents of phase U (low half) and V, counts 2^-3 without offset.
-    pub(crate) phases: AtomicU32,
-    /// Current of phase W (low half), and electrical angle in 2^-16 revolution.
-    pub(crate) phase_and_angle: AtomicU32,
+    /// Phase currents, angle, and what the loop made of them.
+    pub(crate) readings: SharedReadings,
     /// Bus voltage in counts.
     pub(crate) bus: AtomicU32,
 }
 
 impl CycleReport {
     const fn new() -> Self {
-        Self {
-            direct: AtomicU32::new(0),
-            quadrature: AtomicU32::new(0),
-            direct_voltage: AtomicU32::new(0),
-            quadrature_voltage: AtomicU32::new(0),
-            phases: AtomicU32::new(0),
-            phase_and_angle: AtomicU32::new(0),
-            bus: AtomicU32::new(0),
-        }
+        Self { readings: SharedReadings::new(), bus: AtomicU32::new(0) }
     }
 }
 
@@ -164,15 +154,24 @@ mod tests {
 
     #[test]
     fn a_reader_between_two_stores_sees_the_message_before() {
-        let mailbox = Mailbox::<3>::new();
-        mailbox.send([1, 2, 3]);
-        assert_eq!((mailbox.sent(), mailbox.read()), (1, [1, 2, 3]));
-        // As an interrupt would find it: the other buffer is half filled, nothing is switched over.
-        mailbox.buffers[0][0].store(7, Ordering::Relaxed);
-        assert_eq!(mailbox.read(), [1, 2, 3]);
-        mailbox.send([4, 5, 6]);
-        assert_eq!((mailbox.sent(), mailbox.read()), (2, [4, 5, 6]));
-        mailbox.send([8, 8, 8]);
-        assert_eq!((mailbox.sent(), mailbox.read()), (3, [8, 8, 8]));
+        let mailbox = Mailbox::new([const { AtomicU32::new(0) }; 2]);
+        mailbox.send(|message| set(message, 1));
+        assert_eq!((mailbox.sent(), get(mailbox.last())), (1, 1));
+        mailbox.send(|message| {
+            set(message, 7);
+            // As an interrupt would find it: the other message is being filled, nothing is switched over.
+            assert_eq!((mailbox.sent(), get(mailbox.last())), (1, 1));
+        });
+        assert_eq!((mailbox.sent(), get(mailbox.last())), (2, 7));
+        mailbox.send(|message| set(message, 8));
+        assert_eq!((mailbox.sent(), get(mailbox.last())), (3, 8));
+    }
+
+    #[test]
+    fn the_two_cycles_of_a_tick_have_a_report_each() {
+        let report = Report::new();
+        set(&report.cycle(true).bus, 1);
+        set(&report.cycle(false).bus, 2);
+        assert_eq!([true, false].map(|first| get(&report.cycle(first).bus)), [1, 2]);
     }
 }

@@ -101,7 +101,7 @@ impl Motor {
         let count = get(&link.report.count);
         let mut brake = BrakeSequencer::new();
         let brake_output = sequence::at_rest(&mut brake, &settings);
-        link.settings.send(settings.current.to_words());
+        link.settings.send(|shared| shared.set(&settings.current));
         Self {
             link,
             settings,
@@ -151,7 +151,7 @@ impl Motor {
             self.index_armed = false;
         }
         if settings.current != self.settings.current {
-            self.link.settings.send(settings.current.to_words());
+            self.link.settings.send(|shared| shared.set(&settings.current));
         }
         self.encoder_reversed = encoder_reversed;
         self.settings = settings;
@@ -161,8 +161,8 @@ impl Motor {
     #[inline]
     pub(crate) fn measure(&mut self) -> &Measured {
         let report = &self.link.report;
-        let [first, _] = &report.cycles;
-        let readings = readings_of(first);
+        let first = report.cycle(true);
+        let readings = first.readings.readings();
         self.measured = Measured {
             count: get(&report.count),
             torque_current: CurrentReadings::fraction(readings.quadrature),
@@ -267,7 +267,7 @@ impl Motor {
                 bus: self.bus_scale,
             },
         };
-        self.link.command.send(order.to_words());
+        self.link.order.send(|shared| shared.set(&order));
     }
 
     /// Holds the angle for an identification, or gives it back to the rotor.
@@ -287,23 +287,19 @@ impl Motor {
     #[inline]
     pub(crate) fn last_cycles(&self) -> impl Iterator<Item = CurrentLoopValues> {
         const SKIPPED: usize = if FREQUENCY.cycles_per_tick() < 2 { 1 } else { 0 };
-        let [first, second] = &self.link.report.cycles;
-        [second, first].into_iter().skip(SKIPPED).map(|cycle| self.values_of(cycle))
+        [false, true].into_iter().skip(SKIPPED).map(|first| self.values_of(self.link.report.cycle(first)))
     }
 
     /// What the oscilloscope shows of the cycle that began this tick.
     #[inline]
     pub(crate) fn cycle_values(&self) -> CurrentLoopValues {
-        let [first, _] = &self.link.report.cycles;
-        self.values_of(first)
+        self.values_of(self.link.report.cycle(true))
     }
 
     #[inline]
     fn values_of(&self, cycle: &CycleReport) -> CurrentLoopValues {
-        let readings = readings_of(cycle);
-        let (phases, last) = (get(&cycle.phases), get(&cycle.phase_and_angle));
-        let phase = |word: u32| {
-            let counts = ((word & 0xFFFF) as u16).cast_signed();
+        let readings = cycle.readings.readings();
+        let phase = |counts: i32| {
             let fraction = self.settings.phase_current.apply(counts.into());
             CurrentFraction::from_bits(fraction.clamp(i16::MIN.into(), i16::MAX.into()) as i16)
         };
@@ -311,11 +307,11 @@ impl Motor {
             quadrature: CurrentReadings::fraction(readings.quadrature),
             direct_command: self.direct_command,
             direct: CurrentReadings::fraction(readings.direct),
-            phases: [phase(phases), phase(phases >> 16), phase(last)],
+            phases: cycle.readings.phases().map(phase),
             // A bridge that is off keeps its last voltages in the readings.
             quadrature_voltage: if self.bridge_on { readings.quadrature_voltage } else { 0 },
             direct_voltage: if self.bridge_on { readings.direct_voltage } else { 0 },
-            angle: (last >> 16) as u16,
+            angle: (cycle.readings.angle() >> 16) as u16,
             // At most 4 000 V.
             bus_voltage: self.settings.bus_millivolts.apply(get(&cycle.bus).into()) as i32,
         }
@@ -324,16 +320,6 @@ impl Motor {
     /// The torque-producing current that flows, for S-0-0084.
     pub(crate) fn torque_current(&self) -> CurrentFraction {
         if self.bridge_on { self.measured.torque_current } else { CurrentFraction::ZERO }
-    }
-}
-
-#[inline]
-fn readings_of(cycle: &CycleReport) -> CurrentReadings {
-    CurrentReadings {
-        direct: get(&cycle.direct).cast_signed(),
-        quadrature: get(&cycle.quadrature).cast_signed(),
-        direct_voltage: get(&cycle.direct_voltage).cast_signed(),
-        quadrature_voltage: get(&cycle.quadrature_voltage).cast_signed(),
     }
 }
 

@@ -10,10 +10,10 @@
 //! | d, q current | peak current S-0-0110, 2^-26 |
 //! | voltage | volt, 2^-14 |
 //! | angle | electrical revolution, 2^-32 |
-//! | output | counts of the timer, 0 ..= reload |
+//! | output | counts of the timer, 0 to the reload value or just beyond |
 //!
-//! A cycle multiplies 32 by 32 bits and keeps the high half, which is one instruction; it divides nowhere and has no branch whose
-//! length depends on data. What changes slower than the cycle comes from outside: gains when a parameter changes
+//! A cycle multiplies 32 by 32 bits and keeps the high half, which is one instruction; it divides nowhere, and no data makes it longer than
+//! a limit does, by some instructions. What changes slower than the cycle comes from outside: gains when a parameter changes
 //! ([`CurrentLoopSettings`]), reference, feed-forward and bus voltage once a loop tick ([`CurrentCommand`]).
 
 mod command;
@@ -21,6 +21,7 @@ mod control;
 mod modulator;
 mod protection;
 mod settings;
+mod shared;
 mod weakening;
 
 pub use command::{BusScale, CurrentCommand, MotorModel};
@@ -28,4 +29,5 @@ pub use control::{CurrentLoop, CurrentReadings};
 pub use modulator::DeadTimeCompensation;
 pub use protection::{Offsets, Protection, Trip};
 pub use settings::{CurrentLoopParameters, CurrentLoopSettings, PwmFrequency};
+pub use shared::{SharedCommand, SharedReadings};
 pub use weakening::{FieldWeakening, FieldWeakeningParameters, FieldWeakeningSettings, WeakeningOutput};

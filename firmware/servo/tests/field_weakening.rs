@@ -52,7 +52,7 @@ impl Run {
     /// A tick of two cycles.
     fn tick(&mut self, quadrature: f64, speed: f64) -> Seen {
         let bus = self.drive.bus();
-        let readings: CurrentReadings = *self.drive.current_loop.readings();
+        let readings: CurrentReadings = self.drive.readings.readings();
         if self.ticks.is_multiple_of(LOOP_TICKS_PER_SUPERVISION) {
             self.output = self.weakening.tick(&self.settings, &readings, &bus);
         }

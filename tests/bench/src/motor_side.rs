@@ -389,8 +389,14 @@ impl PowerStage for SimulatedStage {
     fn samples(&mut self) -> Samples {
         let state = &mut *self.state.borrow_mut();
         let at = state.sampled().0;
-        let [heat_sink, motor] = state.machine.temperature_samples(at);
-        Samples { currents: state.machine.current_samples(at), bus: state.machine.bus_sample(at), heat_sink, motor }
+        let currents = state.machine.current_samples(at).map(u32::from);
+        Samples { currents, bus: state.machine.bus_sample(at).into() }
+    }
+
+    fn temperatures(&mut self) -> [u32; 2] {
+        let state = &mut *self.state.borrow_mut();
+        let at = state.sampled().0;
+        state.machine.temperature_samples(at).map(u32::from)
     }
 
     fn encoder_count(&mut self) -> u32 {
@@ -407,7 +413,7 @@ impl PowerStage for SimulatedStage {
     }
 
     /// Both periods of a tick share the trim: so many counts of 168 MHz each.
-    fn trim(&mut self, counts: i16) {
+    fn trim(&mut self, counts: i32) {
         let state = &mut *self.state.borrow_mut();
         state.timer.next_period = PERIOD.saturating_add_signed(i64::from(counts));
     }

@@ -36,13 +36,6 @@ impl CurrentCommand {
     pub fn reference(current: CurrentFraction) -> i32 {
         i32::from(current.to_bits()).wrapping_shl(super::settings::CURRENT_BITS.wrapping_sub(15))
     }
-
-    /// Electrical angle at an encoder count at most some hundred increments away from [`CurrentCommand::count`].
-    #[inline]
-    #[must_use]
-    pub fn angle_at(&self, count: u32) -> u32 {
-        self.angle.wrapping_add(count.wrapping_sub(self.count).wrapping_mul(self.angle_per_increment))
-    }
 }
 
 /// How voltages become counts at the bus voltage of this moment.
@@ -79,30 +72,6 @@ impl BusScale {
             inverse: high_product(reciprocal, INVERSE_SHARE).wrapping_shl(6),
             counts,
             side: high_product(counts, HALF_ROOT_OF_THREE).wrapping_shl(1),
-        }
-    }
-
-    /// As words, for a mailbox; see [`BusScale::from_words`].
-    #[must_use]
-    pub const fn to_words(&self) -> [u32; 5] {
-        [
-            self.longest.cast_unsigned(),
-            self.longest_direct.cast_unsigned(),
-            self.inverse.cast_unsigned(),
-            self.counts.cast_unsigned(),
-            self.side.cast_unsigned(),
-        ]
-    }
-
-    /// From [`BusScale::to_words`].
-    #[must_use]
-    pub const fn from_words([longest, longest_direct, inverse, counts, side]: [u32; 5]) -> Self {
-        Self {
-            longest: longest.cast_signed(),
-            longest_direct: longest_direct.cast_signed(),
-            inverse: inverse.cast_signed(),
-            counts: counts.cast_signed(),
-            side: side.cast_signed(),
         }
     }
 
@@ -205,23 +174,5 @@ mod tests {
             let inverse = f64::from(bus.inverse) * f64::from(bus.longest) / (1_u64 << 47) as f64;
             assert!((inverse - 1.0).abs() < 1e-4, "{volts} V: {inverse}");
         }
-    }
-
-    #[test]
-    fn the_angle_follows_the_count_across_its_wrap() {
-        let command = CurrentCommand {
-            direct: 0,
-            quadrature: 0,
-            angle: 0xFFFF_FFF0,
-            count: u32::MAX,
-            angle_per_increment: 16,
-            ahead: Rotation::NONE,
-            direct_voltage: 0,
-            quadrature_voltage: 0,
-            bus: BusScale::default(),
-        };
-        assert_eq!(command.angle_at(0), 0);
-        assert_eq!(command.angle_at(1), 16);
-        assert_eq!(command.angle_at(u32::MAX - 1), 0xFFFF_FFE0);
     }
 }

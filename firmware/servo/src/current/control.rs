@@ -1,8 +1,8 @@
 //! A cycle of the current loop.
 
-use super::modulator::{limited_to_period, space_vector};
+use super::modulator::{space_vector, to_compare_value};
 use super::settings::CURRENT_BITS;
-use super::{CurrentCommand, CurrentLoopSettings};
+use super::{CurrentLoopSettings, SharedCommand, SharedReadings};
 use crate::CurrentFraction;
 use crate::trigonometry::{Rotation, high_product, rounded_product, sum_of_products};
 
@@ -32,124 +32,95 @@ impl CurrentReadings {
 
 const MOST: i32 = i16::MAX as i32;
 
-/// State of the current loop: the integral parts, and what was measured last.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+/// The current loop: settings, and the integral parts.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub struct CurrentLoop {
+    settings: CurrentLoopSettings,
     /// Volt 2^-18.
     direct_integral: i32,
     quadrature_integral: i32,
-    readings: CurrentReadings,
-    /// Compare values from the middle of the period, in counts 2^-3, before dead-time compensation. in counts 2^-4.
+    /// Compare values of the running cycle before dead-time compensation, in counts 2^-3.
     counts: [i32; 3],
-}
-
-/// What a cycle works with: phase currents in ADC counts 2^-3 without their offsets, and the electrical angle in 2^-32 revolution.
-struct Measurement {
-    currents: [i32; 3],
-    angle: u32,
 }
 
 impl CurrentLoop {
     /// Starts without integral parts.
     #[must_use]
-    pub fn new() -> Self {
-        Self::default()
+    pub const fn new(settings: CurrentLoopSettings) -> Self {
+        Self { settings, direct_integral: 0, quadrature_integral: 0, counts: [0; 3] }
     }
 
-    /// The bridge is off: no integral parts, no current. The compare values of the last cycle do not matter.
+    /// Goes on with other settings.
+    pub const fn set(&mut self, settings: CurrentLoopSettings) {
+        self.settings = settings;
+    }
+
+    /// The bridge is off: no integral parts. The compare values of the last cycle do not matter.
     #[inline]
     pub fn reset(&mut self) {
         self.direct_integral = 0;
         self.quadrature_integral = 0;
-        self.readings.direct = 0;
-        self.readings.quadrature = 0;
     }
 
-    /// What the last cycle measured and gave.
+    /// One cycle with the bridge on. The phase currents and the electrical angle of its sample are in `readings`, where it leaves what it
+    /// makes of them; compare values come out.
     #[inline]
-    #[must_use]
-    pub const fn readings(&self) -> &CurrentReadings {
-        &self.readings
-    }
-
-    /// One cycle with the bridge on: phase currents in ADC counts 2^-3 ([`super::Offsets::remove`]) and the electrical angle in 2^-32
-    /// revolution go in, compare values come out.
-    #[inline]
-    pub fn cycle(
-        &mut self,
-        settings: &CurrentLoopSettings,
-        command: &CurrentCommand,
-        currents: [i32; 3],
-        angle: u32,
-    ) -> [u16; 3] {
+    pub fn cycle(&mut self, command: &SharedCommand, readings: &SharedReadings) -> [u16; 3] {
         // With a drive that is a static the compiler would know the address, and load it anew, two instructions each, wherever it lacks a
         // register.
         let state = core::hint::black_box(&mut *self);
-        let then = state.current_loop_core(settings, command, &Measurement { currents, angle });
-        let [a, b, c] = self.counts;
-        let [current_a, current_b, current_c] = commanded_phases(command, then);
-        let dead_time = settings.dead_time;
-        [
-            limited_to_period(a.wrapping_add(dead_time.counts(current_a)), settings.middle),
-            limited_to_period(b.wrapping_add(dead_time.counts(current_b)), settings.middle),
-            limited_to_period(c.wrapping_add(dead_time.counts(current_c)), settings.middle),
-        ]
+        let then = state.current_loop_core(command, readings);
+        self.settings.dead_time.compensate(self.counts, commanded(command, then)).map(to_compare_value)
     }
 
     /// Clarke, Park, two PI, voltage limit, inverse Park, space vector, with sine and cosine of the angle. A function of its own, because
     /// `cargo xtask budget` counts its instructions. Gives the rotation at the time when the voltage acts, in 2^-30.
     #[inline(never)]
-    fn current_loop_core(
-        &mut self,
-        settings: &CurrentLoopSettings,
-        command: &CurrentCommand,
-        measurement: &Measurement,
-    ) -> Rotation {
-        let at = Rotation::by(measurement.angle);
-        let [a, b, c] = measurement.currents;
+    fn current_loop_core(&mut self, command: &SharedCommand, readings: &SharedReadings) -> Rotation {
+        let settings = &self.settings;
+        let at = Rotation::by(readings.angle());
+        let [a, b, c] = readings.phases();
         let alpha = a.wrapping_shl(1).wrapping_sub(b).wrapping_sub(c).wrapping_mul(settings.alpha);
         let beta = b.wrapping_sub(c).wrapping_mul(settings.beta);
         let direct = sum_of_products(alpha, at.cosine, beta, at.sine);
         let quadrature = sum_of_products(beta, at.cosine, alpha.wrapping_neg(), at.sine);
+        readings.set_currents(direct, quadrature);
 
-        let bus = &command.bus;
         let direct_voltage = regulate(
             settings,
             &mut self.direct_integral,
-            command.direct.wrapping_sub(direct),
-            command.direct_voltage,
-            bus.longest_direct,
+            command.direct.get().wrapping_sub(direct),
+            command.direct_voltage.get(),
+            command.longest_direct.get(),
         );
         let quadrature_voltage = regulate(
             settings,
             &mut self.quadrature_integral,
-            command.quadrature.wrapping_sub(quadrature),
-            command.quadrature_voltage,
-            rest_of_circle(direct_voltage, bus.longest, bus.inverse),
+            command.quadrature.get().wrapping_sub(quadrature),
+            command.quadrature_voltage.get(),
+            rest_of_circle(direct_voltage, command.longest.get(), command.inverse.get()),
         );
-        self.readings = CurrentReadings { direct, quadrature, direct_voltage, quadrature_voltage };
+        readings.set_voltages(direct_voltage, quadrature_voltage);
 
-        let then = at.half_then(command.ahead);
+        let then = at.half_then(command.ahead());
         let alpha = sum_of_products(direct_voltage, then.cosine, quadrature_voltage.wrapping_neg(), then.sine);
         let beta = sum_of_products(direct_voltage, then.sine, quadrature_voltage, then.cosine);
-        self.counts = space_vector(rounded_product(alpha, bus.counts), rounded_product(beta, bus.side));
+        let [alpha, side] = [rounded_product(alpha, command.counts.get()), rounded_product(beta, command.side.get())];
+        self.counts = space_vector(alpha, side, settings.middle);
         then
     }
 }
 
-/// The commanded currents of the phases at a rotation in 2^-30, in 2^-24 of peak.
+/// The commanded current at a rotation in 2^-30: alpha and beta, in 2^-24 of peak.
 #[inline]
-fn commanded_phases(command: &CurrentCommand, at: Rotation) -> [i32; 3] {
-    let alpha = sum_of_products(command.direct, at.cosine, command.quadrature.wrapping_neg(), at.sine);
-    let beta = sum_of_products(command.direct, at.sine, command.quadrature, at.cosine);
-    let half = alpha >> 1;
-    let side = high_product(beta, HALF_ROOT_OF_THREE).wrapping_shl(1);
-    [alpha, side.wrapping_sub(half), half.wrapping_add(side).wrapping_neg()]
+fn commanded(command: &SharedCommand, at: Rotation) -> [i32; 2] {
+    let (direct, quadrature) = (command.direct.get(), command.quadrature.get());
+    [
+        sum_of_products(direct, at.cosine, quadrature.wrapping_neg(), at.sine),
+        sum_of_products(direct, at.sine, quadrature, at.cosine),
+    ]
 }
-
-/// sqrt(3) / 2 in 2^-31.
-const HALF_ROOT_OF_THREE: i32 = 1_859_775_393;
 
 /// Proportional and integral part with feed-forward, within +-`limit`.
 ///
@@ -159,11 +130,16 @@ const HALF_ROOT_OF_THREE: i32 = 1_859_775_393;
 fn regulate(settings: &CurrentLoopSettings, integral: &mut i32, error: i32, feed_forward: i32, limit: i32) -> i32 {
     let grown = integral.wrapping_add(high_product(error, settings.integral));
     let wanted = feed_forward.wrapping_add(grown >> 4).wrapping_add(high_product(error, settings.proportional));
-    let given = wanted.min(limit).max(limit.wrapping_neg());
-    if given == wanted || (error ^ wanted) < 0 {
+    // What lies within the limits is, moved up by one of them, an unsigned number of at most twice that. A comparison and a branch are
+    // cheaper than the four that a limit takes, and the other way is not longer than those.
+    if wanted.wrapping_add(limit).cast_unsigned() <= limit.cast_unsigned().wrapping_shl(1) {
+        *integral = grown;
+        return wanted;
+    }
+    if (error ^ wanted) < 0 {
         *integral = grown;
     }
-    given
+    if wanted < 0 { limit.wrapping_neg() } else { limit }
 }
 
 /// What the circle of `limit` leaves for the other axis: sqrt(limit^2 - direct^2) or up to 2.3 % of the limit less, never more; for

@@ -73,19 +73,16 @@ impl Offsets {
     /// Currents in counts 2^-3.
     #[inline]
     #[must_use]
-    pub fn remove(&self, [a, b, c]: [u16; 3]) -> [i32; 3] {
+    pub fn remove(&self, [a, b, c]: [u32; 3]) -> [i32; 3] {
         let [zero_a, zero_b, zero_c] = self.phases;
-        [
-            i32::from(a).wrapping_shl(3).wrapping_sub(zero_a),
-            i32::from(b).wrapping_shl(3).wrapping_sub(zero_b),
-            i32::from(c).wrapping_shl(3).wrapping_sub(zero_c),
-        ]
+        let without = |sample: u32, zero: i32| sample.wrapping_shl(3).cast_signed().wrapping_sub(zero);
+        [without(a, zero_a), without(b, zero_b), without(c, zero_c)]
     }
 
     /// Takes samples while no current flows: each 1 024 of them make a new zero, if it is believable.
-    pub fn calibrate(&mut self, samples: [u16; 3]) {
+    pub fn calibrate(&mut self, samples: [u32; 3]) {
         for (sum, sample) in self.sums.iter_mut().zip(samples) {
-            *sum = sum.wrapping_add(sample.into());
+            *sum = sum.wrapping_add(sample);
         }
         self.samples = self.samples.wrapping_add(1);
         if self.samples & (CALIBRATION - 1) == 0 {
@@ -123,7 +120,7 @@ pub struct Protection {
     /// ADC counts 2^-3 of the sum.
     pub(crate) sum: i32,
     /// ADC counts.
-    pub(crate) bus: u16,
+    pub(crate) bus: u32,
     /// Increments in a cycle.
     pub(crate) increments: i32,
 }
@@ -150,7 +147,7 @@ impl Protection {
             current,
             // A tenth of the range: three gain errors of 2 % at full current, and noise, make less.
             sum: (MIDDLE << 3) / 10,
-            bus: highest_bus,
+            bus: highest_bus.into(),
             increments: i32::try_from(increments_per_cycle).unwrap_or(i32::MAX),
         })
     }
@@ -158,36 +155,33 @@ impl Protection {
     /// As words, for a mailbox; see [`Protection::from_words`].
     #[must_use]
     pub const fn to_words(&self) -> [u32; 4] {
-        [self.current.cast_unsigned(), self.sum.cast_unsigned(), self.bus as u32, self.increments.cast_unsigned()]
+        [self.current.cast_unsigned(), self.sum.cast_unsigned(), self.bus, self.increments.cast_unsigned()]
     }
 
     /// From [`Protection::to_words`].
     #[must_use]
     pub const fn from_words([current, sum, bus, increments]: [u32; 4]) -> Self {
-        Self {
-            current: current.cast_signed(),
-            sum: sum.cast_signed(),
-            bus: (bus & 0xFFFF) as u16,
-            increments: increments.cast_signed(),
-        }
+        Self { current: current.cast_signed(), sum: sum.cast_signed(), bus, increments: increments.cast_signed() }
     }
 
     /// Looks at one cycle. `moved`: increments since the last one.
     #[inline]
     #[must_use]
-    pub fn check(&self, [a, b, c]: [i32; 3], bus: u16, moved: i32) -> Option<Trip> {
+    pub fn check(&self, [a, b, c]: [i32; 3], bus: u32, moved: i32) -> Option<Trip> {
+        // What lies within +-limit is, moved up by it, an unsigned number of at most twice the limit: one comparison for both ends.
+        let beyond =
+            |value: i32, limit: i32| value.wrapping_add(limit).cast_unsigned() > limit.cast_unsigned().wrapping_shl(1);
         let limit = self.current;
-        let largest = a.max(b).max(c).max(a.min(b).min(c).wrapping_neg());
-        if largest > limit {
+        if beyond(a, limit) || beyond(b, limit) || beyond(c, limit) {
             return Some(Trip::Overcurrent);
         }
-        if a.wrapping_add(b).wrapping_add(c).wrapping_abs() > self.sum {
+        if beyond(a.wrapping_add(b).wrapping_add(c), self.sum) {
             return Some(Trip::CurrentSum);
         }
         if bus > self.bus {
             return Some(Trip::Overvoltage);
         }
-        if moved.wrapping_abs() > self.increments {
+        if beyond(moved, self.increments) {
             return Some(Trip::EncoderJump);
         }
         None
@@ -204,7 +198,7 @@ mod tests {
     #[test]
     fn the_zero_is_the_mean_of_a_thousand_samples() {
         let mut offsets = Offsets::default();
-        for n in 0..1_024_u16 {
+        for n in 0..1_024_u32 {
             assert!(!offsets.is_calibrated());
             offsets.calibrate([2_050 + n % 2, 2_040, 2_048]);
         }

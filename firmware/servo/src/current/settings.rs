@@ -139,29 +139,30 @@ impl CurrentLoopSettings {
 impl CurrentLoopSettings {
     /// As words, for a mailbox; see [`CurrentLoopSettings::from_words`].
     #[must_use]
-    pub const fn to_words(&self) -> [u32; 7] {
-        let [slope, full] = self.dead_time.to_words();
+    pub const fn to_words(&self) -> [u32; 8] {
+        let [dead_time_alpha, dead_time_side, dead_time] = self.dead_time.to_words();
         [
             self.alpha.cast_unsigned(),
             self.beta.cast_unsigned(),
             self.proportional.cast_unsigned(),
             self.integral.cast_unsigned(),
             self.middle.cast_unsigned(),
-            slope,
-            full,
+            dead_time_alpha,
+            dead_time_side,
+            dead_time,
         ]
     }
 
     /// From [`CurrentLoopSettings::to_words`].
     #[must_use]
-    pub const fn from_words([alpha, beta, proportional, integral, middle, slope, full]: [u32; 7]) -> Self {
+    pub const fn from_words([alpha, beta, proportional, integral, middle, dead_time @ ..]: [u32; 8]) -> Self {
         Self {
             alpha: alpha.cast_signed(),
             beta: beta.cast_signed(),
             proportional: proportional.cast_signed(),
             integral: integral.cast_signed(),
             middle: middle.cast_signed(),
-            dead_time: DeadTimeCompensation::from_words([slope, full]),
+            dead_time: DeadTimeCompensation::from_words(dead_time),
         }
     }
 }

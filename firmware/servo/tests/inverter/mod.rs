@@ -2,7 +2,10 @@
 //! half a period later.
 
 use servo::Rotation;
-use servo::current::{BusScale, CurrentCommand, CurrentLoop, CurrentLoopParameters, CurrentLoopSettings, PwmFrequency};
+use servo::current::{
+    BusScale, CurrentCommand, CurrentLoop, CurrentLoopParameters, CurrentLoopSettings, PwmFrequency, SharedCommand,
+    SharedReadings,
+};
 
 /// Electrical data of a motor, of a phase, and its inverter.
 #[derive(Clone, Copy, Debug)]
@@ -25,9 +28,10 @@ pub(crate) struct MotorData {
 #[derive(Debug)]
 pub(crate) struct Drive {
     data: MotorData,
-    settings: CurrentLoopSettings,
     /// The current loop.
-    pub(crate) current_loop: CurrentLoop,
+    current_loop: CurrentLoop,
+    command: SharedCommand,
+    pub(crate) readings: SharedReadings,
     /// d and q current in A.
     current: (f64, f64),
     /// Electrical angle in rad.
@@ -54,7 +58,15 @@ impl Drive {
             dead_time_band: 1,
         })
         .unwrap();
-        Self { data, settings, current_loop: CurrentLoop::new(), current: (0.0, 0.0), angle: 0.0, voltage: (0.0, 0.0) }
+        Self {
+            data,
+            current_loop: CurrentLoop::new(settings),
+            command: SharedCommand::new(),
+            readings: SharedReadings::new(),
+            current: (0.0, 0.0),
+            angle: 0.0,
+            voltage: (0.0, 0.0),
+        }
     }
 
     /// The bus as the current loop sees it.
@@ -73,7 +85,7 @@ impl Drive {
         let period = 1.0 / f64::from(self.data.frequency.hertz());
         let turns = |radians: f64| ((radians / std::f64::consts::TAU).rem_euclid(1.0) * 4_294_967_296.0) as u64 as u32;
         let share = |value: f64| (value * f64::from(1 << 26)).round() as i32;
-        let command = CurrentCommand {
+        self.command.set(&CurrentCommand {
             direct: share(direct),
             quadrature: share(quadrature),
             angle: 0,
@@ -84,9 +96,10 @@ impl Drive {
             direct_voltage: 0,
             quadrature_voltage: 0,
             bus: self.bus(),
-        };
-        let counts =
-            self.current_loop.cycle(&self.settings, &command, self.samples(), turns(self.angle)).map(f64::from);
+        });
+        self.readings.set_phases(self.samples());
+        self.readings.set_angle(turns(self.angle));
+        let counts = self.current_loop.cycle(&self.command, &self.readings).map(f64::from);
         self.run(speed, period / 2.0);
         let per_count = f64::from(self.data.bus) / f64::from(self.data.frequency.reload());
         let [a, b, c] = counts.map(|counts| counts * per_count);

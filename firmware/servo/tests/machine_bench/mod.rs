@@ -15,7 +15,8 @@ pub(crate) mod setup;
 use plant::Machine;
 use servo::current::{
     BusScale, CurrentCommand, CurrentLoop, CurrentLoopSettings, CurrentReadings, FieldWeakening,
-    FieldWeakeningSettings, MotorModel, Offsets, Protection, PwmFrequency, Trip, WeakeningOutput,
+    FieldWeakeningSettings, MotorModel, Offsets, Protection, PwmFrequency, SharedCommand, SharedReadings, Trip,
+    WeakeningOutput,
 };
 use servo::{
     Axis, AxisOutput, AxisSettings, BusVoltage, CommutationAngle, CurrentFraction, Encoder, EncoderSettings,
@@ -51,12 +52,14 @@ pub(crate) struct Bench {
     /// What the motor side stands at: field weakening, voltage.
     pub(crate) limiting: Limiting,
     pub(crate) current_loop: CurrentLoop,
+    readings: SharedReadings,
     /// Peak current in A.
     pub(crate) peak: f64,
     current_settings: CurrentLoopSettings,
     protection: Protection,
     offsets: Offsets,
     command: CurrentCommand,
+    shared_command: SharedCommand,
     count: u32,
     commutation: CommutationAngle,
     model: Option<MotorModel>,
@@ -108,7 +111,8 @@ impl Bench {
             time: 0,
             trip: None,
             limiting: Limiting::empty(),
-            current_loop: CurrentLoop::new(),
+            current_loop: CurrentLoop::new(CurrentLoopSettings::new(&setup.current).unwrap()),
+            readings: SharedReadings::new(),
             peak: f64::from(setup.reference.peak_current) / 1_000.0,
             current_settings: CurrentLoopSettings::new(&setup.current).unwrap(),
             protection: setup.protection(),
@@ -124,6 +128,7 @@ impl Bench {
                 quadrature_voltage: 0,
                 bus: BusScale::default(),
             },
+            shared_command: SharedCommand::new(),
             count: machine.encoder_count(0),
             commutation: setup.commutation(encoder.position()),
             model: setup.decoupled.then(|| setup.model()),
@@ -151,7 +156,7 @@ impl Bench {
     fn calibrate(&mut self) {
         for _ in 0..CALIBRATION {
             self.time += CYCLE;
-            self.offsets.calibrate(self.machine.current_samples(self.time));
+            self.offsets.calibrate(self.machine.current_samples(self.time).map(u32::from));
             if self.first {
                 self.count = self.machine.encoder_count(self.time + CONVERSION);
                 let (output, _) = self.outer_tick();
@@ -223,7 +228,7 @@ impl Bench {
     pub(crate) fn coast(&mut self, cycles: usize) {
         self.machine.set_bridge(false, self.time + CYCLE / 2);
         self.current_cycles([0.0; 2], cycles);
-        self.current_loop = CurrentLoop::new();
+        self.current_loop = CurrentLoop::new(self.current_settings);
         self.machine.set_bridge(true, self.time + CYCLE / 2);
     }
 
@@ -245,27 +250,29 @@ impl Bench {
     }
 
     /// What the current loop measured and gave in its last cycle.
-    pub(crate) fn readings(&self) -> &CurrentReadings {
-        self.current_loop.readings()
+    pub(crate) fn readings(&self) -> CurrentReadings {
+        self.readings.readings()
     }
 
     /// One cycle of the current loop, from peak to peak.
     fn cycle(&mut self) {
         self.time += CYCLE;
-        let samples = self.machine.current_samples(self.time);
+        let samples = self.machine.current_samples(self.time).map(u32::from);
         let bus = self.machine.bus_sample(self.time);
         let count = self.machine.encoder_count(self.time + CONVERSION);
         let moved = count.wrapping_sub(self.count).cast_signed();
         self.count = count;
         self.first = !self.first;
         let currents = self.offsets.remove(samples);
-        self.trip = self.trip.or_else(|| self.protection.check(currents, bus, moved));
+        self.shared_command.set(&self.command);
+        self.readings.set_phases(currents);
+        self.readings.set_angle(self.shared_command.angle_at(count));
+        self.trip = self.trip.or_else(|| self.protection.check(currents, bus.into(), moved));
         if self.trip.is_some() {
             self.machine.set_bridge(false, self.time + CONVERSION);
             return;
         }
-        let counts =
-            self.current_loop.cycle(&self.current_settings, &self.command, currents, self.command.angle_at(count));
+        let counts = self.current_loop.cycle(&self.shared_command, &self.readings);
         let duties = counts.map(|count| f64::from(count) / f64::from(RELOAD));
         self.machine.set_duties(duties, self.time + CYCLE / 2);
     }
@@ -275,7 +282,7 @@ impl Bench {
         let sample = self.machine.bus_sample(self.time);
         let bus = self.bus.tick(&self.voltage, sample);
         self.bus_scale = BusScale::new(bus.voltage.to_bits() >> 2, bus.reciprocal.of_fine_volts(), RELOAD);
-        self.weakened = self.weakening.tick(&self.weakening_settings, self.current_loop.readings(), &self.bus_scale);
+        self.weakened = self.weakening.tick(&self.weakening_settings, &self.readings.readings(), &self.bus_scale);
         self.limiting.set(Limiting::FIELD_WEAKENING, self.weakened.active);
     }
 
@@ -318,7 +325,7 @@ impl Bench {
 
     fn seen(&mut self, output: AxisOutput) -> Seen {
         let at = self.time;
-        let readings = self.current_loop.readings();
+        let readings = &self.readings.readings();
         let length = f64::from(readings.direct_voltage).hypot(f64::from(readings.quadrature_voltage));
         Seen {
             output,

@@ -4,6 +4,7 @@ use std::f64::consts::TAU;
 
 use servo::current::{
     BusScale, CurrentCommand, CurrentLoop, CurrentLoopParameters, CurrentLoopSettings, CurrentReadings, PwmFrequency,
+    SharedCommand, SharedReadings,
 };
 use servo::identification::{CurrentRequest, IdentificationInputs};
 use servo::{
@@ -57,8 +58,9 @@ pub(crate) struct Bench {
     pub(crate) fault: Fault,
     /// Electrical angle that the drive holds; else it follows the encoder.
     pub(crate) held_angle: Option<u32>,
-    settings: CurrentLoopSettings,
     current_loop: CurrentLoop,
+    shared_command: SharedCommand,
+    readings: SharedReadings,
     velocity_settings: VelocityLoopSettings,
     velocity_loop: VelocityLoop,
     estimate: VelocityEstimate,
@@ -120,8 +122,9 @@ impl Bench {
             machine,
             fault: Fault::None,
             held_angle: None,
-            settings,
-            current_loop: CurrentLoop::new(),
+            current_loop: CurrentLoop::new(settings),
+            shared_command: SharedCommand::new(),
+            readings: SharedReadings::new(),
             velocity_settings,
             velocity_loop: VelocityLoop::new(),
             estimate: VelocityEstimate::new(Position::ZERO),
@@ -151,11 +154,11 @@ impl Bench {
     /// The cycle that starts a tick, and what the control loop sees then.
     pub(crate) fn begin_tick(&mut self) -> IdentificationInputs {
         self.cycle();
-        let readings = self.current_loop.readings();
+        let readings = self.readings.readings();
         // Currents reach the control loop with 16 bits.
         let current = |value: i32| CurrentCommand::reference(CurrentReadings::fraction(value));
         let mut readings =
-            CurrentReadings { direct: current(readings.direct), quadrature: current(readings.quadrature), ..*readings };
+            CurrentReadings { direct: current(readings.direct), quadrature: current(readings.quadrature), ..readings };
         if matches!(self.fault, Fault::BridgeOff(from) if self.time() >= from) {
             readings = CurrentReadings::default();
         }
@@ -216,8 +219,10 @@ impl Bench {
             let counts = counts.floor().clamp(0.0, 4_095.0);
             ((counts - 2_048.0) * 8.0) as i32
         });
-        let angle = self.command.angle_at(self.count());
-        self.next = self.current_loop.cycle(&self.settings, &self.command, currents, angle);
+        self.shared_command.set(&self.command);
+        self.readings.set_phases(currents);
+        self.readings.set_angle(self.shared_command.angle_at(self.count()));
+        self.next = self.current_loop.cycle(&self.shared_command, &self.readings);
         self.run(STEPS / 2);
         self.counts = self.next;
         self.run(STEPS / 2);
