@@ -4,7 +4,7 @@
 //! |---|---|---|
 //! | [`CurrentControl`] | highest | `current_loop` (62.5 us) |
 //! | [`Interrupts`] | high | both interrupt lines of the ring controller |
-//! | [`Motion`] | high | `command_valid` (t3), `capture_feedback` (t4), `control_loop` (125 us) |
+//! | [`Motion`] | high | `command_valid` (t3), `capture_feedback` (t4), `control_loop` (125 us), `supervise` (500 us) |
 //! | [`Communication`] | low | `phase_change`, `service_channel` |
 //!
 //! The application binds the tasks to interrupts and does nothing else; a test binds them to a simulated ring. The chip is
