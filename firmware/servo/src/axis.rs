@@ -2,8 +2,8 @@
 
 use crate::{
     AxisSettings, CommandSource, CurrentFilter, CurrentFraction, FilteredVelocity, Interpolator, Limiting,
-    ModuloCounter, MotionLimits, Position, PositionLoop, Ramp, Setpoint, SignedAcceleration, TorqueLimits, Trajectory,
-    Velocity, VelocityInterpolator, VelocityLoop,
+    ModuloCounter, MotionLimits, Position, PositionLoop, Ramp, Setpoint, TorqueLimits, Trajectory, Velocity,
+    VelocityInterpolator, VelocityLoop,
 };
 
 /// What the axis does.
@@ -268,94 +268,30 @@ impl Axis {
         if let Some(modulo) = self.settings.interpolator.modulo() {
             self.ranges.wrap(modulo, measured);
         }
-        let mut command_source = CommandSource::Interpolated;
-        let (mut settled, mut travelled) = (true, false);
-        let setpoint = match self.mode {
-            Mode::Position => {
-                let (setpoint, source) = self.interpolator.tick(&self.settings.interpolator);
-                command_source = source;
-                setpoint
-            }
-            Mode::Halt => {
-                let (setpoint, finished) = self.brake();
-                settled = finished;
-                setpoint
-            }
-            Mode::Travel => {
-                let (setpoint, finished) = self.go();
-                travelled = finished;
-                setpoint
-            }
-            Mode::Off | Mode::Torque | Mode::Velocity | Mode::Stopping => {
-                return self.tick_without_setpoint(moved, limits);
-            }
-        };
-
-        let settings = &self.settings;
-        let monitored = self.monitored.update(&settings.monitor_filter, moved);
-        let velocity = self.velocity.update(&settings.velocity_filter, moved);
-        let mut output = AxisOutput {
-            velocity: monitored,
-            loop_velocity: velocity,
-            position_command: setpoint.position,
-            command_source,
-            standstill: settled & (monitored.abs() <= settings.standstill_window),
-            travelled,
-            ..AxisOutput::at_rest(self.measured)
-        };
-        let expected = self.expected_velocity.update(&settings.velocity_filter, setpoint.velocity);
-        let followed = self.position_loop.tick(
-            &settings.position_loop,
-            &settings.velocity_limits,
-            Setpoint { velocity: expected, ..setpoint },
-            measured,
-        );
-        self.velocity_command = followed.velocity;
-        output.velocity_command = followed.velocity;
-        output.following_error = followed.following_error;
-        output.excessive_deviation = followed.excessive_deviation;
-        output.limiting = followed.limiting;
-        self.control(setpoint.acceleration, limits, &mut output);
+        if self.mode != Mode::Position {
+            return self.tick_without_commands(moved, limits);
+        }
+        let (setpoint, source) = self.interpolator.tick(&self.settings.interpolator);
+        let mut output = self.follow(setpoint, moved, limits);
+        output.command_source = source;
         output
     }
 
-    /// One tick of [`Mode::Halt`], and whether the axis stands.
+    /// The rest of a tick in the modes without position commands.
     #[inline(never)]
-    fn brake(&mut self) -> (Setpoint, bool) {
-        (self.trajectory.tick_velocity(&self.settings.halt, Velocity::ZERO), self.trajectory.is_finished())
-    }
-
-    /// One tick of [`Mode::Travel`], and whether the target is reached.
-    #[inline(never)]
-    fn go(&mut self) -> (Setpoint, bool) {
-        let setpoint = match self.travel {
-            Travel::Hold => self.trajectory.tick_velocity(&self.travel_limits, Velocity::ZERO),
-            Travel::AtVelocity(velocity) => self.trajectory.tick_velocity(&self.travel_limits, velocity),
-            Travel::To(target) => self.trajectory.tick_to(&self.travel_limits, target),
-        };
-        (setpoint, self.trajectory.is_finished())
-    }
-
-    /// The rest of a tick in the modes without a position to follow.
-    #[inline(never)]
-    fn tick_without_setpoint(&mut self, moved: Velocity, limits: &TorqueLimits) -> AxisOutput {
+    fn tick_without_commands(&mut self, moved: Velocity, limits: &TorqueLimits) -> AxisOutput {
         let settings = &self.settings;
-        let monitored = self.monitored.update(&settings.monitor_filter, moved);
-        let velocity = self.velocity.update(&settings.velocity_filter, moved);
-        let mut output = AxisOutput {
-            velocity: monitored,
-            loop_velocity: velocity,
-            velocity_command: velocity,
-            position_command: self.measured,
-            standstill: monitored.abs() <= settings.standstill_window,
-            travelled: false,
-            ..AxisOutput::at_rest(self.measured)
-        };
-        let setpoint = match self.mode {
+        match self.mode {
+            Mode::Off | Mode::Position => {
+                let output = self.measured(moved);
+                self.velocity_command = output.loop_velocity;
+                output
+            }
             Mode::Torque => {
-                self.velocity_command = velocity;
-                self.torque(velocity, limits, &mut output);
-                return output;
+                let mut output = self.measured(moved);
+                self.velocity_command = output.loop_velocity;
+                self.torque(limits, &mut output);
+                output
             }
             Mode::Velocity => {
                 let command = self.velocity_interpolator.tick();
@@ -366,34 +302,96 @@ impl Axis {
                         ..Setpoint::moving(self.measured, command)
                     },
                 };
+                let mut output = self.turn(ramped, moved, limits);
                 output.limiting.set(Limiting::ACCELERATION, ramped.velocity != command);
-                ramped
+                output
             }
             Mode::Stopping => {
                 let ramped = self.ramp.tick(settings.deceleration);
+                let mut output = self.turn(ramped, moved, limits);
                 output.standstill &= self.ramp.is_finished();
-                ramped
+                output
             }
-            Mode::Off | Mode::Position | Mode::Halt | Mode::Travel => {
-                self.velocity_command = velocity;
-                return output;
+            Mode::Halt => {
+                let setpoint = self.trajectory.tick_velocity(&settings.halt, Velocity::ZERO);
+                let mut output = self.follow(setpoint, moved, limits);
+                output.standstill &= self.trajectory.is_finished();
+                output
             }
-        };
-        self.velocity_command = setpoint.velocity;
-        output.velocity_command = setpoint.velocity;
-        output.limiting |= settings.velocity_limits.met_by(setpoint.velocity);
-        self.control(setpoint.acceleration, limits, &mut output);
+            Mode::Travel => {
+                let setpoint = match self.travel {
+                    Travel::Hold => self.trajectory.tick_velocity(&self.travel_limits, Velocity::ZERO),
+                    Travel::AtVelocity(velocity) => self.trajectory.tick_velocity(&self.travel_limits, velocity),
+                    Travel::To(target) => self.trajectory.tick_to(&self.travel_limits, target),
+                };
+                let mut output = self.follow(setpoint, moved, limits);
+                output.travelled = self.trajectory.is_finished();
+                output
+            }
+        }
+    }
+
+    /// What is measured, without any command.
+    #[inline]
+    fn measured(&mut self, moved: Velocity) -> AxisOutput {
+        let settings = &self.settings;
+        let velocity = self.monitored.update(&settings.monitor_filter, moved);
+        let loop_velocity = self.velocity.update(&settings.velocity_filter, moved);
+        AxisOutput {
+            current: CurrentFraction::ZERO,
+            following_error: Position::ZERO,
+            velocity,
+            loop_velocity,
+            velocity_command: loop_velocity,
+            position_command: self.measured,
+            command_source: CommandSource::Interpolated,
+            standstill: velocity.abs() <= settings.standstill_window,
+            limiting: Limiting::empty(),
+            travelled: false,
+            excessive_deviation: false,
+        }
+    }
+
+    /// From a position to the current.
+    ///
+    /// Inlined so that position commands have a path of their own, without what only other movements need.
+    #[inline(always)]
+    fn follow(&mut self, setpoint: Setpoint, moved: Velocity, limits: &TorqueLimits) -> AxisOutput {
+        let settings = &self.settings;
+        let acceleration = settings.velocity_loop.feed_forward(setpoint.acceleration);
+        let mut output = self.measured(moved);
+        let settings = &self.settings;
+        let expected = self.expected_velocity.update(&settings.velocity_filter, setpoint.velocity);
+        let followed = self.position_loop.tick(
+            &settings.position_loop,
+            &settings.velocity_limits,
+            Setpoint { velocity: expected, ..setpoint },
+            self.measured,
+        );
+        output.velocity_command = followed.velocity;
+        output.position_command = setpoint.position;
+        output.following_error = followed.following_error;
+        output.limiting = followed.limiting;
+        output.excessive_deviation = followed.excessive_deviation;
+        self.control(acceleration, limits, &mut output);
         output
     }
 
-    /// From the velocity command and the acceleration that belongs to it to the current.
+    /// From a velocity to the current.
     #[inline]
-    fn control(&mut self, acceleration: SignedAcceleration, limits: &TorqueLimits, output: &mut AxisOutput) {
+    fn turn(&mut self, setpoint: Setpoint, moved: Velocity, limits: &TorqueLimits) -> AxisOutput {
+        let mut output = self.measured(moved);
+        output.velocity_command = setpoint.velocity;
+        output.limiting = self.settings.velocity_limits.met_by(setpoint.velocity);
+        self.control(self.settings.velocity_loop.feed_forward(setpoint.acceleration), limits, &mut output);
+        output
+    }
+
+    /// From the velocity command, and the current that its acceleration needs, to the current.
+    #[inline]
+    fn control(&mut self, acceleration: i32, limits: &TorqueLimits, output: &mut AxisOutput) {
         let settings = &self.settings;
-        let mut feed_forward = settings.friction.current(output.velocity_command);
-        if acceleration != SignedAcceleration::ZERO {
-            feed_forward = feed_forward.saturating_add(settings.velocity_loop.feed_forward(acceleration));
-        }
+        let feed_forward = acceleration.saturating_add(settings.friction.current(output.velocity_command));
         let controlled = self.velocity_loop.tick(
             &settings.velocity_loop,
             limits,
@@ -401,6 +399,7 @@ impl Axis {
             output.loop_velocity,
             feed_forward,
         );
+        self.velocity_command = output.velocity_command;
         self.current = controlled.current;
         output.limiting |= controlled.limiting;
         output.current = if settings.filter.is_active() {
@@ -416,13 +415,13 @@ impl Axis {
     ///
     /// The velocity loop runs along towards the limit with its integral part held at the commanded torque: below the limit it would give
     /// more than the command, above it gives less, and the one passes into the other without a step.
-    fn torque(&mut self, measured: Velocity, limits: &TorqueLimits, output: &mut AxisOutput) {
+    fn torque(&mut self, limits: &TorqueLimits, output: &mut AxisOutput) {
         let settings = &self.settings;
         let (wanted, limiting) = limits.apply(self.torque_command);
         let forwards = wanted >= CurrentFraction::ZERO;
         let velocity_limits = &settings.velocity_limits;
         let limit = if forwards { velocity_limits.positive } else { velocity_limits.negative };
-        let held = self.velocity_loop.tick(&settings.velocity_loop, limits, limit, measured, 0);
+        let held = self.velocity_loop.tick(&settings.velocity_loop, limits, limit, output.loop_velocity, 0);
         let too_fast = if forwards { held.current < wanted } else { held.current > wanted };
         if too_fast {
             output.current = held.current;

@@ -74,7 +74,8 @@ impl VelocityLoopSettings {
     #[inline]
     #[must_use]
     pub fn feed_forward(&self, acceleration: SignedAcceleration) -> i32 {
-        self.acceleration.apply(acceleration)
+        // Most set-points have none.
+        if acceleration == SignedAcceleration::ZERO { 0 } else { self.acceleration.apply(acceleration) }
     }
 }
 
