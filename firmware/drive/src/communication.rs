@@ -39,6 +39,10 @@ impl fmt::Display for StartError {
 
 impl core::error::Error for StartError {}
 
+/// Words of a long element that are handed over in one step, half of what the container takes: every word costs bus accesses, and the master
+/// takes one a step, so that it waits for none of them either way.
+const SEGMENT_WORDS: usize = 8;
+
 /// A phase change that has happened, for the log.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
@@ -77,7 +81,7 @@ impl<B: Bus + Clone> Communication<B> {
             slave: Slave::new(bus.clone()),
             service: ServicePort::new(bus),
             phases: PhaseMachine::new(),
-            server: Server::new(),
+            server: Server::with_segment_words(SEGMENT_WORDS),
             parameters: Parameters::new(),
             checks: Checks::default(),
             commissioning: Commissioning::default(),
