@@ -148,14 +148,15 @@ impl<P: PowerStage> CurrentControl<P> {
     fn trip(&mut self, trip: Trip) {
         self.control = Control::Tripped;
         self.stage.switch_off();
-        set(&self.link.report.trip, trip.code());
+        let report = &self.link.report;
+        report.tell(&report.trip, trip.code());
     }
 
     fn rest(&mut self, samples: &Samples) {
         let report = &self.link.report;
         if self.control != Control::Resting {
             self.control = Control::Resting;
-            set(&report.trip, 0);
+            report.tell(&report.trip, 0);
             self.current_loop.reset();
             for first in [true, false] {
                 report.cycle(first).readings.without_current();
@@ -163,7 +164,10 @@ impl<P: PowerStage> CurrentControl<P> {
             self.stage.set_compare([self.frequency.reload() / 2; 3]);
         }
         self.offsets.calibrate(samples.currents);
-        set(&report.calibrated, self.offsets.is_calibrated().into());
+        let calibrated = self.offsets.is_calibrated().into();
+        if calibrated != get(&report.calibrated) {
+            report.tell(&report.calibrated, calibrated);
+        }
     }
 
     /// A single late cycle repeats the voltage of the one before, two in a row would be no control any more.
@@ -173,8 +177,8 @@ impl<P: PowerStage> CurrentControl<P> {
             self.trip(Trip::Late);
         }
         self.was_late = true;
-        let late = &self.link.report.late;
-        set(late, get(late).wrapping_add(1));
+        let report = &self.link.report;
+        report.tell(&report.late, get(&report.late).wrapping_add(1));
     }
 
     #[inline]
