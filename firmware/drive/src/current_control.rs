@@ -2,25 +2,12 @@
 
 use core::sync::atomic::AtomicU32;
 
-use servo::current::{
-    CurrentCommand, CurrentLoop, CurrentLoopSettings, Offsets, Protection, PwmFrequency, SharedCommand, Trip,
-};
+use servo::current::{CurrentLoop, CurrentLoopSettings, Offsets, Protection, PwmFrequency, SharedCommand, Trip};
 
 use crate::hardware::{PowerStage, Samples};
 use crate::link::{CurrentLink, CycleReport, get, set};
 use crate::settings::motor::FREQUENCY;
 use crate::work::Work;
-
-/// What the tasks of the loop tick ask of the current loop.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct CurrentOrder {
-    /// Current flows as commanded; otherwise the bridge is off and the current sensors find their zero.
-    pub on: bool,
-    /// Counts by which the next loop tick is to be longer.
-    pub trim: i16,
-    /// Reference, angle, feed-forward, bus.
-    pub command: CurrentCommand,
-}
 
 /// Everything the current loop needs of the parameters.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -194,10 +181,11 @@ impl<P: PowerStage> CurrentControl<P> {
     }
 }
 
-/// A [`CurrentOrder`] in the mailbox.
+/// What the tasks of the loop tick ask of the current loop.
 #[derive(Debug)]
 pub(crate) struct SharedOrder {
-    command: SharedCommand,
+    /// Reference, angle, feed-forward, bus.
+    pub(crate) command: SharedCommand,
     on: AtomicU32,
     trim: AtomicU32,
 }
@@ -207,11 +195,12 @@ impl SharedOrder {
         Self { command: SharedCommand::new(), on: AtomicU32::new(0), trim: AtomicU32::new(0) }
     }
 
+    /// * `on`: current flows as commanded; otherwise the bridge is off and the current sensors find their zero.
+    /// * `trim`: counts by which the next loop tick is to be longer.
     #[inline]
-    pub(crate) fn set(&self, order: &CurrentOrder) {
-        self.command.set(&order.command);
-        set(&self.on, order.on.into());
-        set(&self.trim, i32::from(order.trim).cast_unsigned());
+    pub(crate) fn set(&self, on: bool, trim: i16) {
+        set(&self.on, on.into());
+        set(&self.trim, i32::from(trim).cast_unsigned());
     }
 }
 

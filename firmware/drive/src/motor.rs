@@ -17,7 +17,6 @@ use servo::{
 pub(crate) use sequence::{Progress, Sequence, SequenceInputs};
 pub(crate) use supervision::{Findings, Surroundings, Watched};
 
-use crate::current_control::CurrentOrder;
 use crate::link::{CurrentLink, CycleReport, get};
 use crate::oscilloscope::CurrentLoopValues;
 use crate::settings::MotorSettings;
@@ -164,9 +163,10 @@ impl Motor {
     /// What the current loop has to tell in this tick.
     #[inline]
     pub(crate) fn measure(&mut self) -> &Measured {
-        let report = &self.link.report;
+        let motor = core::hint::black_box(&mut *self);
+        let report = &motor.link.report;
         let first = report.cycle(true);
-        let measured = &mut self.measured;
+        let measured = &mut motor.measured;
         let readings = first.readings.readings();
         measured.readings = readings;
         measured.torque_current = CurrentReadings::fraction(readings.quadrature);
@@ -174,8 +174,8 @@ impl Motor {
         measured.count = get(&report.count);
         measured.bus = (get(&first.bus) & 0xFFFF) as u16;
         let changes = report.changes();
-        if changes != self.changes_seen {
-            self.changes_seen = changes;
+        if changes != motor.changes_seen {
+            motor.changes_seen = changes;
             measured.calibrated = get(&report.calibrated) != 0;
             measured.trip = Trip::from_code(get(&report.trip));
             measured.late = get(&report.late);
@@ -230,21 +230,25 @@ impl Motor {
     }
 
     /// Sends the current loop its order for this tick: the current that the loops want, at the velocity that they measured.
+    ///
+    /// The compiler knows where the drive lies, and reaches what is far from its beginning in two instructions; of a pointer that it knows
+    /// nothing about it makes one. [`Motor::measure`] does the same.
     #[inline]
     pub(crate) fn command(&mut self, position: Position, current: CurrentFraction, velocity: Velocity, trim: i16) {
+        let motor = core::hint::black_box(self);
         // 2^-32 of an electrical revolution a tick. Beyond half a revolution nothing commutates any more, and the overspeed has long been
         // found.
-        let speed = (i64::from(velocity.to_bits()).wrapping_mul(self.settings.pole_pairs.into()) >> 4) as i32;
-        let (None, None, Some(commutation)) = (&self.aligning, &self.held, &self.commutation) else {
-            return self.command_without_the_loops(speed, trim);
+        let speed = (i64::from(velocity.to_bits()).wrapping_mul(motor.settings.pole_pairs.into()) >> 4) as i32;
+        let (None, None, Some(commutation)) = (&motor.aligning, &motor.held, &motor.commutation) else {
+            return motor.command_without_the_loops(speed, trim);
         };
         // A scale of at most 1, 2^15.
-        let scale = i32::from(self.brake_output.torque_scale.to_bits());
+        let scale = i32::from(motor.brake_output.torque_scale.to_bits());
         let quadrature = CurrentFraction::from_bits((i32::from(current.to_bits()).wrapping_mul(scale) >> 15) as i16);
-        let direct = self.brake_output.test_current.saturating_add(self.weakened);
-        let voltages = self.settings.model.induced(speed, direct, quadrature);
+        let direct = motor.brake_output.test_current.saturating_add(motor.weakened);
+        let voltages = motor.settings.model.induced(speed, direct, quadrature);
         let angle = commutation.at(position);
-        self.send(&Wanted { angle, turning: self.angle_per_increment, speed, direct, quadrature, voltages }, trim);
+        motor.send(&Wanted { angle, turning: motor.angle_per_increment, speed, direct, quadrature, voltages }, trim);
     }
 
     /// The order while the angle is looked for, or held for an identification, or not known.
@@ -269,24 +273,19 @@ impl Motor {
         let (direct_voltage, quadrature_voltage) = wanted.voltages;
         self.direct_command = wanted.direct;
         self.commanded = wanted.quadrature;
-        self.induced = quadrature_voltage.saturating_abs();
-        let aged = (i64::from(wanted.speed).wrapping_mul(SAMPLE_AGE) >> 16) as i32;
-        let order = CurrentOrder {
-            on: self.bridge_on,
-            trim,
-            command: CurrentCommand {
-                direct: CurrentCommand::reference(wanted.direct),
-                quadrature: CurrentCommand::reference(wanted.quadrature),
-                angle: wanted.angle.wrapping_sub(aged.cast_unsigned()),
-                count: self.measured.count,
-                angle_per_increment: wanted.turning,
-                ahead: ahead(wanted.speed),
-                direct_voltage,
-                quadrature_voltage,
-                bus: self.bus_scale,
-            },
-        };
-        self.link.order.send(|shared| shared.set(&order));
+        self.induced = quadrature_voltage.wrapping_abs();
+        let aged = (i64::from(wanted.speed).wrapping_mul(SAMPLE_AGE << 16) >> 32) as i32;
+        let angle = wanted.angle.wrapping_sub(aged.cast_unsigned());
+        self.link.order.send(|order| {
+            let command = &order.command;
+            command
+                .set_currents(CurrentCommand::reference(wanted.direct), CurrentCommand::reference(wanted.quadrature));
+            command.set_voltages(direct_voltage, quadrature_voltage);
+            command.set_angle(angle, self.measured.count, wanted.turning);
+            command.set_ahead(ahead(wanted.speed));
+            command.set_bus(&self.bus_scale);
+            order.set(self.bridge_on, trim);
+        });
     }
 
     /// Holds the angle for an identification, or gives it back to the rotor.
