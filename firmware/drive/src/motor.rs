@@ -236,9 +236,9 @@ impl Motor {
     #[inline]
     pub(crate) fn command(&mut self, position: Position, current: CurrentFraction, velocity: Velocity, trim: i16) {
         let motor = core::hint::black_box(self);
-        // 2^-32 of an electrical revolution a tick. Beyond half a revolution nothing commutates any more, and the overspeed has long been
-        // found.
-        let speed = (i64::from(velocity.to_bits()).wrapping_mul(motor.settings.pole_pairs.into()) >> 4) as i32;
+        // 2^-32 of an electrical revolution a tick, 64 of them at most too low. Beyond half a revolution nothing commutates any more, and the
+        // overspeed has long been found.
+        let speed = (velocity.to_bits() >> 4).wrapping_mul(motor.settings.pole_pairs);
         let (None, None, Some(commutation)) = (&motor.aligning, &motor.held, &motor.commutation) else {
             return motor.command_without_the_loops(speed, trim);
         };

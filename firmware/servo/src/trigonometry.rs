@@ -29,12 +29,15 @@ impl Rotation {
     pub fn within_a_quarter(share: i32) -> Self {
         let [first, third, fifth] = SINE;
         let [whole, second, fourth, sixth] = COSINE;
-        // The square with its sign turned round, in 2^-30: of one that cannot be negative the compiler would make longer code.
+        // Everything with its sign turned round, and the share by its complement, half a step beside it: of a factor that cannot be negative
+        // the compiler makes an unsigned one, and with it two instructions more than a signed product and its sum take.
+        let share = !share;
+        // 2^-30
         let square = high_product(share, !share);
         let slope = first.wrapping_add(high_product(square, third.wrapping_add(high_product(square, fifth))));
         let cosine = fourth.wrapping_add(high_product(square, sixth));
         let cosine = whole.wrapping_add(high_product(square, second.wrapping_add(high_product(square, cosine))));
-        Self { cosine: cosine.wrapping_shl(3), sine: high_product(share, slope).wrapping_shl(3) }
+        Self { cosine: cosine.wrapping_neg().wrapping_shl(3), sine: high_product(share, slope).wrapping_shl(3) }
     }
 
     /// This rotation and then another one, in 2^-30.
@@ -49,11 +52,11 @@ impl Rotation {
 }
 
 /// sin(x pi/2) = 1.570243 x - 0.641711 x^3 + 0.071468 x^5: least largest error of those that are 1 at the end, in 2^-29, 2^-31, 2^-33. Short by
-/// four steps, which keeps it below 1. For the square with its sign turned round.
-const SINE: [i32; 3] = [843_017_731, 1_378_063_696, 613_905_679];
+/// eight steps, which keeps it below 1. Signs as [`Rotation::within_a_quarter`] needs them.
+const SINE: [i32; 3] = [-843_017_722, -1_378_063_688, -613_905_671];
 /// cos(x pi/2) = 1 - 1.233542 x^2 + 0.252698 x^4 - 0.019164 x^6: least largest error of those that are 1 in the middle, in 2^-28, 2^-30,
 /// 2^-32, 2^-34. Short by a step.
-const COSINE: [i32; 4] = [268_435_455, 1_324_505_336, 1_085_328_906, 329_236_143];
+const COSINE: [i32; 4] = [-268_435_455, -1_324_505_336, -1_085_328_906, -329_234_142];
 
 /// `(a * b + c * d) / 2^32`, rounded down.
 #[inline]
