@@ -358,9 +358,11 @@ struct Wanted {
 /// From a sample to the middle of the period in which its voltage acts: one cycle, at a speed in 2^-32 revolution a tick.
 #[inline]
 fn ahead(speed: i32) -> Rotation {
-    match FREQUENCY.cycles_per_tick() {
+    match CYCLES_IN_A_TICK {
         // Half a revolution a tick, the end of the range, is a quarter of one a cycle.
         2 => Rotation::within_a_quarter(speed),
-        cycles => Rotation::by((i64::from(speed) / i64::from(cycles)) as u32),
+        _ => Rotation::by((speed / CYCLES_IN_A_TICK).cast_unsigned()),
     }
 }
+
+const CYCLES_IN_A_TICK: i32 = FREQUENCY.cycles_per_tick() as i32;
