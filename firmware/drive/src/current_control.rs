@@ -2,25 +2,12 @@
 
 use core::sync::atomic::AtomicU32;
 
-use servo::current::{
-    CurrentCommand, CurrentLoop, CurrentLoopSettings, Offsets, Protection, PwmFrequency, SharedCommand, Trip,
-};
+use servo::current::{CurrentLoop, CurrentLoopSettings, Offsets, Protection, PwmFrequency, SharedCommand, Trip};
 
 use crate::hardware::{PowerStage, Samples};
 use crate::link::{CurrentLink, CycleReport, get, set};
 use crate::settings::motor::FREQUENCY;
 use crate::work::Work;
-
-/// What the tasks of the loop tick ask of the current loop.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct CurrentOrder {
-    /// Current flows as commanded; otherwise the bridge is off and the current sensors find their zero.
-    pub on: bool,
-    /// Counts by which the next loop tick is to be longer.
-    pub trim: i16,
-    /// Reference, angle, feed-forward, bus.
-    pub command: CurrentCommand,
-}
 
 /// Everything the current loop needs of the parameters.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -148,14 +135,15 @@ impl<P: PowerStage> CurrentControl<P> {
     fn trip(&mut self, trip: Trip) {
         self.control = Control::Tripped;
         self.stage.switch_off();
-        set(&self.link.report.trip, trip.code());
+        let report = &self.link.report;
+        report.tell(&report.trip, trip.code());
     }
 
     fn rest(&mut self, samples: &Samples) {
         let report = &self.link.report;
         if self.control != Control::Resting {
             self.control = Control::Resting;
-            set(&report.trip, 0);
+            report.tell(&report.trip, 0);
             self.current_loop.reset();
             for first in [true, false] {
                 report.cycle(first).readings.without_current();
@@ -163,7 +151,10 @@ impl<P: PowerStage> CurrentControl<P> {
             self.stage.set_compare([self.frequency.reload() / 2; 3]);
         }
         self.offsets.calibrate(samples.currents);
-        set(&report.calibrated, self.offsets.is_calibrated().into());
+        let calibrated = self.offsets.is_calibrated().into();
+        if calibrated != get(&report.calibrated) {
+            report.tell(&report.calibrated, calibrated);
+        }
     }
 
     /// A single late cycle repeats the voltage of the one before, two in a row would be no control any more.
@@ -173,8 +164,8 @@ impl<P: PowerStage> CurrentControl<P> {
             self.trip(Trip::Late);
         }
         self.was_late = true;
-        let late = &self.link.report.late;
-        set(late, get(late).wrapping_add(1));
+        let report = &self.link.report;
+        report.tell(&report.late, get(&report.late).wrapping_add(1));
     }
 
     #[inline]
@@ -190,10 +181,11 @@ impl<P: PowerStage> CurrentControl<P> {
     }
 }
 
-/// A [`CurrentOrder`] in the mailbox.
+/// What the tasks of the loop tick ask of the current loop.
 #[derive(Debug)]
 pub(crate) struct SharedOrder {
-    command: SharedCommand,
+    /// Reference, angle, feed-forward, bus.
+    pub(crate) command: SharedCommand,
     on: AtomicU32,
     trim: AtomicU32,
 }
@@ -203,11 +195,12 @@ impl SharedOrder {
         Self { command: SharedCommand::new(), on: AtomicU32::new(0), trim: AtomicU32::new(0) }
     }
 
+    /// * `on`: current flows as commanded; otherwise the bridge is off and the current sensors find their zero.
+    /// * `trim`: counts by which the next loop tick is to be longer.
     #[inline]
-    pub(crate) fn set(&self, order: &CurrentOrder) {
-        self.command.set(&order.command);
-        set(&self.on, order.on.into());
-        set(&self.trim, i32::from(order.trim).cast_unsigned());
+    pub(crate) fn set(&self, on: bool, trim: i16) {
+        set(&self.on, on.into());
+        set(&self.trim, i32::from(trim).cast_unsigned());
     }
 }
 

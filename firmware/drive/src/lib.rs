@@ -53,7 +53,7 @@ mod work;
 pub use access::{Access, LONGEST_PASSWORD, SHORTEST_PASSWORD};
 pub use bits::{BitSettings, SIGNAL_BITS, Source, SourceBit, Word};
 pub use communication::{Communication, PhaseReport, StartError};
-pub use current_control::{CurrentControl, CurrentOrder, CurrentSettings};
+pub use current_control::{CurrentControl, CurrentSettings};
 pub use diagnosis::{
     Circumstances, DIAGNOSES, Diagnosis, Manufacturer1, Manufacturer2, Manufacturer3, Severity, diagnose,
     of_phase_error,

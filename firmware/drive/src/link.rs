@@ -98,6 +98,8 @@ pub(crate) struct Report {
     pub(crate) calibrated: AtomicU32,
     /// Cycles that came too late, since the start.
     pub(crate) late: AtomicU32,
+    /// How often the last three have changed.
+    changes: AtomicU32,
 }
 
 impl Report {
@@ -109,7 +111,20 @@ impl Report {
             trip: AtomicU32::new(0),
             calibrated: AtomicU32::new(0),
             late: AtomicU32::new(0),
+            changes: AtomicU32::new(0),
         }
+    }
+
+    /// Sets one of the words that seldom change.
+    pub(crate) fn tell(&self, word: &AtomicU32, value: u32) {
+        set(word, value);
+        set(&self.changes, self.changes().wrapping_add(1));
+    }
+
+    /// How often one of the words has been told. Looked at before them, it says that they are worth another look.
+    #[inline]
+    pub(crate) fn changes(&self) -> u32 {
+        get(&self.changes)
     }
 
     /// What the first or the second cycle of a tick has read.

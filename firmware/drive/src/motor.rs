@@ -18,7 +18,6 @@ use servo::{
 pub(crate) use sequence::{Progress, Sequence, SequenceInputs};
 pub(crate) use supervision::{Findings, Surroundings, Watched};
 
-use crate::current_control::CurrentOrder;
 use crate::link::{CurrentLink, CycleReport, get};
 use crate::oscilloscope::CurrentLoopValues;
 use crate::settings::MotorSettings;
@@ -51,6 +50,8 @@ pub(crate) struct Motor {
     link: &'static CurrentLink,
     settings: MotorSettings,
     measured: Measured,
+    /// [`crate::link::Report::changes`] as last seen.
+    changes_seen: u32,
     voltage: BusVoltage,
     bus: VoltageOutput,
     heat_sink: Temperature,
@@ -88,6 +89,8 @@ pub(crate) struct Motor {
     /// Bridge as it was last set.
     bridge_on: bool,
     encoder_reversed: bool,
+    /// Electrical angle of one increment as the encoder counts it, 2^-32 revolution.
+    angle_per_increment: u32,
 }
 
 /// From the sample of the currents to the reading of the encoder, in 2^-16 of a tick: 1.9 us of conversion and 0.3 us to the handler.
@@ -102,10 +105,12 @@ impl Motor {
         let mut brake = BrakeSequencer::new();
         let brake_output = sequence::at_rest(&mut brake, &settings);
         link.settings.send(|shared| shared.set(&settings.current));
+        let angle_per_increment = settings.angle_per_increment;
         Self {
             link,
             settings,
             measured: Measured { count, ..Measured::default() },
+            changes_seen: 0,
             voltage,
             bus,
             heat_sink: Temperature::new(),
@@ -135,6 +140,7 @@ impl Motor {
             watched: Watched::default(),
             bridge_on: false,
             encoder_reversed: false,
+            angle_per_increment,
         }
     }
 
@@ -154,25 +160,31 @@ impl Motor {
             self.link.settings.send(|shared| shared.set(&settings.current));
         }
         self.encoder_reversed = encoder_reversed;
+        self.angle_per_increment =
+            if encoder_reversed { settings.angle_per_increment.wrapping_neg() } else { settings.angle_per_increment };
         self.settings = settings;
     }
 
     /// What the current loop has to tell in this tick.
     #[inline]
     pub(crate) fn measure(&mut self) -> &Measured {
-        let report = &self.link.report;
+        let motor = core::hint::black_box(&mut *self);
+        let report = &motor.link.report;
         let first = report.cycle(true);
+        let measured = &mut motor.measured;
         let readings = first.readings.readings();
-        self.measured = Measured {
-            count: get(&report.count),
-            torque_current: CurrentReadings::fraction(readings.quadrature),
-            field_current: CurrentReadings::fraction(readings.direct),
-            readings,
-            bus: (get(&first.bus) & 0xFFFF) as u16,
-            calibrated: get(&report.calibrated) != 0,
-            trip: Trip::from_code(get(&report.trip)),
-            late: get(&report.late),
-        };
+        measured.readings = readings;
+        measured.torque_current = CurrentReadings::fraction(readings.quadrature);
+        measured.field_current = CurrentReadings::fraction(readings.direct);
+        measured.count = get(&report.count);
+        measured.bus = (get(&first.bus) & 0xFFFF) as u16;
+        let changes = report.changes();
+        if changes != motor.changes_seen {
+            motor.changes_seen = changes;
+            measured.calibrated = get(&report.calibrated) != 0;
+            measured.trip = Trip::from_code(get(&report.trip));
+            measured.late = get(&report.late);
+        }
         &self.measured
     }
 
@@ -223,51 +235,62 @@ impl Motor {
     }
 
     /// Sends the current loop its order for this tick: the current that the loops want, at the velocity that they measured.
+    ///
+    /// The compiler knows where the drive lies, and reaches what is far from its beginning in two instructions; of a pointer that it knows
+    /// nothing about it makes one. [`Motor::measure`] does the same.
     #[inline]
     pub(crate) fn command(&mut self, position: Position, current: CurrentFraction, velocity: Velocity, trim: i16) {
-        let settings = &self.settings;
-        // 2^-32 of an electrical revolution a tick
-        let speed = i64::from(velocity.to_bits()).wrapping_mul(settings.pole_pairs.into()) >> 4;
-        // Beyond half an electrical revolution a tick nothing commutates any more, and the overspeed has long been found.
+        let motor = core::hint::black_box(self);
+        // 2^-32 of an electrical revolution a tick, 64 of them at most too low. Beyond half a revolution nothing commutates any more, and the
+        // overspeed has long been found.
+        let speed = (velocity.to_bits() >> 4).wrapping_mul(motor.settings.pole_pairs);
+        let (None, None, Some(commutation)) = (&motor.aligning, &motor.held, &motor.commutation) else {
+            return motor.command_without_the_loops(speed, trim);
+        };
+        // A scale of at most 1, 2^15.
+        let scale = i32::from(motor.brake_output.torque_scale.to_bits());
+        let quadrature = CurrentFraction::from_bits((i32::from(current.to_bits()).wrapping_mul(scale) >> 15) as i16);
+        let direct = motor.brake_output.test_current.saturating_add(motor.weakened);
+        let voltages = motor.settings.model.induced(speed, direct, quadrature);
+        let angle = commutation.at(position);
+        motor.send(&Wanted { angle, turning: motor.angle_per_increment, speed, direct, quadrature, voltages }, trim);
+    }
+
+    /// The order while the angle is looked for, or held for an identification, or not known.
+    #[cold]
+    fn command_without_the_loops(&mut self, speed: i32, trim: i16) {
+        let (angle, direct, quadrature) = match (self.aligning, self.held) {
+            (Some((angle, direct, quadrature)), _) => (angle, direct, quadrature),
+            (None, Some((angle, request))) => (angle, request.direct, request.quadrature),
+            (None, None) => (0, CurrentFraction::ZERO, CurrentFraction::ZERO),
+        };
         // An angle that is held does not turn with the rotor.
-        let speed = if self.held.is_some() { 0 } else { speed as i32 };
-        let (angle, direct, quadrature) = match (self.aligning, self.held, &self.commutation) {
-            (Some((angle, direct, quadrature)), ..) => (angle, direct, quadrature),
-            (None, Some((angle, request)), _) => (angle, request.direct, request.quadrature),
-            (None, None, Some(commutation)) => {
-                // A scale of at most 1, 2^15.
-                let scale = i32::from(self.brake_output.torque_scale.to_bits());
-                let scaled = (i32::from(current.to_bits()).wrapping_mul(scale) >> 15) as i16;
-                let direct = self.brake_output.test_current.saturating_add(self.weakened);
-                (commutation.at(position), direct, CurrentFraction::from_bits(scaled))
-            }
-            (None, None, None) => (0, CurrentFraction::ZERO, CurrentFraction::ZERO),
-        };
-        let aged = (i64::from(speed).wrapping_mul(SAMPLE_AGE) >> 16) as i32;
-        self.direct_command = direct;
-        let (direct_voltage, quadrature_voltage) = match self.held {
+        let (speed, turning) = if self.held.is_some() { (0, 0) } else { (speed, self.angle_per_increment) };
+        let voltages = match self.held {
             Some((_, request)) => (request.direct_voltage, request.quadrature_voltage),
-            None => settings.model.induced(speed, direct, quadrature),
+            None => self.settings.model.induced(speed, direct, quadrature),
         };
-        self.commanded = quadrature;
-        self.induced = quadrature_voltage.saturating_abs();
-        let per_increment = if self.held.is_some() { 0 } else { settings.angle_per_increment };
-        let order = CurrentOrder {
-            on: self.bridge_on,
-            trim,
-            command: CurrentCommand {
-                direct: CurrentCommand::reference(direct),
-                quadrature: CurrentCommand::reference(quadrature),
-                angle: angle.wrapping_sub(aged.cast_unsigned()),
-                count: self.measured.count,
-                angle_per_increment: if self.encoder_reversed { per_increment.wrapping_neg() } else { per_increment },
-                ahead: Rotation::by((speed / CYCLES_AHEAD).cast_unsigned()),
-                direct_voltage,
-                quadrature_voltage,
-                bus: self.bus_scale,
-            },
-        };
-        self.link.order.send(|shared| shared.set(&order));
+        self.send(&Wanted { angle, turning, speed, direct, quadrature, voltages }, trim);
+    }
+
+    #[inline]
+    fn send(&mut self, wanted: &Wanted, trim: i16) {
+        let (direct_voltage, quadrature_voltage) = wanted.voltages;
+        self.direct_command = wanted.direct;
+        self.commanded = wanted.quadrature;
+        self.induced = quadrature_voltage.wrapping_abs();
+        let aged = (i64::from(wanted.speed).wrapping_mul(SAMPLE_AGE << 16) >> 32) as i32;
+        let angle = wanted.angle.wrapping_sub(aged.cast_unsigned());
+        self.link.order.send(|order| {
+            let command = &order.command;
+            command
+                .set_currents(CurrentCommand::reference(wanted.direct), CurrentCommand::reference(wanted.quadrature));
+            command.set_voltages(direct_voltage, quadrature_voltage);
+            command.set_angle(angle, self.measured.count, wanted.turning);
+            command.set_ahead(ahead(wanted.speed));
+            command.set_bus(&self.bus_scale);
+            order.set(self.bridge_on, trim);
+        });
     }
 
     /// Holds the angle for an identification, or gives it back to the rotor.
@@ -323,5 +346,28 @@ impl Motor {
     }
 }
 
-/// From a sample to the middle of the period in which its voltage acts: one cycle, in cycles of a tick.
-const CYCLES_AHEAD: i32 = FREQUENCY.cycles_per_tick() as i32;
+/// What the motor is to be given.
+struct Wanted {
+    /// Electrical angle at the count of the tick, 2^-32 revolution.
+    angle: u32,
+    /// By which it turns with an increment.
+    turning: u32,
+    /// And in a tick.
+    speed: i32,
+    direct: CurrentFraction,
+    quadrature: CurrentFraction,
+    /// Feed-forward of the d and q axis, volt 2^-14.
+    voltages: (i32, i32),
+}
+
+/// From a sample to the middle of the period in which its voltage acts: one cycle, at a speed in 2^-32 revolution a tick.
+#[inline]
+fn ahead(speed: i32) -> Rotation {
+    match CYCLES_IN_A_TICK {
+        // Half a revolution a tick, the end of the range, is a quarter of one a cycle.
+        2 => Rotation::within_a_quarter(speed),
+        _ => Rotation::by((speed / CYCLES_IN_A_TICK).cast_unsigned()),
+    }
+}
+
+const CYCLES_IN_A_TICK: i32 = FREQUENCY.cycles_per_tick() as i32;

@@ -93,10 +93,11 @@ const INVERSE_SHARE: i32 = 948_864_997;
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub struct MotorModel {
-    /// Flux linkages at peak current (inductances) and of the magnets, as volt 2^-14 per electrical speed, in 2^-32.
+    /// Flux linkages at peak current (inductances), as volt 2^-14 per electrical speed, in 2^-32.
     direct: i32,
     quadrature: i32,
-    magnet: i32,
+    /// Half of that of the magnets.
+    half_magnet: i32,
 }
 
 impl MotorModel {
@@ -125,7 +126,7 @@ impl MotorModel {
         Ok(Self {
             direct: factor(of_inductance(direct_inductance))?,
             quadrature: factor(of_inductance(quadrature_inductance))?,
-            magnet: factor(i128::from(flux).saturating_mul(1_000))?,
+            half_magnet: factor(i128::from(flux).saturating_mul(1_000))? >> 1,
         })
     }
 
@@ -133,12 +134,16 @@ impl MotorModel {
     #[inline]
     #[must_use]
     pub fn induced(&self, speed: i32, direct: CurrentFraction, quadrature: CurrentFraction) -> (i32, i32) {
+        // Half of it: what is linked with a current of -1 is then within 32 bits, and the magnets do not take it beyond.
         let linked = |factor: i32, current: CurrentFraction| {
-            (i64::from(factor).wrapping_mul(i64::from(current.to_bits())) >> 15) as i32
+            (i64::from(factor).wrapping_mul(i64::from(current.to_bits())) >> 16) as i32
         };
-        let of_direct = linked(self.direct, direct).saturating_add(self.magnet);
+        let of_direct = linked(self.direct, direct).wrapping_add(self.half_magnet);
         let of_quadrature = linked(self.quadrature, quadrature);
-        (high_product(speed, of_quadrature).wrapping_neg(), high_product(speed, of_direct))
+        (
+            high_product(speed, of_quadrature).wrapping_shl(1).wrapping_neg(),
+            high_product(speed, of_direct).wrapping_shl(1),
+        )
     }
 }
 

@@ -6,7 +6,7 @@
 
 use core::sync::atomic::{AtomicI32, AtomicU32, Ordering::Relaxed};
 
-use super::{CurrentCommand, CurrentReadings};
+use super::{BusScale, CurrentCommand, CurrentReadings};
 use crate::trigonometry::Rotation;
 
 /// A [`CurrentCommand`] that a cycle can be given while the next one is being written elsewhere.
@@ -62,22 +62,51 @@ impl SharedCommand {
     }
 
     /// Writes a command.
-    #[inline]
     pub fn set(&self, command: &CurrentCommand) {
-        self.direct.set(command.direct);
-        self.quadrature.set(command.quadrature);
-        self.angle.store(command.angle, Relaxed);
-        self.count.store(command.count, Relaxed);
-        self.angle_per_increment.store(command.angle_per_increment, Relaxed);
-        self.cosine.set(command.ahead.cosine);
-        self.sine.set(command.ahead.sine);
-        self.direct_voltage.set(command.direct_voltage);
-        self.quadrature_voltage.set(command.quadrature_voltage);
-        self.longest.set(command.bus.longest);
-        self.longest_direct.set(command.bus.longest_direct);
-        self.inverse.set(command.bus.inverse);
-        self.counts.set(command.bus.counts);
-        self.side.set(command.bus.side);
+        self.set_currents(command.direct, command.quadrature);
+        self.set_angle(command.angle, command.count, command.angle_per_increment);
+        self.set_ahead(command.ahead);
+        self.set_voltages(command.direct_voltage, command.quadrature_voltage);
+        self.set_bus(&command.bus);
+    }
+
+    /// The references alone.
+    #[inline]
+    pub fn set_currents(&self, direct: i32, quadrature: i32) {
+        self.direct.set(direct);
+        self.quadrature.set(quadrature);
+    }
+
+    /// The angle alone, with the count that it belongs to.
+    #[inline]
+    pub fn set_angle(&self, angle: u32, count: u32, angle_per_increment: u32) {
+        self.angle.store(angle, Relaxed);
+        self.count.store(count, Relaxed);
+        self.angle_per_increment.store(angle_per_increment, Relaxed);
+    }
+
+    /// The rotation until the voltage acts, alone.
+    #[inline]
+    pub fn set_ahead(&self, ahead: Rotation) {
+        self.cosine.set(ahead.cosine);
+        self.sine.set(ahead.sine);
+    }
+
+    /// The feed-forward alone.
+    #[inline]
+    pub fn set_voltages(&self, direct: i32, quadrature: i32) {
+        self.direct_voltage.set(direct);
+        self.quadrature_voltage.set(quadrature);
+    }
+
+    /// The measure of the bus voltage alone.
+    #[inline]
+    pub fn set_bus(&self, bus: &BusScale) {
+        self.longest.set(bus.longest);
+        self.longest_direct.set(bus.longest_direct);
+        self.inverse.set(bus.inverse);
+        self.counts.set(bus.counts);
+        self.side.set(bus.side);
     }
 
     /// Electrical angle at an encoder count at most some hundred increments away from [`CurrentCommand::count`].
@@ -204,7 +233,6 @@ impl Word {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::current::BusScale;
 
     #[test]
     fn the_angle_follows_the_count_across_its_wrap() {
