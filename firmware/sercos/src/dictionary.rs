@@ -625,7 +625,7 @@ dictionary! {
     P 101 "Measuring range of the bus voltage" ["V"] U16/0 written IN_CP2_CP3 (50 to 4_000) = 500 => Parameter, stored, needed_for_cp4;
     /// Time for which both transistors of a phase are off at a change, set in the bridge's timer.
     P 102 "Dead time of the bridge" ["ns"] U16/0 written NEVER () = 1_000 => Parameter;
-    /// Phase current up to which the dead time is compensated in proportion; 0: no compensation.
+    /// Phase current up to which the dead time is compensated in proportion, 0.2 % of S-0-0110 at least; 0: no compensation.
     P 103 "Band of the dead-time compensation" ["A"] U16/3 written ALWAYS (0 to 65_535) = 200 => Parameter, stored;
     /// Bus voltage below which there is no main power, and an error with torque on (C1D bit 9).
     P 104 "Undervoltage threshold" ["V"] U16/0 written ALWAYS (1 to 4_000) = 150 => Parameter, stored, needed_for_cp4;
