@@ -72,32 +72,37 @@ impl CommandValues {
 }
 
 /// The motor side of the drive and the cyclic half of the bus.
+///
+/// Laid out as declared: what every loop tick touches comes first, where an instruction reaches it without an address of its own.
+#[repr(C)]
 #[derive(Debug)]
 pub struct Motion<B, H> {
+    /// Loop ticks until a t3 event is overdue; 0 outside the cyclic phases.
+    until_overdue: u16,
+    /// Loop ticks until the next look of the supervision.
+    until_supervision: u8,
+    /// Something goes along with the loops, see [`Motion::accompany`], or the oscilloscope records; found out by the supervision.
+    accompanied: bool,
+    class_1: Class1,
+    encoder: Encoder,
+    clock: LoopClock,
+    /// What the loops gave in the last tick.
+    output: AxisOutput,
+    axis: Axis,
+    motor: Motor,
+    machine: StateMachine,
     hardware: H,
+    /// The bridge as it was last set.
+    bridge_on: bool,
     command_port: CommandPort<B>,
     feedback_port: FeedbackPort<B>,
     mst: MstMonitor<B>,
-    settings: MotionSettings,
-    axis: Axis,
-    encoder: Encoder,
-    clock: LoopClock,
     clock_monitor: ClockMonitor,
     records: Records,
-    machine: StateMachine,
-    motor: Motor,
     inputs: Inputs,
     progress: Progress,
-    /// The bridge as it was last set.
-    bridge_on: bool,
-    /// What the loops gave in the last tick.
-    output: AxisOutput,
     /// What limits the drive right now (P-0-0160).
     limiting: Limiting,
-    /// Something goes along with the loops, see [`Motion::accompany`], or the oscilloscope records; found out by the supervision.
-    accompanied: bool,
-    /// Loop ticks until the next look of the supervision.
-    until_supervision: u8,
     /// Ticks of the supervision for which the two channels of safe torque off have differed.
     channels_differ: u16,
     /// Phase of the last edge of t3.
@@ -110,7 +115,6 @@ pub struct Motion<B, H> {
     supervision: Supervision,
     lost: Option<PhaseError>,
     uninitialised_mode: bool,
-    class_1: Class1,
     class_2: Class2,
     class_3: Class3,
     manufacturer_1: Manufacturer1,
@@ -148,8 +152,6 @@ pub struct Motion<B, H> {
     diagnostic_number: u16,
     interface_status: u16,
     latch: u32,
-    /// Loop ticks until a t3 event is overdue; 0 outside the cyclic phases.
-    until_overdue: u16,
     fatal: bool,
     without_lag: bool,
     /// Cycles since a command value was last handed to the axis.
@@ -158,6 +160,7 @@ pub struct Motion<B, H> {
     lock_patience: u16,
     /// CP3 was entered in this cycle.
     entered_cyclic: bool,
+    settings: MotionSettings,
 }
 
 impl<B: Bus + Clone, H: Hardware> Motion<B, H> {
@@ -291,7 +294,7 @@ impl<B: Bus + Clone, H: Hardware> Motion<B, H> {
     /// Contract: done before the current loop's second cycle of the tick, 62.5 us after the one that started it, with t3 or t4 in between;
     /// then the order acts in it. No bus access but when a t3 event is overdue.
     pub fn control_loop(&mut self) -> Work {
-        let count = self.motor.measure().count;
+        let count = self.motor.take_count();
         let count = self.counted(count);
         let mut position = self.encoder.update(count);
         self.watch_encoder(count);
@@ -324,6 +327,7 @@ impl<B: Bus + Clone, H: Hardware> Motion<B, H> {
     /// What goes along with the loops at their rate, but seldom: the search for the commutation angle, homing, an identification.
     #[cold]
     fn accompany(&mut self) -> Work {
+        self.motor.measure();
         self.align();
         let homed = self.home();
         self.identify();

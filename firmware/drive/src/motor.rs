@@ -26,8 +26,6 @@ use crate::settings::motor::FREQUENCY;
 /// What the current loop reported at the beginning of a tick.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub(crate) struct Measured {
-    /// Encoder count of the tick.
-    pub(crate) count: u32,
     /// Torque-producing current.
     pub(crate) torque_current: CurrentFraction,
     /// Flux-producing current.
@@ -45,11 +43,36 @@ pub(crate) struct Measured {
 }
 
 /// State of the motor side.
+///
+/// Laid out as declared: what every loop tick touches comes first, where an instruction reaches it without an address of its own.
+#[repr(C)]
 #[derive(Debug)]
 pub(crate) struct Motor {
     link: &'static CurrentLink,
-    settings: MotorSettings,
-    measured: Measured,
+    /// Bridge as it was last set.
+    bridge_on: bool,
+    encoder_reversed: bool,
+    /// Currents and angle that the alignment asks for.
+    aligning: Option<(u32, CurrentFraction, CurrentFraction)>,
+    /// The angle that an identification holds, and what it asks for there.
+    held: Option<(u32, CurrentRequest)>,
+    commutation: Option<CommutationAngle>,
+    brake_output: BrakeOutput,
+    /// Flux-producing current that weakens the field.
+    weakened: CurrentFraction,
+    bus_scale: BusScale,
+    limits: TorqueLimits,
+    /// Flux-producing current of the order in force.
+    direct_command: CurrentFraction,
+    /// Torque-producing current of the last order, and the voltage that the rotation induces, volt 2^-14.
+    commanded: CurrentFraction,
+    induced: i32,
+    /// Electrical angle of one increment as the encoder counts it, 2^-32 revolution.
+    angle_per_increment: u32,
+    /// Encoder count of the tick.
+    count: u32,
+    encoder_motion: EncoderMotion,
+    alignment: Option<Alignment>,
     /// [`crate::link::Report::changes`] as last seen.
     changes_seen: u32,
     voltage: BusVoltage,
@@ -59,38 +82,18 @@ pub(crate) struct Motor {
     motor_load: LoadModel,
     amplifier_load: LoadModel,
     encoder: EncoderMonitor,
-    encoder_motion: EncoderMotion,
-    commutation: Option<CommutationAngle>,
-    alignment: Option<Alignment>,
     /// Why the search for the commutation angle has failed, until the sequence has taken it.
     alignment_error: Option<AlignmentError>,
     index: IndexCorrection,
     index_armed: bool,
     brake: BrakeSequencer,
-    brake_output: BrakeOutput,
-    /// The angle that an identification holds, and what it asks for there.
-    held: Option<(u32, CurrentRequest)>,
-    /// Flux-producing current of the order in force.
-    direct_command: CurrentFraction,
-    /// Currents and angle that the alignment asks for.
-    aligning: Option<(u32, CurrentFraction, CurrentFraction)>,
-    /// Torque-producing current of the last order, and the voltage that the rotation induces, volt 2^-14.
-    commanded: CurrentFraction,
-    induced: i32,
     /// Ticks of the supervision for which the current has not followed.
     blind: u16,
     weakening: FieldWeakening,
-    /// Flux-producing current that weakens the field.
-    weakened: CurrentFraction,
-    bus_scale: BusScale,
-    limits: TorqueLimits,
     limiting: Limiting,
     watched: Watched,
-    /// Bridge as it was last set.
-    bridge_on: bool,
-    encoder_reversed: bool,
-    /// Electrical angle of one increment as the encoder counts it, 2^-32 revolution.
-    angle_per_increment: u32,
+    measured: Measured,
+    settings: MotorSettings,
 }
 
 /// From the sample of the currents to the reading of the encoder, in 2^-16 of a tick: 1.9 us of conversion and 0.3 us to the handler.
@@ -109,7 +112,8 @@ impl Motor {
         Self {
             link,
             settings,
-            measured: Measured { count, ..Measured::default() },
+            count,
+            measured: Measured::default(),
             changes_seen: 0,
             voltage,
             bus,
@@ -149,8 +153,8 @@ impl Motor {
     pub(crate) fn apply_settings(&mut self, settings: MotorSettings, encoder_reversed: bool) {
         if settings.commutation != self.settings.commutation || encoder_reversed != self.encoder_reversed {
             self.commutation = None;
-            self.encoder = EncoderMonitor::new(self.measured.count);
-            self.encoder_motion = EncoderMotion::new(self.measured.count);
+            self.encoder = EncoderMonitor::new(self.count);
+            self.encoder_motion = EncoderMotion::new(self.count);
         }
         if settings.index_angle != self.settings.index_angle {
             self.index = IndexCorrection::start(settings.index_angle);
@@ -165,30 +169,38 @@ impl Motor {
         self.settings = settings;
     }
 
-    /// What the current loop has to tell in this tick.
+    /// The encoder count with which this tick began.
     #[inline]
-    pub(crate) fn measure(&mut self) -> &Measured {
-        let motor = core::hint::black_box(&mut *self);
-        let report = &motor.link.report;
+    pub(crate) fn take_count(&mut self) -> u32 {
+        self.count = get(&self.link.report.count);
+        self.count
+    }
+
+    /// The encoder count with which the last tick began.
+    pub(crate) const fn count(&self) -> u32 {
+        self.count
+    }
+
+    /// What the current loop has to tell of the cycle that began this tick.
+    pub(crate) fn measure(&mut self) {
+        let report = &self.link.report;
         let first = report.cycle(true);
-        let measured = &mut motor.measured;
+        let measured = &mut self.measured;
         let readings = first.readings.readings();
         measured.readings = readings;
         measured.torque_current = CurrentReadings::fraction(readings.quadrature);
         measured.field_current = CurrentReadings::fraction(readings.direct);
-        measured.count = get(&report.count);
         measured.bus = (get(&first.bus) & 0xFFFF) as u16;
         let changes = report.changes();
-        if changes != motor.changes_seen {
-            motor.changes_seen = changes;
+        if changes != self.changes_seen {
+            self.changes_seen = changes;
             measured.calibrated = get(&report.calibrated) != 0;
             measured.trip = Trip::from_code(get(&report.trip));
             measured.late = get(&report.late);
         }
-        &self.measured
     }
 
-    /// What was measured in this tick.
+    /// What was last measured.
     #[inline]
     pub(crate) const fn measured(&self) -> &Measured {
         &self.measured
@@ -240,20 +252,19 @@ impl Motor {
     /// nothing about it makes one. [`Motor::measure`] does the same.
     #[inline]
     pub(crate) fn command(&mut self, position: Position, current: CurrentFraction, velocity: Velocity, trim: i16) {
-        let motor = core::hint::black_box(self);
         // 2^-32 of an electrical revolution a tick, 64 of them at most too low. Beyond half a revolution nothing commutates any more, and the
         // overspeed has long been found.
-        let speed = (velocity.to_bits() >> 4).wrapping_mul(motor.settings.pole_pairs);
-        let (None, None, Some(commutation)) = (&motor.aligning, &motor.held, &motor.commutation) else {
-            return motor.command_without_the_loops(speed, trim);
+        let speed = (velocity.to_bits() >> 4).wrapping_mul(self.settings.pole_pairs);
+        let (None, None, Some(commutation)) = (&self.aligning, &self.held, &self.commutation) else {
+            return self.command_without_the_loops(speed, trim);
         };
         // A scale of at most 1, 2^15.
-        let scale = i32::from(motor.brake_output.torque_scale.to_bits());
+        let scale = i32::from(self.brake_output.torque_scale.to_bits());
         let quadrature = CurrentFraction::from_bits((i32::from(current.to_bits()).wrapping_mul(scale) >> 15) as i16);
-        let direct = motor.brake_output.test_current.saturating_add(motor.weakened);
-        let voltages = motor.settings.model.induced(speed, direct, quadrature);
+        let direct = self.brake_output.test_current.saturating_add(self.weakened);
+        let voltages = self.settings.model.induced(speed, direct, quadrature);
         let angle = commutation.at(position);
-        motor.send(&Wanted { angle, turning: motor.angle_per_increment, speed, direct, quadrature, voltages }, trim);
+        self.send(&Wanted { angle, turning: self.angle_per_increment, speed, direct, quadrature, voltages }, trim);
     }
 
     /// The order while the angle is looked for, or held for an identification, or not known.
@@ -286,7 +297,7 @@ impl Motor {
             command
                 .set_currents(CurrentCommand::reference(wanted.direct), CurrentCommand::reference(wanted.quadrature));
             command.set_voltages(direct_voltage, quadrature_voltage);
-            command.set_angle(angle, self.measured.count, wanted.turning);
+            command.set_angle(angle, self.count, wanted.turning);
             command.set_ahead(ahead(wanted.speed));
             command.set_bus(&self.bus_scale);
             order.set(self.bridge_on, trim);
@@ -342,7 +353,11 @@ impl Motor {
 
     /// The torque-producing current that flows, for S-0-0084.
     pub(crate) fn torque_current(&self) -> CurrentFraction {
-        if self.bridge_on { self.measured.torque_current } else { CurrentFraction::ZERO }
+        if !self.bridge_on {
+            return CurrentFraction::ZERO;
+        }
+        let first = self.link.report.cycle(true);
+        CurrentReadings::fraction(first.readings.readings().quadrature)
     }
 }
 

@@ -23,6 +23,7 @@ impl<B: Bus + Clone, H: Hardware> Motion<B, H> {
     /// Contract: done before the next loop tick, 125 us after the one that started it, with the tasks of the chip in between. No bus access.
     pub fn supervise(&mut self) -> Work {
         self.supervisions = self.supervisions.wrapping_add(1);
+        self.motor.measure();
         self.inputs = self.hardware.inputs();
         let index = self.hardware.index_latch().map(|latch| self.counted(latch));
         self.look_after_the_motor(index);
@@ -84,7 +85,7 @@ impl<B: Bus + Clone, H: Hardware> Motion<B, H> {
         let in_operation = self.machine.state().is_in_operation();
         let findings = self.motor.supervise(&Surroundings {
             torque,
-            count: self.counted(self.motor.measured().count),
+            count: self.counted(self.motor.count()),
             index,
             velocity_command: if in_operation && self.axis.mode() != Mode::Torque {
                 self.output.velocity_command
