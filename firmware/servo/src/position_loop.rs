@@ -113,11 +113,14 @@ impl PositionLoop {
 
         self.velocity = limits.limit(undisturbed);
         let (velocity, limiting) = limits.apply(wanted);
+        let deviation = error.wrapping_sub(lag);
+        // The magnitude, of a negative one less the last of its steps.
+        let distance = deviation ^ (deviation >> 63);
         PositionLoopOutput {
             velocity,
             following_error,
             limiting,
-            excessive_deviation: error.wrapping_sub(lag).wrapping_abs() > settings.monitoring_window,
+            excessive_deviation: distance > settings.monitoring_window,
         }
     }
 
