@@ -236,6 +236,21 @@ mod tests {
     }
 
     #[test]
+    fn the_model_falls_behind_by_64_revolutions_at_most_on_the_side_of_the_command() {
+        let settings = PositionLoopSettings::new(1, 0, Position::REVOLUTION).unwrap();
+        for (jump, side) in [(100_i64, 1_i64), (-100, -1), (1 << 20, 1), (-(1 << 20), -1)] {
+            let mut position_loop = PositionLoop::new(&settings, at(0, 0));
+            let setpoint = at(jump << 32, 0);
+            let mut tick = |behind: i64| {
+                let measured = setpoint.position - Position::from_bits(behind << 32);
+                position_loop.tick(&settings, &up_to(Velocity::from_bits(1 << 20)), setpoint, measured)
+            };
+            assert!(!tick(side * 64).excessive_deviation, "{jump}");
+            assert!(tick(jump).excessive_deviation && tick(side * 62).excessive_deviation, "{jump}");
+        }
+    }
+
+    #[test]
     fn impossible_gains_are_refused() {
         assert_eq!(
             PositionLoopSettings::new(0, 0, Position::ZERO),
