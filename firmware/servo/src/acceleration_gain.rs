@@ -49,9 +49,9 @@ mod tests {
         #[test]
         fn the_current_is_that_of_the_factor_to_its_steps_and_a_billionth_or_limited(
             numerator in 1_u64..1 << 50, shift in 0_u32..50, denominator in 1_u64..1 << 50,
-            acceleration in any::<i64>(), smaller in 0_u32..63,
+            divisor in 0_u32..50, acceleration in any::<i64>(), smaller in 0_u32..63,
         ) {
-            let numerator = numerator >> shift;
+            let (numerator, denominator) = (numerator >> shift, (denominator >> divisor).max(1));
             let Some(gain) = AccelerationGain::from_ratio(numerator.into(), denominator.into()) else { return Ok(()) };
             let acceleration = acceleration >> smaller;
             let current = f64::from(gain.apply(SignedAcceleration::from_bits(acceleration)));

@@ -3,7 +3,7 @@
 use crate::{
     AxisSettings, CommandSource, CurrentFilter, CurrentFraction, FilteredVelocity, Interpolator, Limiting,
     ModuloCounter, MotionLimits, Position, PositionLoop, Ramp, Setpoint, TorqueLimits, Trajectory, Velocity,
-    VelocityInterpolator, VelocityLoop,
+    VelocityFilter, VelocityInterpolator, VelocityLoop,
 };
 
 /// What the axis does.
@@ -118,6 +118,9 @@ pub struct Axis {
     current: CurrentFraction,
     filter: CurrentFilter,
 }
+
+/// Of the reported velocity: slow enough for the standstill window of a coarse encoder, fast against the cycles in which a master looks at it.
+const MONITOR_FILTER: VelocityFilter = VelocityFilter::from_microseconds(2_000);
 
 impl Axis {
     /// An axis in [`Mode::Off`], at standstill at this measured position. Divides.
@@ -335,7 +338,7 @@ impl Axis {
     #[inline]
     fn measured(&mut self, moved: Velocity) -> AxisOutput {
         let settings = &self.settings;
-        let velocity = self.monitored.update(&settings.monitor_filter, moved);
+        let velocity = self.monitored.update(&MONITOR_FILTER, moved);
         let loop_velocity = self.velocity.update(&settings.velocity_filter, moved);
         AxisOutput {
             current: CurrentFraction::ZERO,

@@ -252,6 +252,13 @@ impl VelocityLimits {
         if self.negative < velocity && velocity < self.positive {
             return (velocity, Limiting::empty());
         }
+        self.nearest(velocity)
+    }
+
+    /// The limit that a velocity meets or passes.
+    #[cold]
+    #[inline(never)]
+    fn nearest(&self, velocity: Velocity) -> (Velocity, Limiting) {
         if velocity >= self.positive {
             (self.positive, self.positive_cause)
         } else {

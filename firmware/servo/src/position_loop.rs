@@ -113,11 +113,14 @@ impl PositionLoop {
 
         self.velocity = limits.limit(undisturbed);
         let (velocity, limiting) = limits.apply(wanted);
+        let deviation = error.wrapping_sub(lag);
+        // The magnitude, of a negative one less the last of its steps.
+        let distance = deviation ^ (deviation >> 63);
         PositionLoopOutput {
             velocity,
             following_error,
             limiting,
-            excessive_deviation: error.wrapping_sub(lag).wrapping_abs() > settings.monitoring_window,
+            excessive_deviation: distance > settings.monitoring_window,
         }
     }
 
@@ -230,6 +233,21 @@ mod tests {
                 .tick(&settings, &up_to(Velocity::MAX), at(command, velocity as i32), stuck)
                 .excessive_deviation
         );
+    }
+
+    #[test]
+    fn the_model_falls_behind_by_64_revolutions_at_most_on_the_side_of_the_command() {
+        let settings = PositionLoopSettings::new(1, 0, Position::REVOLUTION).unwrap();
+        for (jump, side) in [(100_i64, 1_i64), (-100, -1), (1 << 20, 1), (-(1 << 20), -1)] {
+            let mut position_loop = PositionLoop::new(&settings, at(0, 0));
+            let setpoint = at(jump << 32, 0);
+            let mut tick = |behind: i64| {
+                let measured = setpoint.position - Position::from_bits(behind << 32);
+                position_loop.tick(&settings, &up_to(Velocity::from_bits(1 << 20)), setpoint, measured)
+            };
+            assert!(!tick(side * 64).excessive_deviation, "{jump}");
+            assert!(tick(jump).excessive_deviation && tick(side * 62).excessive_deviation, "{jump}");
+        }
     }
 
     #[test]

@@ -202,8 +202,6 @@ pub struct AxisSettings {
     pub(crate) position_loop: PositionLoopSettings,
     pub(crate) velocity_loop: VelocityLoopSettings,
     pub(crate) velocity_filter: VelocityFilter,
-    /// Of the reported velocity.
-    pub(crate) monitor_filter: VelocityFilter,
     pub(crate) velocity_limits: VelocityLimits,
     pub(crate) deceleration: Acceleration,
     pub(crate) friction: FrictionSettings,
@@ -212,10 +210,6 @@ pub struct AxisSettings {
     pub(crate) velocity_ramp: Option<MotionLimits>,
     pub(crate) standstill_window: Velocity,
 }
-
-/// Time constant of the reported velocity in microseconds: slow enough for the standstill window of a coarse encoder,
-/// fast against the cycles in which a master looks at it.
-const MONITOR_TIME_CONSTANT: u16 = 2_000;
 
 const fn or_unlimited(acceleration: Acceleration) -> Acceleration {
     match acceleration.to_bits() {
@@ -263,7 +257,6 @@ impl AxisSettings {
                 parameters.peak_current,
             )?,
             velocity_filter: VelocityFilter::from_microseconds(parameters.velocity_filter),
-            monitor_filter: VelocityFilter::from_microseconds(MONITOR_TIME_CONSTANT),
             velocity_limits: parameters.velocity_limits,
             deceleration,
             standstill_window: parameters.standstill_window.abs(),

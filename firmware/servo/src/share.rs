@@ -1,7 +1,5 @@
 //! A factor from 0 to 1.
 
-use crate::units::divide_rounding;
-
 /// A factor in `0 ..= 1`, in 2^-32, of which both ends are exact.
 ///
 /// The low word is taken with a sign, as the processor multiplies; what is then missing of it is the whole value.
@@ -14,11 +12,19 @@ pub(crate) struct Share {
 }
 
 impl Share {
-    /// `part / whole`, to the nearest; 1 when the part is the larger one. Divides.
-    pub(crate) fn new(part: u32, whole: u32) -> Self {
-        let share = divide_rounding(i128::from(part.min(whole)) << 32, whole.into());
+    /// `part / whole`, to the nearest; 1 when the part is the larger one, and without a whole. Divides.
+    pub(crate) const fn new(part: u32, whole: u32) -> Self {
+        if part >= whole {
+            return Self { low_word: 0, whole: -1 };
+        }
+        let half = whole as u64 >> 1;
+        // At most 2^32, when it is rounded up.
+        let share = match ((part as u64) << 32).saturating_add(half).checked_div(whole as u64) {
+            Some(share) => share.cast_signed(),
+            None => 0,
+        };
         let low_word = share as i32;
-        Self { low_word, whole: if i64::from(low_word) == share { 0 } else { -1 } }
+        Self { low_word, whole: if low_word as i64 == share { 0 } else { -1 } }
     }
 
     /// This share of `value`, to the nearest.
@@ -50,6 +56,7 @@ mod tests {
             assert_eq!(Share::new(7, 7).added_to(9, value), (i64::from(value) << 32) + 9);
         }
         assert_eq!(Share::new(8, 7), Share::new(7, 7));
+        assert_eq!(Share::new(0, 0), Share::new(7, 7));
     }
 
     proptest! {

@@ -19,9 +19,9 @@ pub struct VelocityFilter {
 impl VelocityFilter {
     /// A filter with this time constant (S-0-0392); 0 passes the velocities unfiltered.
     #[must_use]
-    pub fn from_microseconds(time_constant: u16) -> Self {
+    pub const fn from_microseconds(time_constant: u16) -> Self {
         let period = LOOP_PERIOD_MICROSECONDS;
-        Self { share: Share::new(period, period.saturating_add(time_constant.into())) }
+        Self { share: Share::new(period, period.saturating_add(time_constant as u32)) }
     }
 }
 

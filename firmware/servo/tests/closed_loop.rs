@@ -5,8 +5,8 @@ mod bench;
 use bench::{Bench, Master, degrees, is_limited, largest, modulo_of, parameters, revolutions, rpm, to_rpm, up_to};
 use plant::{Coupling, ReferenceAxis};
 use servo::{
-    Acceleration, AxisOutput, AxisSettings, CommandSource, CurrentFraction, Limiting, Mode, Modulo, Position,
-    TorqueLimits, Velocity,
+    Acceleration, AxisOutput, AxisSettings, CommandSource, CurrentFilterSettings, CurrentFraction, FilterSection,
+    Limiting, Mode, Modulo, Position, TorqueLimits, Velocity,
 };
 
 const TAU: f64 = std::f64::consts::TAU;
@@ -144,6 +144,21 @@ fn the_current_stays_within_its_limit_and_drives_both_ways() {
     let down = bench.ticks(400);
     assert_eq!(up.iter().map(|output| output.current).max(), Some(CurrentFraction::from_num(0.25)));
     assert_eq!(down.iter().map(|output| output.current).min(), Some(CurrentFraction::from_num(-0.25)));
+}
+
+#[test]
+fn a_filter_that_is_switched_on_while_current_flows_makes_no_bump() {
+    let reference = ReferenceAxis::press();
+    let settings = servo::AxisParameters { ticks_per_cycle: 4, ..parameters(&reference) };
+    let mut bench = velocity_bench(&reference, &settings);
+    bench.limit_torque(0.25);
+    bench.axis.command_velocity(rpm(1_000.0));
+    bench.ticks(100);
+    let low_pass = FilterSection::LowPass { frequency: 1_000, damping: 707 };
+    let filter = CurrentFilterSettings::new([low_pass, FilterSection::Off]).unwrap();
+    bench.axis.apply_settings(AxisSettings::new(&servo::AxisParameters { filter, ..settings }).unwrap());
+    let currents = bench.ticks(20).into_iter().map(|output| output.current);
+    assert_eq!(currents.min(), Some(CurrentFraction::from_num(0.25)));
 }
 
 #[test]
