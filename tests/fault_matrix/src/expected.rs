@@ -287,7 +287,7 @@ mod tests {
         for wrong in [
             Outcome { reaction: Ramp, ..right },
             Outcome { torque_off: Some(Nanoseconds(30_000)), ..right },
-            Outcome { torque_off: Some(Nanoseconds(300_000)), ..right },
+            Outcome { torque_off: Some(Nanoseconds(800_000)), ..right },
             Outcome { torque_off: None, ..right },
             Outcome { number: 0xF105, ..right },
             Outcome { afterwards: NoError, ..right },

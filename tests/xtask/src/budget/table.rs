@@ -1,6 +1,6 @@
 //! The result as tables: aligned for a terminal, or as Markdown.
 
-use super::verdict::{CHECKS, PRICE, Report, TaskReport};
+use super::verdict::{CHECKS, ChainReport, PRICE, Report, TaskReport, load};
 use crate::elf::Depth;
 use emulator::Spread;
 
@@ -33,6 +33,13 @@ fn instructions(report: &Report) -> Rows {
         let mut cells = row([task.name, task.vector, &task.priority.to_string()]);
         cells.extend(spread(own));
         cells.extend([task.budget.map_or("-".to_owned(), |budget| budget.to_string()), verdict.to_owned()]);
+        rows.push(cells);
+    }
+    for ChainReport { chain, count } in &report.chains {
+        let verdict = verdict(true, *count, Some(chain.budget));
+        let mut cells = row([chain.name, "-", "-"]);
+        cells.extend(spread(*count));
+        cells.extend([chain.budget.to_string(), verdict.to_owned()]);
         rows.push(cells);
     }
     for function in &report.functions {
@@ -77,11 +84,9 @@ fn response_times(report: &Report) -> Rows {
         "response us",
         "load %",
     ])];
-    let mut sum = 0;
     for TaskReport { task, count, timing, .. } in &report.tasks {
         let (Some(count), Some(timing)) = (count, timing) else { continue };
         let worst = count.worst;
-        sum += timing.share;
         rows.push(vec![
             task.name.to_owned(),
             task.priority.to_string(),
@@ -96,7 +101,7 @@ fn response_times(report: &Report) -> Rows {
             tenths(timing.share),
         ]);
     }
-    rows.push(row(["in all", "", "", "", "", "", "", "", "", "", &tenths(sum)]));
+    rows.push(row(["in all", "", "", "", "", "", "", "", "", "", &tenths(load(&report.tasks))]));
     rows
 }
 
@@ -192,7 +197,12 @@ mod tests {
         let load = Load { priority: 4, period: 500_000, demand: 0, locked: 0, ceiling: 4 };
         let timing = Timing { load, share: 25, blocking: 2_000, response: Some(40_100) };
         let task = TaskReport { task, count: Some(count), found: None, timing: Some(timing) };
-        let rows = response_times(&Report { tasks: vec![task], functions: Vec::new(), failures: Vec::new() });
+        let rows = response_times(&Report {
+            tasks: vec![task],
+            chains: Vec::new(),
+            functions: Vec::new(),
+            failures: Vec::new(),
+        });
         let expected = ["edge", "4", "500", "1000", "2", "10.1", "3 x", "12.1", "2.0", "40.1", "2.5"];
         assert_eq!(rows[1], expected);
         assert!(rows.iter().all(|row| row.len() == rows[0].len()));

@@ -1,6 +1,6 @@
 //! Holds what was measured and found against the gates.
 
-use super::gates::{CEILING, CYCLE_BEGINS, Gates, Rate, Task};
+use super::gates::{CEILING, CYCLE_BEGINS, Chain, Gates, Rate, Task};
 use super::response::{self, Load};
 use crate::elf::{self, Check, Depth, Finding, Flow, Graph};
 use anyhow::{Result, bail};
@@ -58,10 +58,19 @@ pub(crate) struct FunctionReport {
     pub(crate) count: Option<Spread>,
 }
 
+/// Tasks that make one thing together, with the sum of their counts.
+#[derive(Clone, Debug)]
+pub(crate) struct ChainReport {
+    pub(crate) chain: Chain,
+    /// `None` if one of them did not run while traced.
+    pub(crate) count: Option<Spread>,
+}
+
 /// All of it.
 #[derive(Clone, Debug)]
 pub(crate) struct Report {
     pub(crate) tasks: Vec<TaskReport>,
+    pub(crate) chains: Vec<ChainReport>,
     pub(crate) functions: Vec<FunctionReport>,
     /// One line for each gate that does not hold.
     pub(crate) failures: Vec<String>,
@@ -94,7 +103,7 @@ pub(crate) fn listing(graph: &Graph, gates: Gates) -> Result<Listing> {
 
 /// Judges.
 pub(crate) fn judge(graph: &Graph, traced: &Traced, gates: Gates) -> Report {
-    let mut report = Report { tasks: Vec::new(), functions: Vec::new(), failures: Vec::new() };
+    let mut report = Report { tasks: Vec::new(), chains: Vec::new(), functions: Vec::new(), failures: Vec::new() };
     for task in gates.tasks {
         let vector = graph.program.vector(task.vector);
         let count = vector.and_then(|(_, exception)| traced.activations.tasks().get(&exception).copied());
@@ -109,9 +118,31 @@ pub(crate) fn judge(graph: &Graph, traced: &Traced, gates: Gates) -> Report {
         let count = counts.map(|(_, count)| *count).reduce(merged);
         report.functions.push(FunctionReport { symbol: function.symbol, budget: function.budget, present, count });
     }
+    report.chains =
+        gates.chains.iter().map(|&chain| ChainReport { chain, count: chained(chain, &report.tasks) }).collect();
     report.failures = report.tasks.iter().flat_map(failures_of_task).collect();
+    report.failures.extend(report.chains.iter().filter_map(failure_of_chain));
+    report.failures.extend(failure_of_load(load(&report.tasks), gates.load));
     report.failures.extend(report.functions.iter().filter_map(failure_of_function));
     report
+}
+
+/// One activation of each task, at least, at most and on average: as if they all had their longest one at once.
+fn chained(chain: Chain, tasks: &[TaskReport]) -> Option<Spread> {
+    let of_task = |name: &&str| tasks.iter().find(|report| report.task.name == *name)?.count.map(|count| count.own);
+    let counts: Vec<Spread> = chain.tasks.iter().map(of_task).collect::<Option<_>>()?;
+    let count = counts.iter().map(|count| count.count).min()?;
+    Some(Spread {
+        count,
+        least: counts.iter().map(|count| count.least).sum(),
+        most: counts.iter().map(|count| count.most).sum(),
+        sum: counts.iter().map(Spread::mean).sum::<u64>() * count,
+    })
+}
+
+/// Of all tasks, in tenths of a per cent.
+pub(crate) fn load(tasks: &[TaskReport]) -> u64 {
+    tasks.iter().filter_map(|report| report.timing).map(|timing| timing.share).sum()
 }
 
 fn static_report(graph: &Graph, address: u32) -> Option<StaticReport> {
@@ -211,6 +242,22 @@ fn failures_of_task(report: &TaskReport) -> Vec<String> {
     failures
 }
 
+fn failure_of_chain(report: &ChainReport) -> Option<String> {
+    let Chain { name, budget, .. } = report.chain;
+    match report.count {
+        None => Some(format!("{name}: one of the tasks did not run while it was traced: nothing is known of it")),
+        Some(count) if count.most > budget => {
+            Some(format!("{name}: {} instructions together, {budget} are their budget", count.most))
+        }
+        Some(_) => None,
+    }
+}
+
+fn failure_of_load(load: u64, limit: u64) -> Option<String> {
+    let percent = |tenths: u64| format!("{}.{} %", tenths / 10, tenths % 10);
+    (load > limit).then(|| format!("the load is {}, {} is the limit", percent(load), percent(limit)))
+}
+
 fn failure_of_function(report: &FunctionReport) -> Option<String> {
     let FunctionReport { symbol, budget, present, count } = report;
     match count {
@@ -281,6 +328,31 @@ mod tests {
         assert!(failure_of_function(&function(true, None)).unwrap().contains("not called"));
         assert!(failure_of_function(&function(true, Some(once(161)))).unwrap().contains("161 instructions, 160"));
         assert_eq!(failure_of_function(&function(true, Some(once(160)))), None);
+    }
+
+    #[test]
+    fn a_chain_is_the_sum_of_its_tasks_and_fails_above_its_budget_or_without_one_of_them() {
+        let chain = |budget| Chain { name: "both", tasks: &["tick", "tock"], budget };
+        let mut tasks = [report(Some(100), Vec::new()), report(Some(30), Vec::new())];
+        tasks[1].task.name = "tock";
+        let count = chained(chain(130), &tasks);
+        assert_eq!(count, Some(once(130)));
+        assert_eq!(failure_of_chain(&ChainReport { chain: chain(130), count }), None);
+        let failure = failure_of_chain(&ChainReport { chain: chain(129), count });
+        assert_eq!(failure.unwrap(), "both: 130 instructions together, 129 are their budget");
+        tasks[1].count = None;
+        let count = chained(chain(130), &tasks);
+        assert!(failure_of_chain(&ChainReport { chain: chain(130), count }).unwrap().contains("did not run"));
+    }
+
+    #[test]
+    fn the_load_is_that_of_all_tasks_and_fails_above_its_limit() {
+        let mut tasks = [report(Some(5_600), Vec::new()), report(Some(5_600), Vec::new())];
+        add_timing(&mut tasks, 0);
+        // 50 us of 500 each.
+        assert_eq!(load(&tasks), 200);
+        assert_eq!(failure_of_load(200, 200), None);
+        assert_eq!(failure_of_load(201, 200).unwrap(), "the load is 20.1 %, 20.0 % is the limit");
     }
 
     #[test]
