@@ -52,7 +52,9 @@ impl<P: PowerStage> CurrentControl<P> {
     pub fn new(mut stage: P, link: &'static CurrentLink, settings: CurrentSettings) -> Self {
         stage.switch_off();
         let count = stage.encoder_count();
-        set(&link.report.count, count);
+        for first in [true, false] {
+            set(&link.report.cycle(first).count, count);
+        }
         Self {
             stage,
             link,
@@ -86,6 +88,7 @@ impl<P: PowerStage> CurrentControl<P> {
         let order = link.order.last();
         let report = link.report.cycle(cycle.first);
         self.stage.trim(get(&order.trim).cast_signed());
+        set(&report.count, count);
         report.readings.set_angle(order.command.angle_at(count));
         let samples = self.stage.samples();
         set(&report.bus, samples.bus);
@@ -93,9 +96,6 @@ impl<P: PowerStage> CurrentControl<P> {
             self.rest(&samples);
         } else {
             self.regulate(&order.command, report, &samples, moved);
-        }
-        if cycle.first {
-            set(&link.report.count, count);
         }
         if !cycle.first || FREQUENCY.cycles_per_tick() < 2 {
             self.take_settings();

@@ -86,8 +86,6 @@ impl<T> Mailbox<T> {
 /// What the current loop tells.
 #[derive(Debug)]
 pub(crate) struct Report {
-    /// Encoder count in the first cycle of the tick.
-    pub(crate) count: AtomicU32,
     /// What the cycles of a tick have read, the first of them last.
     cycles: [CycleReport; 2],
     /// Heat sink (low half) and motor temperature in counts.
@@ -105,7 +103,6 @@ pub(crate) struct Report {
 impl Report {
     const fn new() -> Self {
         Self {
-            count: AtomicU32::new(0),
             cycles: [const { CycleReport::new() }; 2],
             temperatures: AtomicU32::new(0),
             trip: AtomicU32::new(0),
@@ -143,11 +140,13 @@ pub(crate) struct CycleReport {
     pub(crate) readings: SharedReadings,
     /// Bus voltage in counts.
     pub(crate) bus: AtomicU32,
+    /// Encoder count.
+    pub(crate) count: AtomicU32,
 }
 
 impl CycleReport {
     const fn new() -> Self {
-        Self { readings: SharedReadings::new(), bus: AtomicU32::new(0) }
+        Self { readings: SharedReadings::new(), bus: AtomicU32::new(0), count: AtomicU32::new(0) }
     }
 }
 

@@ -12,7 +12,9 @@ use sercos::Phase;
 use sercos::diagnostic::{Class1, Class2, Class3};
 use sercos::phase::PhaseError;
 use sercos::supervision::Supervision;
-use servo::{Axis, AxisOutput, Encoder, LOOP_TICKS_PER_SUPERVISION, Limiting, LoopClock, Mode, Position, Scope};
+use servo::{
+    Axis, AxisOutput, LOOP_TICKS_PER_SUPERVISION, Limiting, LoopClock, Mode, Position, Scope, TwiceReadEncoder,
+};
 
 mod background;
 mod clock_monitor;
@@ -84,7 +86,7 @@ pub struct Motion<B, H> {
     /// Something goes along with the loops, see [`Motion::accompany`], or the oscilloscope records; found out by the supervision.
     accompanied: bool,
     class_1: Class1,
-    encoder: Encoder,
+    encoder: TwiceReadEncoder,
     clock: LoopClock,
     /// What the loops gave in the last tick.
     output: AxisOutput,
@@ -173,7 +175,7 @@ impl<B: Bus + Clone, H: Hardware> Motion<B, H> {
         scope: &'static mut Scope,
         settings: MotionSettings,
     ) -> Self {
-        let encoder = Encoder::new(settings.encoder, hardware.encoder_count());
+        let encoder = TwiceReadEncoder::new(settings.encoder, hardware.encoder_count());
         hardware.set_bridge(false);
         hardware.set_brake(false);
         let inputs = hardware.inputs();
@@ -294,9 +296,9 @@ impl<B: Bus + Clone, H: Hardware> Motion<B, H> {
     /// Contract: done before the current loop's second cycle of the tick, 62.5 us after the one that started it, with t3 or t4 in between;
     /// then the order acts in it. No bus access but when a t3 event is overdue.
     pub fn control_loop(&mut self) -> Work {
-        let count = self.motor.take_count();
-        let count = self.counted(count);
-        let mut position = self.encoder.update(count);
+        let [before, now] = self.motor.take_counts();
+        let count = self.counted(now);
+        let mut position = self.encoder.update(self.counted(before), count);
         self.watch_encoder(count);
         let mut work = Work::empty();
         if self.accompanied {
@@ -405,7 +407,7 @@ impl<B: Bus + Clone, H: Hardware> Motion<B, H> {
 
     /// A count in the direction of positive current (S-0-0277).
     const fn counted(&self, count: u32) -> u32 {
-        if self.settings.encoder_reversed { count.wrapping_neg() } else { count }
+        count.wrapping_mul(self.motor.direction())
     }
 
     fn apply_axis_settings(&mut self) {

@@ -51,7 +51,8 @@ pub(crate) struct Motor {
     link: &'static CurrentLink,
     /// Bridge as it was last set.
     bridge_on: bool,
-    encoder_reversed: bool,
+    /// Of positive current in counts, 1 or -1.
+    direction: u32,
     /// Currents and angle that the alignment asks for.
     aligning: Option<(u32, CurrentFraction, CurrentFraction)>,
     /// The angle that an identification holds, and what it asks for there.
@@ -104,7 +105,7 @@ impl Motor {
     pub(crate) fn new(link: &'static CurrentLink, settings: MotorSettings) -> Self {
         let mut voltage = BusVoltage::new(&settings.voltage, 0);
         let bus = voltage.tick(&settings.voltage, 0);
-        let count = get(&link.report.count);
+        let count = get(&link.report.cycle(true).count);
         let mut brake = BrakeSequencer::new();
         let brake_output = sequence::at_rest(&mut brake, &settings);
         link.settings.send(|shared| shared.set(&settings.current));
@@ -143,7 +144,7 @@ impl Motor {
             limiting: Limiting::empty(),
             watched: Watched::default(),
             bridge_on: false,
-            encoder_reversed: false,
+            direction: 1,
             angle_per_increment,
         }
     }
@@ -151,7 +152,8 @@ impl Motor {
     /// Takes new settings over. Another number of pole pairs or increments, or another direction of the encoder, makes the commutation angle
     /// unknown again.
     pub(crate) fn apply_settings(&mut self, settings: MotorSettings, encoder_reversed: bool) {
-        if settings.commutation != self.settings.commutation || encoder_reversed != self.encoder_reversed {
+        let direction = if encoder_reversed { u32::MAX } else { 1 };
+        if settings.commutation != self.settings.commutation || direction != self.direction {
             self.commutation = None;
             self.encoder = EncoderMonitor::new(self.count);
             self.encoder_motion = EncoderMotion::new(self.count);
@@ -163,17 +165,23 @@ impl Motor {
         if settings.current != self.settings.current {
             self.link.settings.send(|shared| shared.set(&settings.current));
         }
-        self.encoder_reversed = encoder_reversed;
-        self.angle_per_increment =
-            if encoder_reversed { settings.angle_per_increment.wrapping_neg() } else { settings.angle_per_increment };
+        self.direction = direction;
+        self.angle_per_increment = settings.angle_per_increment.wrapping_mul(direction);
         self.settings = settings;
     }
 
-    /// The encoder count with which this tick began.
+    /// The encoder counts half a tick before this tick, and with which it began. At 8 kHz there is only the second.
     #[inline]
-    pub(crate) fn take_count(&mut self) -> u32 {
-        self.count = get(&self.link.report.count);
-        self.count
+    pub(crate) fn take_counts(&mut self) -> [u32; 2] {
+        let report = &self.link.report;
+        self.count = get(&report.cycle(true).count);
+        [get(&report.cycle(!READ_TWICE).count), self.count]
+    }
+
+    /// What a count is multiplied with to count in the direction of positive current.
+    #[inline]
+    pub(crate) const fn direction(&self) -> u32 {
+        self.direction
     }
 
     /// The encoder count with which the last tick began.
@@ -263,7 +271,9 @@ impl Motor {
         let quadrature = CurrentFraction::from_bits((i32::from(current.to_bits()).wrapping_mul(scale) >> 15) as i16);
         let direct = self.brake_output.test_current.saturating_add(self.weakened);
         let voltages = self.settings.model.induced(speed, direct, quadrature);
-        let angle = commutation.at(position);
+        // The position belongs to the middle between the two counts of the tick, the order to the second.
+        let turned = if READ_TWICE { speed >> 2 } else { 0 };
+        let angle = commutation.at(position).wrapping_add(turned.cast_unsigned());
         self.send(&Wanted { angle, turning: self.angle_per_increment, speed, direct, quadrature, voltages }, trim);
     }
 
@@ -386,3 +396,6 @@ fn ahead(speed: i32) -> Rotation {
 }
 
 const CYCLES_IN_A_TICK: i32 = FREQUENCY.cycles_per_tick() as i32;
+
+/// The encoder is read twice in a tick.
+pub(crate) const READ_TWICE: bool = CYCLES_IN_A_TICK == 2;

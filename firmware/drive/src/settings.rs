@@ -4,9 +4,9 @@ use sercos::Idn;
 use sercos::parameters::Parameters;
 use sercos::transition::OPERATION_MODES;
 use servo::{
-    AxisParameters, AxisSettings, CurrentFilterSettings, EncoderSettings, FeedrateOverride, FilterSection,
-    FrictionParameters, FrictionSettings, Gain, HomingParameters, HomingSettings, Interpolation, LoopClockSettings,
-    MotionLimits, Position, PositionScale, SettingsError, Velocity, VelocityLimits, VelocityScale,
+    AxisParameters, AxisSettings, CurrentFilterSettings, FeedrateOverride, FilterSection, FrictionParameters,
+    FrictionSettings, Gain, HomingParameters, HomingSettings, Interpolation, LoopClockSettings, MotionLimits, Position,
+    PositionScale, SettingsError, TwiceReadSettings, Velocity, VelocityLimits, VelocityScale,
 };
 
 pub(crate) mod motor;
@@ -18,6 +18,7 @@ pub use motor::MotorSettings;
 
 use crate::bits::BitSettings;
 use crate::hardware::LOOP_PERIOD_MICROSECONDS;
+use crate::motor::READ_TWICE;
 
 /// A parameter that the drive cannot work with; S-0-0128 lists it in S-0-0022.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -134,7 +135,7 @@ pub struct MotionSettings {
     /// S-0-0085.
     pub torque_polarity: Polarity,
     /// The encoder.
-    pub encoder: EncoderSettings,
+    pub encoder: TwiceReadSettings,
     /// S-0-0277 bit 3: the encoder counts against the direction of positive current.
     pub encoder_reversed: bool,
     /// P-0-0005: S-0-0053 shows the motor encoder.
@@ -241,14 +242,16 @@ impl MotionSettings {
             Gain::from_ratio(stall_current.saturating_mul(1 << 15), torque_ratio).ok_or(unsupported(110))?;
         let torque_threshold = torque_command.apply(parameters.get(Idn::standard(126)).into());
         Ok(Self {
-            with_lag: AxisSettings::new(&axis).map_err(invalid(100))?,
-            without_lag: AxisSettings::new(&AxisParameters {
-                feed_forward,
-                // One increment is 0.1 mA s²/rad.
-                acceleration_gain: u32::from(parameters.get_word(Idn::standard(348))).saturating_mul(100),
-                ..axis
-            })
-            .map_err(invalid(296))?,
+            with_lag: as_measured(AxisSettings::new(&axis).map_err(invalid(100))?),
+            without_lag: as_measured(
+                AxisSettings::new(&AxisParameters {
+                    feed_forward,
+                    // One increment is 0.1 mA s²/rad.
+                    acceleration_gain: u32::from(parameters.get_word(Idn::standard(348))).saturating_mul(100),
+                    ..axis
+                })
+                .map_err(invalid(296))?,
+            ),
             modes: modes(parameters)?,
             position,
             velocity,
@@ -258,7 +261,7 @@ impl MotionSettings {
             position_polarity: Polarity::from_parameter(parameters.get_word(Idn::standard(55))),
             velocity_polarity: Polarity::from_parameter(parameters.get_word(Idn::standard(43))),
             torque_polarity: Polarity::from_parameter(parameters.get_word(Idn::standard(85))),
-            encoder: EncoderSettings::new(increments).map_err(invalid(116))?,
+            encoder: TwiceReadSettings::new(increments).map_err(invalid(116))?,
             encoder_reversed: feedback_type & REVERSED != 0,
             has_feedback_2: parameters.get_word(Idn::POSITION_FEEDBACK_2_SOURCE) != 0,
             clock,
@@ -397,6 +400,11 @@ fn modes(parameters: &Parameters) -> Result<[Option<OperationMode>; 8], InvalidS
         }
     }
     Ok(modes)
+}
+
+/// With what the motor side knows of the instant of its measurements.
+const fn as_measured(settings: AxisSettings) -> AxisSettings {
+    if READ_TWICE { settings.measured_a_quarter_tick_ago() } else { settings }
 }
 
 #[cfg(test)]

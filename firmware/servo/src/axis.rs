@@ -107,6 +107,8 @@ pub struct Axis {
     /// one. Fed forward in its place, the commanded velocity would be ahead of the measured one by the time of the filter. The velocity loop
     /// would take that for an error, and at constant acceleration a the position loop would have to hold a * time / Kv against it.
     expected_velocity: FilteredVelocity,
+    /// Of the position set-point of the last tick.
+    setpoint_velocity: Velocity,
     velocity_loop: VelocityLoop,
     velocity_command: Velocity,
     torque_command: CurrentFraction,
@@ -140,6 +142,7 @@ impl Axis {
             ramp: Ramp::new(here),
             position_loop: PositionLoop::new(&settings.position_loop, here),
             expected_velocity: FilteredVelocity::new(Velocity::ZERO),
+            setpoint_velocity: Velocity::ZERO,
             velocity_loop: VelocityLoop::new(),
             velocity_command: Velocity::ZERO,
             torque_command: CurrentFraction::ZERO,
@@ -187,7 +190,9 @@ impl Axis {
             Mode::Position => self.interpolator.setpoint(),
             Mode::Halt | Mode::Travel => self.trajectory.setpoint(),
             Mode::Off | Mode::Torque | Mode::Velocity | Mode::Stopping => Setpoint::moving(
-                self.measured + self.settings.position_loop.lag(self.velocity_command),
+                self.measured
+                    + self.settings.moved_since_measured(self.velocity_command)
+                    + self.settings.position_loop.lag(self.velocity_command),
                 self.velocity_command,
             ),
         };
@@ -217,6 +222,7 @@ impl Axis {
         }
         if !positioned {
             self.position_loop = PositionLoop::new(&self.settings.position_loop, setpoint);
+            self.setpoint_velocity = setpoint.velocity;
             self.expected_velocity = FilteredVelocity::new(setpoint.velocity);
         }
         self.mode = mode;
@@ -364,12 +370,14 @@ impl Axis {
         let acceleration = settings.velocity_loop.feed_forward(setpoint.acceleration);
         let mut output = self.measured(moved);
         let settings = &self.settings;
-        let expected = self.expected_velocity.update(&settings.velocity_filter, setpoint.velocity);
+        let velocity = settings.as_measured(self.setpoint_velocity, setpoint.velocity);
+        self.setpoint_velocity = setpoint.velocity;
+        let expected = self.expected_velocity.update(&settings.velocity_filter, velocity);
         let followed = self.position_loop.tick(
             &settings.position_loop,
             &settings.velocity_limits,
             Setpoint { velocity: expected, ..setpoint },
-            self.measured,
+            self.measured + settings.moved_since_measured(setpoint.velocity),
         );
         output.velocity_command = followed.velocity;
         output.position_command = setpoint.position;

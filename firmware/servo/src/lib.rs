@@ -74,6 +74,7 @@ mod temperature;
 mod trajectory;
 mod trigonometry;
 mod tuning;
+mod twice_read;
 mod units;
 mod velocity_estimate;
 mod velocity_loop;
@@ -121,6 +122,7 @@ pub use temperature::{Temperature, TemperatureError, TemperatureOutput, Temperat
 pub use trajectory::Trajectory;
 pub use trigonometry::Rotation;
 pub use tuning::{CurrentGains, VelocityGains, current_gains, position_gain, velocity_gains};
+pub use twice_read::{TwiceReadEncoder, TwiceReadSettings};
 pub use units::{
     Acceleration, CurrentFraction, LOOP_PERIOD_MICROSECONDS, LOOP_TICKS_PER_SECOND, LOOP_TICKS_PER_SUPERVISION,
     Position, SUPERVISION_PERIOD_MICROSECONDS, Velocity,

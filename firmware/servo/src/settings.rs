@@ -2,6 +2,7 @@
 
 use core::fmt;
 
+use crate::trigonometry::high_product;
 use crate::{
     Acceleration, CurrentFilterSettings, FrictionSettings, Interpolation, InterpolatorSettings, Jerk, Modulo,
     MotionLimits, Position, PositionLoopSettings, Velocity, VelocityFilter, VelocityLimits, VelocityLoopSettings,
@@ -209,7 +210,12 @@ pub struct AxisSettings {
     pub(crate) halt: MotionLimits,
     pub(crate) velocity_ramp: Option<MotionLimits>,
     pub(crate) standstill_window: Velocity,
+    /// From a velocity to what it moves from the measurement to the tick, in 2^-32.
+    pub(crate) age: i32,
 }
+
+/// A quarter of a tick: from 2^-36 to 2^-32 revolution, and two bits more.
+const A_QUARTER: i32 = 1 << 26;
 
 const fn or_unlimited(acceleration: Acceleration) -> Acceleration {
     match acceleration.to_bits() {
@@ -219,6 +225,27 @@ const fn or_unlimited(acceleration: Acceleration) -> Acceleration {
 }
 
 impl AxisSettings {
+    /// The same for positions that belong to an instant a quarter of a loop tick before the tick, see [`crate::TwiceReadEncoder`]. Without it
+    /// they belong to the tick.
+    #[must_use]
+    pub const fn measured_a_quarter_tick_ago(self) -> Self {
+        Self { age: A_QUARTER, ..self }
+    }
+
+    /// Of two velocities a tick apart, the one at the instant of the measurement.
+    #[inline]
+    pub(crate) fn as_measured(&self, before: Velocity, now: Velocity) -> Velocity {
+        // From 2^-32 to the share of a tick: four bits more.
+        let since = high_product((now - before).to_bits(), self.age << 4);
+        Velocity::from_bits(now.to_bits().wrapping_sub(since))
+    }
+
+    /// What an axis moves with this velocity from the measurement to the tick.
+    #[inline]
+    pub(crate) fn moved_since_measured(&self, velocity: Velocity) -> Position {
+        Position::from_bits(high_product(velocity.to_bits(), self.age).into())
+    }
+
     /// Scales the parameters. Divides: call it when a parameter changes, outside the loop.
     ///
     /// # Errors
@@ -234,6 +261,7 @@ impl AxisSettings {
             _ => parameters.halt_deceleration,
         };
         Ok(Self {
+            age: 0,
             friction: parameters.friction,
             filter: parameters.filter,
             halt: MotionLimits::new(Velocity::MAX, halt, halt, parameters.jerk)?,

@@ -4,7 +4,7 @@ use sercon816::Bus;
 use sercos::diagnostic::Class1;
 use sercos::phase::{InterfaceStatus, PhaseError};
 use sercos::{Idn, Phase};
-use servo::{Axis, Encoder, LoopClock, SUPERVISION_PERIOD_MICROSECONDS};
+use servo::{Axis, LoopClock, SUPERVISION_PERIOD_MICROSECONDS, TwiceReadEncoder};
 
 use super::{CommandValues, Motion};
 use crate::diagnosis::{Circumstances, Manufacturer1, Manufacturer3};
@@ -113,7 +113,7 @@ impl<B: Bus + Clone, H: Hardware> Motion<B, H> {
         }
         if encoder {
             let count = self.hardware.encoder_count();
-            self.encoder = Encoder::new(settings.encoder, self.counted(count));
+            self.encoder = TwiceReadEncoder::new(settings.encoder, self.counted(count));
             self.axis = Axis::new(settings.with_lag, self.encoder.position());
             self.referenced = false;
         }

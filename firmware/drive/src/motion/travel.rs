@@ -199,11 +199,11 @@ impl<B: Bus + Clone, H: Hardware> Motion<B, H> {
     /// One look at the probes, whose edges the hardware has latched.
     pub(super) fn probe(&mut self) {
         let Some(settings) = self.probe_run.settings else { return };
+        let direction = self.motor.direction();
         let mut side = |probe: ProbeInput, level: bool, enable: bool| {
             let mut latched = |rising| {
                 let latch = self.hardware.probe_latch(probe, rising)?;
-                let count = if self.settings.encoder_reversed { latch.wrapping_neg() } else { latch };
-                Some(self.encoder.position_of(count))
+                Some(self.encoder.position_of(latch.wrapping_mul(direction)))
             };
             ProbeSide { level, enable, positive: latched(true), negative: latched(false) }
         };

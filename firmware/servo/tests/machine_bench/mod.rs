@@ -19,8 +19,8 @@ use servo::current::{
     WeakeningOutput,
 };
 use servo::{
-    Axis, AxisOutput, AxisSettings, BusVoltage, CommutationAngle, CurrentFraction, Encoder, EncoderSettings,
-    LOOP_TICKS_PER_SUPERVISION, Limiting, Mode, Position, Rotation, TorqueLimits, Velocity, VoltageSettings,
+    Axis, AxisOutput, AxisSettings, BusVoltage, CommutationAngle, CurrentFraction, LOOP_TICKS_PER_SUPERVISION,
+    Limiting, Mode, Position, Rotation, TorqueLimits, TwiceReadEncoder, TwiceReadSettings, Velocity, VoltageSettings,
 };
 
 use setup::Setup;
@@ -42,7 +42,7 @@ const CALIBRATION: u32 = 1_100;
 pub(crate) struct Bench {
     pub(crate) machine: Machine,
     pub(crate) axis: Axis,
-    pub(crate) encoder: Encoder,
+    pub(crate) encoder: TwiceReadEncoder,
     /// Limits of the torque, before field weakening takes its part.
     pub(crate) limits: TorqueLimits,
     /// Instant of the last sample of the currents.
@@ -60,6 +60,8 @@ pub(crate) struct Bench {
     offsets: Offsets,
     command: CurrentCommand,
     shared_command: SharedCommand,
+    /// Encoder counts of the last two cycles.
+    count_before: u32,
     count: u32,
     commutation: CommutationAngle,
     model: Option<MotorModel>,
@@ -101,12 +103,12 @@ impl Bench {
     pub(crate) fn new(setup: &Setup) -> Self {
         let mut machine = setup.reference.machine();
         let settings = *machine.settings();
-        let encoder = EncoderSettings::new(settings.encoder.increments_per_revolution).unwrap();
-        let mut encoder = Encoder::new(encoder, machine.encoder_count(0));
+        let encoder = TwiceReadSettings::new(settings.encoder.increments_per_revolution).unwrap();
+        let mut encoder = TwiceReadEncoder::new(encoder, machine.encoder_count(0));
         encoder.set_position(setup.start);
         let bus = BusVoltage::new(&setup.voltage(), machine.bus_sample(0));
         let mut bench = Self {
-            axis: Axis::new(AxisSettings::new(&setup.axis).unwrap(), encoder.position()),
+            axis: Axis::new(AxisSettings::new(&setup.axis).unwrap().measured_a_quarter_tick_ago(), encoder.position()),
             limits: TorqueLimits::symmetrical(CurrentFraction::MAX, Limiting::AMPLIFIER_PEAK),
             time: 0,
             trip: None,
@@ -130,6 +132,7 @@ impl Bench {
             },
             shared_command: SharedCommand::new(),
             count: machine.encoder_count(0),
+            count_before: machine.encoder_count(0),
             commutation: setup.commutation(encoder.position()),
             model: setup.decoupled.then(|| setup.model()),
             pole_pairs: settings.windings.pole_pairs.into(),
@@ -159,6 +162,7 @@ impl Bench {
             self.offsets.calibrate(self.machine.current_samples(self.time).map(u32::from));
             if self.first {
                 self.count = self.machine.encoder_count(self.time + CONVERSION);
+                self.count_before = self.count;
                 let (output, _) = self.outer_tick();
                 self.order(CurrentFraction::ZERO, CurrentFraction::ZERO, output.loop_velocity);
             }
@@ -261,7 +265,7 @@ impl Bench {
         let bus = self.machine.bus_sample(self.time);
         let count = self.machine.encoder_count(self.time + CONVERSION);
         let moved = count.wrapping_sub(self.count).cast_signed();
-        self.count = count;
+        self.count_before = std::mem::replace(&mut self.count, count);
         self.first = !self.first;
         let currents = self.offsets.remove(samples);
         self.shared_command.set(&self.command);
@@ -295,7 +299,7 @@ impl Bench {
         } else {
             self.limits
         };
-        let measured = self.encoder.update(self.count);
+        let measured = self.encoder.update(self.count_before, self.count);
         let output = self.axis.tick(measured, &limits);
         self.ticks += 1;
         if self.ticks.is_multiple_of(LOOP_TICKS_PER_SUPERVISION) {
@@ -313,7 +317,8 @@ impl Bench {
         self.command = CurrentCommand {
             direct: CurrentCommand::reference(direct),
             quadrature: CurrentCommand::reference(quadrature),
-            angle: self.commutation.at(self.encoder.position()).wrapping_sub(aged.cast_unsigned()),
+            // From the middle between the two counts to the second, and back to the sample.
+            angle: self.commutation.at(self.encoder.position()).wrapping_add(((speed >> 2) - aged).cast_unsigned()),
             count: self.count,
             angle_per_increment: self.angle_per_increment,
             ahead: Rotation::by((speed / i32::from(PwmFrequency::Khz16.cycles_per_tick())).cast_unsigned()),
