@@ -399,3 +399,57 @@ const CYCLES_IN_A_TICK: i32 = FREQUENCY.cycles_per_tick() as i32;
 
 /// The encoder is read twice in a tick.
 pub(crate) const READ_TWICE: bool = CYCLES_IN_A_TICK == 2;
+
+#[cfg(test)]
+mod tests {
+    extern crate std;
+
+    use std::boxed::Box;
+
+    use sercos::parameters::Parameters;
+    use servo::TwiceReadEncoder;
+
+    use super::*;
+    use crate::link::set;
+    use crate::settings::MotionSettings;
+
+    #[test]
+    fn the_angle_of_an_order_is_that_of_the_rotor_at_the_sample_at_any_speed_in_both_directions() {
+        let settings = MotionSettings::new(&Parameters::new(), 10_500).unwrap();
+        let pole_pairs = f64::from(settings.motor.pole_pairs);
+        let increments = f64::from(settings.motor.angle_per_increment).recip() * pole_pairs * 2_f64.powi(32);
+        for reversed in [false, true] {
+            for moved in [-60_i32, -1, 0, 7, 60] {
+                let link = Box::leak(Box::new(CurrentLink::new()));
+                let mut motor = Motor::new(link, settings.motor);
+                motor.apply_settings(settings.motor, reversed);
+                let mut encoder = TwiceReadEncoder::new(settings.encoder, 0);
+                motor.set_commutation_angle(encoder.position(), Some(0));
+                let sign = if reversed { -1.0 } else { 1.0 };
+                // Two cycles a tick, `moved` increments of the counter in each.
+                let per_tick = 2.0 * f64::from(moved) * sign;
+                let velocity = Velocity::from_bits((per_tick / increments * 2_f64.powi(36)).round() as i32);
+                for tick in 1..50_i32 {
+                    let count = |half_ticks: i32| moved.wrapping_mul(half_ticks).cast_unsigned();
+                    set(&link.report.cycle(false).count, count(2 * tick - 1));
+                    set(&link.report.cycle(true).count, count(2 * tick));
+                    let [before, now] = motor.take_counts();
+                    let direction = motor.direction();
+                    let position = encoder.update(before.wrapping_mul(direction), now.wrapping_mul(direction));
+                    motor.command(position, CurrentFraction::ZERO, velocity, 0);
+                    for later in [0, 1, 2] {
+                        let angle = link.order.last().command.angle_at(count(2 * tick + later));
+                        let at_sample =
+                            (f64::from(tick) + f64::from(later) / 2.0 - SAMPLE_AGE as f64 / 65_536.0) * per_tick;
+                        let exact = (at_sample * pole_pairs / increments).rem_euclid(1.0);
+                        let error = (f64::from(angle) / 2_f64.powi(32) - exact + 0.5).rem_euclid(1.0) - 0.5;
+                        assert!(
+                            error.abs() < 1e-6,
+                            "{error} of a revolution at {moved}, {reversed}, tick {tick} + {later}"
+                        );
+                    }
+                }
+            }
+        }
+    }
+}
