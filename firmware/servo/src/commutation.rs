@@ -1,12 +1,7 @@
 //! Commutation of a synchronous motor from an incremental encoder.
 //!
 //! The electrical angle is `pole pairs * mechanical angle + offset`. It is anchored every loop tick in the exact position, and
-//! carried on by the current loop from there with the encoder count alone:
-//!
-//! ```text
-//! control loop, every 125 us:   AngleBase = (angle of the exact position, count at that position)
-//! current loop, at each sample: angle = base angle + (count - base count) * scale        (one multiplication)
-//! ```
+//! carried on by the current loop from there with the encoder count alone ([`crate::current::SharedCommand::angle_at`]).
 //!
 //! The offset is not known after power-up: [`Alignment`] finds it with small movements, [`IndexCorrection`] refines it at the
 //! first index pulse.
@@ -75,13 +70,12 @@ impl core::error::Error for CommutationError {}
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub struct CommutationSettings {
     pole_pairs: u32,
-    /// Electrical angle of an increment: `mantissa * 2^-shift`, the mantissa with its full 31 bits.
-    mantissa: i32,
-    shift: u32,
+    /// No angle outlives a change of the resolution: settings with another one are others.
+    increments_per_revolution: u32,
 }
 
 impl CommutationSettings {
-    /// A motor with 1 to 64 pole pairs on an encoder with 720 increments (edges) or more for each pole pair. Divides.
+    /// A motor with 1 to 64 pole pairs on an encoder with 720 increments (edges) or more for each pole pair.
     ///
     /// # Errors
     /// [`CommutationError::PolePairs`], [`CommutationError::Resolution`].
@@ -91,15 +85,10 @@ impl CommutationSettings {
         }
         let pairs = u32::from(pole_pairs);
         let expected = pairs.saturating_mul(LEAST_RESOLUTION);
-        let too_coarse = CommutationError::Resolution { actual: increments_per_revolution, expected };
         if increments_per_revolution < expected {
-            return Err(too_coarse);
+            return Err(CommutationError::Resolution { actual: increments_per_revolution, expected });
         }
-        // pole pairs * 2^32 / increments, times 2^32: from 2^32 to 2^55.
-        let fine = (u128::from(pairs) << 64).checked_div(u128::from(increments_per_revolution)).ok_or(too_coarse)?;
-        let surplus = 97_u32.saturating_sub(fine.leading_zeros());
-        let mantissa = (fine >> surplus) as i32;
-        Ok(Self { pole_pairs: pairs, mantissa, shift: 32_u32.saturating_sub(surplus) })
+        Ok(Self { pole_pairs: pairs, increments_per_revolution })
     }
 
     /// Electrical angle that belongs to a mechanical one, without offset. A whole electrical revolution is 0.
@@ -136,13 +125,6 @@ impl CommutationAngle {
         self.settings.electrical(position).wrapping_add(self.offset)
     }
 
-    /// What the current loop needs until the next tick: `position` is that of the encoder count `count`.
-    #[inline]
-    #[must_use]
-    pub const fn base(&self, position: Position, count: u32) -> AngleBase {
-        AngleBase { angle: self.at(position), count, mantissa: self.settings.mantissa, shift: self.settings.shift }
-    }
-
     /// Turns the angle by `correction` at every position ([`IndexOutput::correction`]).
     #[inline]
     pub fn correct(&mut self, correction: i32) {
@@ -152,29 +134,6 @@ impl CommutationAngle {
     /// The zero of the position has moved by `difference` (homing); the rotor has not.
     pub fn shift(&mut self, difference: Position) {
         self.offset = self.offset.wrapping_sub(self.settings.electrical(difference));
-    }
-}
-
-/// An electrical angle that follows the encoder count.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-#[cfg_attr(feature = "defmt", derive(defmt::Format))]
-pub struct AngleBase {
-    angle: u32,
-    count: u32,
-    mantissa: i32,
-    shift: u32,
-}
-
-impl AngleBase {
-    /// Electrical angle at a count, at most 2^31 increments from that of the base. The error grows by 2^-30 of the way: 0.000 022 degrees
-    /// in a mechanical revolution of a motor with 64 pole pairs. One multiplication and one shift.
-    #[inline]
-    #[must_use]
-    pub const fn at(&self, count: u32) -> u32 {
-        let moved = count.wrapping_sub(self.count) as i32 as i64;
-        let turned = moved.wrapping_mul(self.mantissa as i64).wrapping_shr(self.shift);
-        // Whole electrical revolutions are cut on purpose.
-        self.angle.wrapping_add(turned as u32)
     }
 }
 
@@ -226,11 +185,8 @@ mod tests {
             for (way, since) in ways {
                 count = count.wrapping_add_signed(way);
                 total += i128::from(way);
-                let base = angle.base(encoder.update(count), count);
-                // Between two bases the motor turns by less than two revolutions, or a million increments.
-                let most = 2 * resolution.min(1 << 29) as i32;
-                let since = since.clamp(-most, most);
-                let angle = base.at(count.wrapping_add_signed(since));
+                encoder.update(count);
+                let angle = angle.at(encoder.position_of(count.wrapping_add_signed(since)));
                 let error = error(angle, exact(total + i128::from(since), resolution, pole_pairs));
                 prop_assert!(error.abs() < 0.001, "{error} degrees");
             }
@@ -239,7 +195,7 @@ mod tests {
 
     #[test]
     fn two_days_at_full_speed_leave_no_trace() {
-        // 10 000 rpm, a base every 125 us would take long: every quarter of a second, and a sample 125 us later.
+        // 10 000 rpm, every 125 us would take long: every quarter of a second, and a sample 125 us later.
         for (resolution, pole_pairs) in [(10_000_u32, 5), (1 << 20, 4), (999_983, 31)] {
             let settings = CommutationSettings::new(pole_pairs, resolution).unwrap();
             let mut encoder = Encoder::new(EncoderSettings::new(resolution).unwrap(), 0xFFFF_0000);
@@ -251,10 +207,10 @@ mod tests {
                 let moved = quarter - step % 1_009;
                 count = count.wrapping_add(moved);
                 total += i128::from(moved);
-                let base = angle.base(encoder.update(count), count);
+                encoder.update(count);
                 let since = quarter / 2_000;
                 let exact = exact(total + i128::from(since), resolution, pole_pairs).wrapping_add(1 << 30);
-                let error = error(base.at(count.wrapping_add(since)), exact);
+                let error = error(angle.at(encoder.position_of(count.wrapping_add(since))), exact);
                 assert!(error.abs() < 0.001, "{error} degrees after {total} increments of {resolution}");
             }
         }

@@ -77,6 +77,7 @@ mod tuning;
 mod twice_read;
 mod units;
 mod velocity_estimate;
+mod velocity_interpolation;
 mod velocity_loop;
 mod voltage;
 mod wide;
@@ -87,8 +88,8 @@ pub use brake_error::BrakeError;
 pub use brake_settings::{BrakeParameters, BrakeSettings};
 pub use clock::{LoopClock, LoopClockSettings};
 pub use commutation::{
-    Alignment, AlignmentError, AlignmentOutput, AlignmentSettings, AlignmentState, AngleBase, CommutationAngle,
-    CommutationError, CommutationSettings, IndexCorrection, IndexError, IndexOutput, IndexState,
+    Alignment, AlignmentError, AlignmentOutput, AlignmentSettings, AlignmentState, CommutationAngle, CommutationError,
+    CommutationSettings, IndexCorrection, IndexError, IndexOutput, IndexState,
 };
 pub use derivatives::{Jerk, SignedAcceleration};
 pub use encoder::{Encoder, EncoderSettings};
@@ -103,9 +104,7 @@ pub use homing::{
     Homing, HomingError, HomingInputs, HomingMotion, HomingOutput, HomingParameters, HomingSettings,
     HomingSettingsError, HomingState, Reference,
 };
-pub use interpolation::{
-    CommandSource, Interpolation, Interpolator, InterpolatorSettings, Setpoint, VelocityInterpolator,
-};
+pub use interpolation::{CommandSource, Interpolation, Interpolator, InterpolatorSettings, Setpoint};
 pub use limits::{Limiting, TorqueLimitParameters, TorqueLimitSettings, TorqueLimits, VelocityLimits};
 pub use load_model::{LoadModel, LoadOutput, LoadParameters, LoadSettings};
 pub use modulo::{Modulo, ModuloCounter};
@@ -128,6 +127,7 @@ pub use units::{
     Position, SUPERVISION_PERIOD_MICROSECONDS, Velocity,
 };
 pub use velocity_estimate::{FilteredVelocity, VelocityEstimate, VelocityFilter};
+pub use velocity_interpolation::VelocityInterpolator;
 pub use velocity_loop::{VelocityLoop, VelocityLoopOutput, VelocityLoopSettings};
 pub use voltage::{
     BusVoltage, Duty, Reciprocal, VoltageError, VoltageOutput, VoltageParameters, VoltageSettings, Volts,
