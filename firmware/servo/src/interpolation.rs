@@ -142,6 +142,8 @@ pub struct Interpolator {
     line: u16,
     curve: u16,
     overdue: u16,
+    /// The path is a cubic: what follows without a command is no continuation of its line.
+    bent: bool,
     /// Of the cubic from the line.
     deviation: Deviation,
     /// What the last tick on a cubic moved, or a tick on the line moves, in 2^-48 revolution.
@@ -167,6 +169,7 @@ impl Interpolator {
             line: 0,
             curve: 0,
             overdue: 0,
+            bent: false,
             deviation: Deviation::NONE,
             velocity: 0,
             acceleration: 0,
@@ -207,6 +210,7 @@ impl Interpolator {
         self.place = END.wrapping_sub(distance << FINE_BITS);
         self.follow(settings.per_tick(distance << FINE_BITS));
         self.overdue = 0;
+        self.bent = settings.interpolation == Interpolation::Cubic;
         match settings.interpolation {
             Interpolation::Linear => {
                 [self.line, self.curve] = [settings.ticks_per_cycle, 0];
@@ -249,27 +253,40 @@ impl Interpolator {
     /// One tick further: the setpoint of this tick.
     #[inline]
     pub fn tick(&mut self, settings: &InterpolatorSettings) -> (Setpoint, CommandSource) {
-        if self.line == 0 {
-            return self.tick_beside_the_line(settings);
+        if self.line != 0 {
+            self.line = self.line.saturating_sub(1);
+            self.place = self.place.wrapping_add(self.slope);
+            return (Setpoint::moving(self.on_the_line(), self.speed), CommandSource::Interpolated);
         }
-        self.line = self.line.saturating_sub(1);
-        self.place = self.place.wrapping_add(self.slope);
-        (Setpoint::moving(self.on_the_line(), self.speed), CommandSource::Interpolated)
+        if self.curve != 0 {
+            return (self.tick_on_the_curve(), CommandSource::Interpolated);
+        }
+        self.tick_without_command(settings)
     }
 
-    /// A tick on a cubic, or without a command.
     #[inline]
-    fn tick_beside_the_line(&mut self, settings: &InterpolatorSettings) -> (Setpoint, CommandSource) {
+    fn tick_on_the_curve(&mut self) -> Setpoint {
+        self.curve = self.curve.saturating_sub(1);
+        let velocity = self.slope.wrapping_add(self.deviation.tick());
+        self.acceleration = velocity.wrapping_sub(self.velocity);
+        self.velocity = velocity;
+        self.place = self.place.wrapping_add(self.slope);
+        if self.curve == 0 {
+            self.deviation = Deviation::NONE;
+            self.place = END;
+        }
+        self.setpoint()
+    }
+
+    /// A tick behind the end of the path.
+    #[cold]
+    fn tick_without_command(&mut self, settings: &InterpolatorSettings) -> (Setpoint, CommandSource) {
+        if core::mem::take(&mut self.bent) {
+            // Behind a cubic there is a line with its last velocity.
+            self.follow(settings.per_tick(self.exit << FINE_BITS));
+        }
         let before = self.velocity;
-        let source = if self.curve > 0 {
-            self.curve = self.curve.saturating_sub(1);
-            self.place = self.place.wrapping_add(self.slope);
-            self.velocity = self.slope.wrapping_add(self.deviation.tick());
-            if self.curve == 0 {
-                self.end_curve(settings);
-            }
-            CommandSource::Interpolated
-        } else if self.overdue < settings.ticks_per_cycle.saturating_mul(2) {
+        let source = if self.overdue < settings.ticks_per_cycle.saturating_mul(2) {
             self.overdue = self.overdue.saturating_add(1);
             self.place = self.place.wrapping_add(self.slope);
             self.velocity = self.slope;
@@ -286,14 +303,6 @@ impl Interpolator {
             Interpolation::Cubic => self.velocity.wrapping_sub(before),
         };
         (self.setpoint(), source)
-    }
-
-    /// The cubic ends at the command. What follows without a next one is a line with its last velocity.
-    #[inline]
-    fn end_curve(&mut self, settings: &InterpolatorSettings) {
-        self.deviation = Deviation::NONE;
-        self.place = END;
-        self.follow(settings.per_tick(self.exit << FINE_BITS));
     }
 
     /// The setpoint of the last tick.
