@@ -78,6 +78,9 @@ pub(crate) const fn note(fault: Fault) -> Option<&'static str> {
         Fault::AxisBlocked => {
             "An axis that does not move in spite of command and current looks the same with a dead encoder. In torque mode no movement is asked for."
         }
+        Fault::MainPowerLost => {
+            "The supervision looks every 500 us, here just behind the fault: at another moment it takes up to 0.5 ms more."
+        }
         Fault::MainsFailure => "In torque mode the axis stands against the load and takes nothing out of the bus.",
         Fault::BrakeStuckOpen | Fault::BrakeWorn => {
             "The load is held until the control unit takes ENABLE back; S-0-0099 is refused while there is torque."
