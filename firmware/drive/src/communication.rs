@@ -163,7 +163,7 @@ impl<B: Bus + Clone> Communication<B> {
     /// Task of INT_SC_0: serves the step that waits in the service container; the next one starts it anew, also while it runs. Also started by
     /// the motion side when it has become another state, error or warning, to bring diagnosis and error memory up to date.
     ///
-    /// Contract: at most 100 us from the end of the MDT to the release (S-0-0326 takes 76, the average is 17); settings that a write has changed, and the checks of
+    /// Contract: at most 100 us from the end of the MDT to the release (S-0-0326 takes 74, the average is 13); settings that a write has changed, and the checks of
     /// S-0-0127 and S-0-0128, are worked out after the release.
     pub fn service_channel<H: Hardware>(&mut self, motion: &mut impl Mutex<T = Motion<B, H>>) {
         let mut settings_changed = false;

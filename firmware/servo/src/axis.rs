@@ -347,17 +347,12 @@ impl Axis {
         let velocity = self.monitored.update(&MONITOR_FILTER, moved);
         let loop_velocity = self.velocity.update(&settings.velocity_filter, moved);
         AxisOutput {
-            current: CurrentFraction::ZERO,
-            following_error: Position::ZERO,
             velocity,
             loop_velocity,
             velocity_command: loop_velocity,
-            position_command: self.measured,
-            command_source: CommandSource::Interpolated,
             standstill: velocity.abs() <= settings.standstill_window,
-            limiting: Limiting::empty(),
             travelled: false,
-            excessive_deviation: false,
+            ..AxisOutput::at_rest(self.measured)
         }
     }
 
@@ -366,8 +361,7 @@ impl Axis {
     /// Inlined so that position commands have a path of their own, without what only other movements need.
     #[inline(always)]
     fn follow(&mut self, setpoint: Setpoint, moved: Velocity, limits: &TorqueLimits) -> AxisOutput {
-        let settings = &self.settings;
-        let acceleration = settings.velocity_loop.feed_forward(setpoint.acceleration);
+        let acceleration = self.settings.velocity_loop.feed_forward(setpoint.acceleration);
         let mut output = self.measured(moved);
         let settings = &self.settings;
         let velocity = settings.as_measured(self.setpoint_velocity, setpoint.velocity);
