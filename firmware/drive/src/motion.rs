@@ -13,13 +13,16 @@ use sercos::diagnostic::{Class1, Class2, Class3};
 use sercos::phase::PhaseError;
 use sercos::supervision::Supervision;
 use servo::{
-    Axis, AxisOutput, LOOP_TICKS_PER_SUPERVISION, Limiting, LoopClock, Mode, Position, Scope, TwiceReadEncoder,
+    Axis, AxisOutput, LOOP_TICKS_PER_SUPERVISION, Limiting, LoopClock, Mode, Position, RangeMonitor, Scope,
+    TwiceReadEncoder,
 };
 
 mod background;
 mod clock_monitor;
+mod coordinates;
 mod cycle;
 mod identifying;
+mod range;
 mod recording;
 mod supervision;
 mod travel;
@@ -143,6 +146,8 @@ pub struct Motion<B, H> {
     target: Option<(i32, Position)>,
     /// S-0-0403 bit 0.
     referenced: bool,
+    /// S-0-0049 and S-0-0050, while they are in force.
+    range_monitor: Option<RangeMonitor>,
     /// S-0-0148 holds the position until it is cancelled.
     homing: bool,
     /// Homing has just ended with torque on: the next command is looked at before it is followed.
@@ -229,6 +234,7 @@ impl<B: Bus + Clone, H: Hardware> Motion<B, H> {
             probe_run: ProbeRun::default(),
             target: None,
             referenced: false,
+            range_monitor: None,
             homing: false,
             resuming: false,
             loss_shown: 0,

@@ -124,6 +124,12 @@ impl TorqueLimitSettings {
         })
     }
 
+    /// The same limits for torque data that count against the motor: each end limits the other direction, and keeps its name.
+    #[must_use]
+    pub const fn reversed(self) -> Self {
+        Self { positive: self.negative, negative: self.positive }
+    }
+
     /// The limits of this tick: those of the settings and what the thermal models allow ([`crate::LoadOutput::allowed`]).
     #[inline]
     #[must_use]
@@ -235,6 +241,17 @@ impl VelocityLimits {
             negative: negative.unwrap_or(-bipolar),
             positive_cause: positive.map_or(Limiting::VELOCITY_BIPOLAR, |_| Limiting::VELOCITY_POSITIVE),
             negative_cause: negative.map_or(Limiting::VELOCITY_BIPOLAR, |_| Limiting::VELOCITY_NEGATIVE),
+        }
+    }
+
+    /// The same limits for velocity data that count against the motor: each end limits the other direction, and keeps its name.
+    #[must_use]
+    pub fn reversed(self) -> Self {
+        Self {
+            positive: -self.negative,
+            negative: -self.positive,
+            positive_cause: self.negative_cause,
+            negative_cause: self.positive_cause,
         }
     }
 
@@ -415,6 +432,22 @@ mod tests {
             prop_assert!(limits.negative <= current && current <= limits.positive);
             prop_assert_eq!(limiting.is_empty(), current.to_bits() == command);
         }
+    }
+
+    #[test]
+    fn a_reversed_limit_keeps_its_name_and_changes_its_direction() {
+        let rpm = |value: i32| Velocity::from_ten_thousandths_rpm(value * 10_000);
+        let limits = VelocityLimits::new(rpm(3_000), Some(rpm(1_000)), None).reversed();
+        assert_eq!(limits.apply(rpm(-2_000)), (rpm(-1_000), Limiting::VELOCITY_POSITIVE));
+        assert_eq!(limits.apply(rpm(4_000)), (rpm(3_000), Limiting::VELOCITY_BIPOLAR));
+        assert_eq!(limits.reversed(), VelocityLimits::new(rpm(3_000), Some(rpm(1_000)), None));
+
+        let parameters = TorqueLimitParameters { positive: 500, ..PARAMETERS };
+        let most = CurrentFraction::MAX;
+        let plain = TorqueLimitSettings::new(&parameters).unwrap().combine(most, most);
+        let reversed = TorqueLimitSettings::new(&parameters).unwrap().reversed().combine(most, most);
+        assert_eq!((reversed.negative, reversed.negative_cause), (-plain.positive, Limiting::TORQUE_POSITIVE));
+        assert_eq!((reversed.positive, reversed.positive_cause), (-plain.negative, plain.negative_cause));
     }
 
     #[test]

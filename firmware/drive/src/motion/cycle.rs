@@ -156,21 +156,6 @@ impl<B: Bus + Clone, H: Hardware> Motion<B, H> {
         (((word & 0x0800) >> 9) | ((word & 0x0300) >> 8)) as u8
     }
 
-    /// S-0-0047 with S-0-0048, within the modulo range if there is one.
-    fn commanded_position(&self) -> Position {
-        let Polarity { command, additive, .. } = self.settings.position_polarity;
-        let signed = |value: i32, reversed: bool| {
-            // Most drives have no additive command.
-            if value == 0 {
-                return Position::ZERO;
-            }
-            let position = self.settings.position.to_position(value);
-            if reversed { -position } else { position }
-        };
-        let sum = signed(self.commands.position, command) + signed(self.commands.additive_position, additive);
-        self.axis.settings().interpolator().modulo().map_or(sum, |modulo| modulo.reduce(sum))
-    }
-
     /// A drive that is switched on far from its command, or goes on there after homing, would jump: the deviation is a fault before it
     /// moves. A drive that stays off is none: commands may run away from it, and after an error they do.
     fn refuse_a_jump(&mut self) {

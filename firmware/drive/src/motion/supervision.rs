@@ -83,6 +83,7 @@ impl<B: Bus + Clone, H: Hardware> Motion<B, H> {
     fn look_after_the_motor(&mut self, index: Option<u32>) {
         let torque = self.machine.state().has_torque();
         let in_operation = self.machine.state().is_in_operation();
+        let leaves_its_range = self.watch_range();
         let findings = self.motor.supervise(&Surroundings {
             torque,
             count: self.counted(self.motor.count()),
@@ -110,24 +111,13 @@ impl<B: Bus + Clone, H: Hardware> Motion<B, H> {
         if self.output.velocity.abs() > self.settings.overspeed {
             findings.add_own(Manufacturer1::OVERSPEED, false);
         }
-        if self.is_leaving_its_range() {
+        if leaves_its_range {
             findings.class_1 |= Class1::POSITION_LIMIT;
         }
         if in_operation && self.phase == Phase::Cp4 && self.lost.is_none() && !self.clock.is_locked() {
             findings.add_own(Manufacturer1::SYNCHRONISATION, false);
         }
         self.take(findings);
-    }
-
-    /// The axis is beyond S-0-0049 or S-0-0050 and moves further out. The way back is free, so that S-0-0099 and a command inwards
-    /// bring it home. Without reference the limits mean nothing.
-    fn is_leaving_its_range(&self) -> bool {
-        let Some((highest, lowest)) = self.settings.position_limits.filter(|_| self.referenced) else { return false };
-        let position = self.encoder.position();
-        let outwards = |velocity: Velocity| {
-            (position > highest && velocity > Velocity::ZERO) || (position < lowest && velocity < Velocity::ZERO)
-        };
-        outwards(self.output.velocity_command) && self.machine.state().is_in_operation()
     }
 
     /// The two channels are observed, never relied on: the hardware behind them takes the torque away by itself.

@@ -191,15 +191,7 @@ impl MotorSettings {
             .map_err(of(P(121)))?,
             has_brake: brake_bits & BRAKE_FITTED != 0,
             aligns_with_open_brake: brake_bits & BRAKE_MAY_OPEN != 0,
-            torque_limits: TorqueLimitSettings::new(&TorqueLimitParameters {
-                positive: word(S(82)).cast_signed(),
-                negative: word(S(83)).cast_signed(),
-                bipolar: word(S(92)),
-                motor_peak: long(S(109)),
-                amplifier_peak: peak,
-                motor_continuous: long(S(111)),
-            })
-            .map_err(of(S(111)))?,
+            torque_limits: torque_limits(parameters).map_err(of(S(111)))?,
             weakening: FieldWeakeningSettings::new(&FieldWeakeningParameters {
                 limit: word(P(107)).saturating_mul(10),
                 voltage: 9_300,
@@ -213,6 +205,20 @@ impl MotorSettings {
                 .ok_or(InvalidSetting { idn: P(101), reason: None })?,
         })
     }
+}
+
+/// S-0-0082, S-0-0083, S-0-0092, S-0-0109, S-0-0110, in the direction that bit 0 of S-0-0085 gives torque commands.
+fn torque_limits(parameters: &Parameters) -> Result<TorqueLimitSettings, SettingsError> {
+    const COMMAND_REVERSED: u16 = 1 << 0;
+    let limits = TorqueLimitSettings::new(&TorqueLimitParameters {
+        positive: parameters.get_word(S(82)).cast_signed(),
+        negative: parameters.get_word(S(83)).cast_signed(),
+        bipolar: parameters.get_word(S(92)),
+        motor_peak: parameters.get(S(109)),
+        amplifier_peak: parameters.get(S(110)),
+        motor_continuous: parameters.get(S(111)),
+    })?;
+    Ok(if parameters.get_word(S(85)) & COMMAND_REVERSED != 0 { limits.reversed() } else { limits })
 }
 
 /// Current at which an axis that is to move must move, in 0.1 % of S-0-0110, unless the drive may not make it.
