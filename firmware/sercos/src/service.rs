@@ -330,8 +330,10 @@ impl Server {
             Element::Idn => return Err(ServiceError::InvalidIdnAccess),
             Element::Name => return Ok(Source::Text(block.name)),
             Element::Unit if block.unit.is_empty() => return Err(ServiceError::NotAvailable(element)),
-            Element::Unit => return Ok(Source::Text(block.unit)),
-            Element::Attribute => transfer::stage_fixed(staging, 4, block.attribute.raw_value().into()),
+            Element::Unit => return Ok(Source::Text(block.scaled_unit(parameters))),
+            Element::Attribute => {
+                transfer::stage_fixed(staging, 4, block.scaled_attribute(parameters).raw_value().into());
+            }
             Element::Minimum | Element::Maximum => {
                 let (bytes, raw) = limit(if element == Element::Minimum { block.minimum } else { block.maximum })?;
                 transfer::stage_fixed(staging, bytes, raw);

@@ -12,6 +12,7 @@ use crate::idn::Idn;
 use crate::parameters::{self, LIST_ENTRIES, Parameters};
 use crate::phase::{ReadyForCp3, ReadyForCp4};
 use crate::telegram_type::TelegramType;
+use crate::weighting::{Dimension, Weighting};
 use heapless::Vec;
 
 pub use finding::{FINDINGS, Invalid, InvalidData, Reason};
@@ -191,20 +192,14 @@ pub fn check_cp4(
             invalid.add(idn, Reason::CommandValueMissing(command));
         }
     }
-    // Rotary or linear data of the motor or the load; preferred or parameter scaling, absolute or modulo, per minute or
-    // per second (sercos2.md 6.5). Inches and what is reserved are not there, nor a preferred linear scaling per second.
-    let velocity_scaling = Idn::standard(44);
-    let velocity_type = parameters.get_word(velocity_scaling);
-    if !matches!(velocity_type & !0b0110_1000, 0b001 | 0b010) || velocity_type & !0b0100_0000 == 0b0010_0001 {
-        invalid.add(velocity_scaling, Reason::NotSupported);
-    }
-    let position_scaling = Idn::standard(76);
-    let position_type = parameters.get_word(position_scaling);
-    if !matches!(position_type & !0b1100_1000, 0b001 | 0b010) {
-        invalid.add(position_scaling, Reason::NotSupported);
+    for dimension in [Dimension::Position, Dimension::Velocity, Dimension::Torque, Dimension::Acceleration] {
+        if let Err(scaling_type) = Weighting::of(dimension, parameters) {
+            invalid.add(scaling_type, Reason::NotSupported);
+        }
     }
     let modulo = Idn::standard(103);
-    if position_type & 0b1000_0000 != 0 && parameters.get(modulo) == 0 {
+    let is_modulo = Weighting::of(Dimension::Position, parameters).is_ok_and(|weighting| weighting.modulo);
+    if is_modulo && parameters.get(modulo) == 0 {
         invalid.add(modulo, Reason::OutOfRange);
     }
     if invalid.is_empty() { Ok(ReadyForCp4::new()) } else { Err(invalid) }
