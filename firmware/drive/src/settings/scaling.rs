@@ -9,7 +9,7 @@ use sercos::parameters::Parameters;
 use sercos::weighting::{Dimension, Increment, Kind, Weighting};
 use servo::{Acceleration, Jerk, Modulo, PositionScale, SettingsError, VelocityScale};
 
-use super::{InvalidSetting, invalid, signed, unsupported};
+use super::{InvalidSetting, invalid, unsupported};
 
 pub(super) fn position_scale(parameters: &Parameters) -> Result<PositionScale, InvalidSetting> {
     let (increments, culprit) = increments_of_a_revolution(parameters)?;
