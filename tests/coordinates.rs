@@ -298,7 +298,7 @@ fn every_position_is_in_the_coordinates_of_the_feedback_whatever_the_polarity() 
     for counting in Counting::all() {
         for polarity in [0, 2, 5, 7] {
             let what = format!("{counting:?}, S-0-0055 = {polarity}");
-            let parameters = vec![(Idn(55), Value::Word(polarity)), (Idn(0x8005), Value::Word(1))];
+            let parameters = vec![(Idn(55), Value::Word(polarity)), (Idn(0x8000 + 2705), Value::Word(1))];
             let mut axis = Axis::new(3, counting.clone(), parameters);
             let reference = counting.data(counting.increments(50.0));
             axis.set_position(reference);
