@@ -138,7 +138,7 @@ pub struct MotionSettings {
     pub encoder: TwiceReadSettings,
     /// S-0-0277 bit 3: the encoder counts against the direction of positive current.
     pub encoder_reversed: bool,
-    /// P-0-0005: S-0-0053 shows the motor encoder.
+    /// P-0-2705: S-0-0053 shows the motor encoder.
     pub has_feedback_2: bool,
     /// The loop timer's clock on the ring's clock.
     pub clock: LoopClockSettings,
@@ -190,8 +190,7 @@ impl MotionSettings {
         let torque = TorqueScale::new(parameters)?;
         let modulo = scaling::modulo(parameters)?;
         let ticks_per_cycle = ticks(parameters, 2);
-        let control_unit_cycle = if parameters.is_written(Idn::standard(1)) { 1 } else { 2 };
-        let ticks_per_command = ticks(parameters, control_unit_cycle);
+        let ticks_per_command = ticks(parameters, 1);
         let cycles_per_command =
             ticks_per_command.checked_div(ticks_per_cycle).filter(|&cycles| cycles > 0).ok_or(unsupported(1))?;
         // The ring gives one t3 event a communication cycle, whatever the control unit's own cycle is.

@@ -86,8 +86,6 @@ const I16: u32 = 0x0021_0001;
 const HEX: u32 = 0x0031_0001;
 const U32: u32 = 0x0012_0001;
 const HEX32: u32 = 0x0032_0001;
-const U64: u32 = 0x0013_0001;
-const HEX64: u32 = 0x0033_0001;
 const I32: u32 = 0x0022_0001;
 const TEXT: u32 = 0x0044_0001;
 const IDNS: u32 = 0x0055_0001;
@@ -188,18 +186,18 @@ static DATA_BLOCKS: [DataBlock; ROWS.len()] = match ROWS.first_chunk() {
 };
 
 dictionary! {
-    /// Interval of new command values; a multiple of S-0-0002, and equal to it if the master never writes it.
-    S 1 "Control unit cycle time (tNcyc)" ["us"] U16/0 written IN_CP2 (500 to 65_000) = 2_000 => Parameter, needed_for_cp3;
-    /// Distance of two MSTs from CP3 on; a multiple of 250 us.
-    S 2 "Communication cycle time (tScyc)" ["us"] U16/0 written IN_CP2 (500 to 65_000) = 2_000 => Parameter, needed_for_cp3;
+    /// Interval of new command values; a multiple of S-0-0002, which it follows unless the master writes it. Like that a multiple of 250 us (7008H).
+    S 1 "Control unit cycle time (tNcyc)" ["us"] U16/0 written IN_CP2 (500 to 65_000) = 2_000 => Parameter, needed_for_cp3, restricted;
+    /// Distance of two MSTs from CP3 on; a multiple of 250 us (7008H).
+    S 2 "Communication cycle time (tScyc)" ["us"] U16/0 written IN_CP2 (500 to 65_000) = 2_000 => Parameter, needed_for_cp3, restricted;
     /// End of the MST to the earliest AT of this drive.
     S 3 "Shortest AT transmission starting time (t1min)" ["us"] U16/0 written NEVER () = 12 => Parameter;
     /// End of the own AT to the earliest start of the MDT.
     S 4 "Transmit/receive transition time (tATMT)" ["us"] U16/0 written NEVER () = 10 => Parameter;
     /// Feedback capture (t4) to the end of the MST before the AT that carries the value.
     S 5 "Minimum feedback processing time (t5)" ["us"] U16/0 written NEVER () = 30 => Parameter;
-    /// End of the MST to the start of this drive's AT, from CP3 on.
-    S 6 "AT transmission starting time (t1)" ["us"] U16/0 written IN_CP2 (0 to 65_000) = 0 => Parameter, needed_for_cp3;
+    /// End of the MST to the start of this drive's AT, from CP3 on; S-0-0003 at least.
+    S 6 "AT transmission starting time (t1)" ["us"] U16/0 written IN_CP2 (12 to 65_000) = 12 => Parameter, needed_for_cp3;
     /// End of the MST to the instant at which all drives capture their feedback.
     S 7 "Feedback acquisition capture point (t4)" ["us"] U16/0 written IN_CP2 (0 to 65_000) = 0 => Parameter, needed_for_cp3;
     /// End of the MST to the instant at which all drives make their command values valid.
@@ -210,14 +208,14 @@ dictionary! {
     S 10 "Length of MDT" [""] U16/0 written IN_CP2 (4 to 65_534) = 4 => Parameter, needed_for_cp3;
     /// Errors that shut the drive down, until S-0-0099 clears them.
     S 11 "Class 1 diagnostic (C1D)" [""] BITS/0 written NEVER () = 0 => Live, in_at, bit_source;
-    /// Warnings: bit 9 switched on without main power, 11 velocity deviation (S-0-0377), 15 see S-0-0181. Reading it over the service channel clears bit 12 of the status word.
+    /// Warnings: bit 0 load of motor or amplifier, 1 amplifier temperature (S-0-0200), 2 motor temperature (S-0-0201), 9 switched on without main power, 11 velocity deviation (S-0-0377), 15 see S-0-0181. Reading it over the service channel clears bit 12 of the status word.
     S 12 "Class 2 diagnostic (C2D)" [""] BITS/0 written NEVER () = 0 => Live, in_at, bit_source;
     /// Operation status. Reading it over the service channel clears bit 11 of the status word.
     S 13 "Class 3 diagnostic (C3D)" [""] BITS/0 written NEVER () = 0 => Live, in_at, bit_source;
     /// Phase in bits 2 to 0; communication errors in bits 3 to 9 (10, duplicate address, cannot be seen by a slave), until S-0-0099 clears them.
     S 14 "Interface status" [""] BITS/0 written NEVER () = 0 => Live, in_at, bit_source;
     /// 0 to 7: contents of the cyclic telegrams; 7 takes them from S-0-0016 and S-0-0024. 11 to 13: as 3 to 5 with S-0-0053.
-    S 15 "Telegram type parameter" [""] BITS/0 written IN_CP2 () = 4 => Parameter, needed_for_cp3;
+    S 15 "Telegram type parameter" [""] BITS/0 written IN_CP2 () = 2 => Parameter, needed_for_cp3;
     /// IDNs in the AT if the telegram type is 7, in this order.
     S 16 "Configuration list of AT" [""] IDNS/0 written IN_CP2 () = 0 => Parameter, needed_for_cp3, restricted;
     /// Every IDN of the drive.
@@ -291,7 +289,7 @@ dictionary! {
     S 51 "Position feedback value 1 (motor feedback)" [position] I32 written NEVER () = 0 => Live, in_at;
     /// Position that S-0-0148 and S-0-0447 give to the place where the motor stands. Not while S-0-0148 is set (700CH).
     S 52 "Reference distance 1" [position] I32 written ALWAYS (-2_147_483_648 to 2_147_483_647) = 0 => Parameter, stored, restricted;
-    /// Position of the second encoder; where it comes from says P-0-0005.
+    /// Position of the second encoder; where it comes from says P-0-2705.
     S 53 "Position feedback value 2 (external feedback)" [position] I32 written NEVER () = 0 => Live, in_at;
     /// Bit 0 inverts the position command, bit 1 the additive one, bit 2 the position feedback.
     S 55 "Position polarity parameter" [""] BITS/0 written IN_CP2_CP3 () = 0 => Parameter, stored, needed_for_cp4;
@@ -391,7 +389,7 @@ dictionary! {
     S 127 "CP3 transition check" [""] COMMAND/0 written IN_CP2 () = 0 => Command;
     /// Checks everything that CP4 needs; findings in S-0-0022.
     S 128 "CP4 transition check" [""] COMMAND/0 written IN_CP3 () = 0 => Command;
-    /// The errors behind C1D bit 15: bit 0 amplifier fault.
+    /// The errors behind C1D bit 15: bit 0 amplifier fault, 1 current sensor, 2 current loop too late, 3 brake, 4 safe torque off, 5 its channels contradict each other, 6 overspeed, 7 loops lost the ring, 8 temperature sensor, 9 to 11 search for the commutation angle.
     S 129 "Manufacturer class 1 diagnostic" [""] BITS/0 written NEVER () = 0 => Live, in_at, bit_source;
     /// Position at the last positive edge of probe 1 that S-0-0170 took.
     S 130 "Probe value 1 positive edge" [position] I32 written NEVER () = 0 => Live, in_at;
@@ -450,7 +448,7 @@ dictionary! {
     S 170 "Probing cycle procedure command" [""] COMMAND/0 written IN_CP4 () = 0 => Command;
     /// Bits 0 to 3: positive and negative edge of probe 1 and of probe 2 taken since they were armed.
     S 179 "Probe status" [""] BITS/0 written NEVER () = 0 => Live, in_at, bit_source;
-    /// The warnings behind C2D bit 15: bit 0 loops not locked to the ring in CP4, 1 telegram lost within the last second, 2 amplifier fault without torque.
+    /// The warnings behind C2D bit 15: bit 0 loops not locked to the ring in CP4, 1 telegram lost within the last second, 2 amplifier fault without torque, 3 zero of the current sensors not known.
     S 181 "Manufacturer class 2 diagnostic" [""] BITS/0 written NEVER () = 0 => Live, in_at, bit_source;
     /// The states behind C3D bit 15: bit 0 loops locked to the ring, 1 axis parked, 2 parameters locked by the password.
     S 182 "Manufacturer class 3 diagnostic" [""] BITS/0 written NEVER () = 0 => Live, in_at, bit_source;
@@ -482,8 +480,8 @@ dictionary! {
     S 206 "Drive on delay time" ["ms"] U16/0 written ALWAYS (0 to 10_000) = 100 => Parameter, stored;
     /// From the end of the brake's current to its holding: torque stays so long.
     S 207 "Drive off delay time" ["ms"] U16/0 written ALWAYS (0 to 10_000) = 100 => Parameter, stored;
-    /// Bit 0: 0 degrees Celsius.
-    S 208 "Temperature data scaling type" [""] BITS/0 written NEVER () = 0 => Parameter;
+    /// Bit 0: 0 degrees Celsius, which is all that this drive has.
+    S 208 "Temperature data scaling type" [""] BITS/0 written ALWAYS (0 to 0) = 0 => Parameter;
     /// Increments of one line of the motor encoder.
     S 256 "Multiplication 1" [""] U32/0 written NEVER () = 4 => Parameter;
     /// Where the drive goes by itself in the modes 0013H and 001BH; a modulo axis the shortest way.
@@ -501,7 +499,7 @@ dictionary! {
     /// Locks S-0-0279: 3 to 10 characters lock with them as password, the password unlocks, an empty text forgets it. Reads *** while locked.
     S 267 "Password" [""] TEXT/0 written ALWAYS () = 0 => Live, restricted;
     /// 1: operation data live in RAM and are lost with the supply. This drive has no other mode.
-    S 269 "Storage mode" [""] BITS/0 written NEVER () = 1 => Parameter;
+    S 269 "Storage mode" [""] BITS/0 written ALWAYS (1 to 1) = 1 => Parameter;
     /// Time after which an axis that does not come to a standstill is braked all the same; 0: never.
     S 273 "Maximum drive off delay time" ["ms"] U16/0 written ALWAYS (0 to 65_535) = 0 => Parameter, stored;
     /// Bit 3: the encoder counts the other way round. Rotary, incremental, at the motor: all other bits 0.
@@ -540,6 +538,12 @@ dictionary! {
     S 306 "Real-time status bit 2" [""] BITS/0 written NEVER () = 0 => Live;
     /// IDN of S-0-0398 whose bit S-0-0416 status word bit 7 shows; 0: none.
     S 307 "Allocation of real-time status bit 2" [""] U16/0 written ALWAYS (0 to 65_535) = 0 => Parameter, stored, restricted;
+    /// Bit 0 is C2D bit 0: load of motor or amplifier.
+    S 310 "Overload warning" [""] BITS/0 written NEVER () = 0 => Live, bit_source;
+    /// Bit 0 is C2D bit 1: heat sink warmer than S-0-0200.
+    S 311 "Amplifier overtemperature warning" [""] BITS/0 written NEVER () = 0 => Live, bit_source;
+    /// Bit 0 is C2D bit 2: motor warmer than S-0-0201.
+    S 312 "Motor overtemperature warning" [""] BITS/0 written NEVER () = 0 => Live, bit_source;
     /// Bit 0 is C2D bit 9: switched on without main power.
     S 319 "Undervoltage warning" [""] BITS/0 written NEVER () = 0 => Live, bit_source;
     /// Bit 0 is C2D bit 11: velocity deviation beyond S-0-0377.
@@ -634,14 +638,12 @@ dictionary! {
     P 3 "Finding of the last transition check" [""] TEXT/0 written NEVER () = 0 => Live;
     /// When each error of S-0-0375 came, in seconds since the supply came on.
     P 4 "Times of the last errors" ["s"] LONGS/0 written NEVER () = 0 => Live;
-    /// 0: there is no second encoder, telegram types 11 to 13 and S-0-0053 are refused; 1: the motor encoder stands in for it.
-    P 5 "Source of position feedback 2" [""] U16/0 written IN_CP2_CP3 (0 to 1) = 0 => Parameter, stored;
     /// Time since the processor was started.
-    P 6 "Operating time" ["us"] U64/0 written NEVER () = 0 => Live;
+    P 6 "Operating time" ["s"] U32/0 written NEVER () = 0 => Live;
     /// Up to eight numbers of the control's own choice.
     P 7 "Application data" [""] LONGS/0 written ALWAYS () = 0 => Parameter, stored;
-    /// A number of the control's own choice, as the serial number of the machine.
-    P 8 "Application identifier" [""] HEX64/0 written ALWAYS () = 0 => Parameter, stored;
+    /// A text of the control's own choice, as the serial number of the machine; up to 40 characters.
+    P 8 "Application identifier" [""] TEXT/0 written ALWAYS () = 0 => Parameter, stored;
     /// Why the processor was started: 1 supply, 2 reset pin, 3 watchdog, 4 software, 5 low power, 0 unknown.
     P 9 "Reset cause" [""] U16/0 written NEVER () = 0 => Live;
     /// What led to the state or error in S-0-0095.
@@ -658,7 +660,7 @@ dictionary! {
     P 102 "Dead time of the bridge" ["ns"] U16/0 written NEVER () = 1_000 => Parameter;
     /// Phase current up to which the dead time is compensated in proportion, 0.2 % of S-0-0110 at least; 0: no compensation.
     P 103 "Band of the dead-time compensation" ["A"] U16/3 written ALWAYS (0 to 65_535) = 200 => Parameter, stored;
-    /// Bus voltage below which there is no main power, and an error with torque on (C1D bit 9).
+    /// Bus voltage below which the torque goes (C1D bit 9). An eighth above it main power is there; below a sixteenth above it, it is gone, and an axis in operation is stopped out of the rest.
     P 104 "Undervoltage threshold" ["V"] U16/0 written ALWAYS (1 to 4_000) = 150 => Parameter, stored, needed_for_cp4;
     /// Bus voltage above which the bridge is switched off (C1D bit 8).
     P 105 "Overvoltage threshold" ["V"] U16/0 written ALWAYS (1 to 4_000) = 440 => Parameter, stored, needed_for_cp4;
@@ -790,6 +792,8 @@ dictionary! {
     P 228 "Finding of the identification" [""] TEXT/0 written NEVER () = 0 => Live;
     /// How far P-0-0225 and P-0-0226 may turn the motor from where it stands; they fail and HALT stops the motor when it is further.
     P 229 "Movement of the identification" ["rev"] U32/2 written ALWAYS (1 to 104_857_600) = 1_500 => Parameter, stored;
+    /// 0: there is no second encoder, telegram types 11 to 13 and S-0-0053 are refused; 1: the motor encoder stands in for it.
+    P 2705 "Source of position feedback 2" [""] U16/0 written IN_CP2_CP3 (0 to 1) = 0 => Parameter, stored;
 }
 
 const fn is_ascending(rows: &[DataBlock]) -> bool {

@@ -31,7 +31,7 @@ pub struct Capabilities {
 pub struct CyclicConfiguration {
     /// S-0-0002.
     pub cycle_us: u16,
-    /// S-0-0001; equal to `cycle_us` if the master has not written it.
+    /// S-0-0001.
     pub control_unit_cycle_us: u16,
     /// S-0-0006, AT start.
     pub t1_us: u16,
@@ -75,12 +75,6 @@ impl CyclicConfiguration {
     }
 }
 
-/// Cycle times are multiples of this (sercos2.md 5.5).
-const CYCLE_STEP_US: u16 = 250;
-
-const CONTROL_UNIT_CYCLE: Idn = Idn::standard(1);
-const CYCLE: Idn = Idn::standard(2);
-const T1_MIN: Idn = Idn::standard(3);
 const T_ATMT: Idn = Idn::standard(4);
 const T5: Idn = Idn::standard(5);
 const T1: Idn = Idn::standard(6);
@@ -105,23 +99,17 @@ pub fn check_cp3(
 ) -> Result<(CyclicConfiguration, ReadyForCp3), InvalidData> {
     let mut invalid = InvalidData::default();
     // The least that masters write (sercos2.md 2.3); the others have usable defaults.
-    for idn in [CYCLE, T1, RECORD_POSITION, MDT_LENGTH, T2] {
+    for idn in [Idn::CYCLE, T1, RECORD_POSITION, MDT_LENGTH, T2] {
         if !parameters.is_written(idn) {
             invalid.add(idn, Reason::NeverWritten);
         }
     }
     check_ranges(parameters, NeededFor::Cp3, &mut invalid);
 
-    let cycle_us = parameters.get_word(CYCLE);
-    if cycle_us.checked_rem(CYCLE_STEP_US) != Some(0) {
-        invalid.add(CYCLE, Reason::NotSupported);
-    }
-    let control_unit_cycle_us = match parameters.is_written(CONTROL_UNIT_CYCLE) {
-        true => parameters.get_word(CONTROL_UNIT_CYCLE),
-        false => cycle_us,
-    };
-    if control_unit_cycle_us == 0 || control_unit_cycle_us.checked_rem(cycle_us) != Some(0) {
-        invalid.add(CONTROL_UNIT_CYCLE, Reason::NotAMultiple);
+    let cycle_us = parameters.get_word(Idn::CYCLE);
+    let control_unit_cycle_us = parameters.get_word(Idn::CONTROL_UNIT_CYCLE);
+    if control_unit_cycle_us.checked_rem(cycle_us) != Some(0) {
+        invalid.add(Idn::CONTROL_UNIT_CYCLE, Reason::NotAMultiple);
     }
 
     let telegram_type = parameters.telegram_type();
@@ -239,7 +227,7 @@ fn has_feedback_2(parameters: &Parameters) -> bool {
 fn check_ranges(parameters: &Parameters, needed_for: NeededFor, invalid: &mut InvalidData) {
     let needed = dictionary::DICTIONARY.iter().filter(|block| block.needed_for == needed_for);
     for block in needed.filter(|block| block.fixed_bytes().is_some()) {
-        if parameters::check_limits(block, parameters.get_long(block.idn)).is_err() {
+        if parameters::check_limits(block, parameters.get(block.idn).into()).is_err() {
             invalid.add(block.idn, Reason::OutOfRange);
         }
     }
@@ -296,9 +284,6 @@ fn check_slots(
     let at_duration = bit_rate.longest_nanoseconds(duration::at_bytes(configuration.at_data_bytes()));
     let mdt_duration = bit_rate.longest_nanoseconds(duration::mdt_bytes(configuration.mdt_length_bytes));
 
-    if t1 < own(T1_MIN) {
-        invalid.add(T1, Reason::TooEarly { earliest_ns: own(T1_MIN) });
-    }
     let at_over = t1.saturating_add(at_duration).saturating_add(own(T_ATMT));
     if t2 < at_over {
         invalid.add(T2, Reason::TooEarly { earliest_ns: at_over });

@@ -192,7 +192,7 @@ impl<B: Bus + Clone, H: Hardware> Motion<B, H> {
         self.identified.is_some() || self.has_homing_result()
     }
 
-    /// P-0-0006: time since the processor was started, in us.
+    /// Time since the processor was started, in us.
     pub(crate) fn operating_time(&self) -> u64 {
         self.supervisions.wrapping_mul(SUPERVISION_PERIOD_MICROSECONDS.into())
     }

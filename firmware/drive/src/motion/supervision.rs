@@ -61,16 +61,29 @@ impl<B: Bus + Clone, H: Hardware> Motion<B, H> {
     }
 
     pub(super) fn conditions(&self) -> Conditions {
+        let sustained = self.motor.link_sustains() && self.inputs.bridge_ready && self.permits_torque();
         Conditions {
             operating_phase: self.phase == Phase::Cp4
                 && self.lost.is_none()
                 && !self.manufacturer_3.contains(Manufacturer3::PARKED),
-            power: self.motor.has_power(&self.inputs) && self.inputs.bridge_ready && self.permits_torque(),
+            power: self.motor.has_power(&self.inputs) && sustained,
+            sustained,
             fault: !self.class_1.is_empty(),
             fatal: self.fatal || (!self.class_1.is_empty() && self.settings.reaction == Reaction::TorqueFree),
             standstill: self.output.standstill,
             released: self.progress.released,
             torque_off: self.progress.torque_off,
+        }
+    }
+
+    /// A stop is under way that the control or an error has asked for, and the control has not asked for torque again since. The main
+    /// contactor may open then: an emergency stop circuit does it.
+    fn is_stopping(&self) -> bool {
+        let requested = self.switches.on && self.switches.enable;
+        match self.machine.state() {
+            DriveState::SwitchingOff => !requested,
+            DriveState::Engaging => !requested || !self.class_1.is_empty(),
+            state => state == DriveState::FaultReaction,
         }
     }
 
@@ -103,8 +116,8 @@ impl<B: Bus + Clone, H: Hardware> Motion<B, H> {
             || (self.bridge_on && !self.hardware.bridge_is_on() && self.motor.measured().trip.is_none())
         {
             findings.add_own(Manufacturer1::AMPLIFIER_FAULT, true);
-        } else if !self.motor.has_power(&self.inputs) {
-            // Without power the torque goes, and a drive that is off for no reason would help nobody.
+        } else if !self.motor.link_sustains() || (!self.motor.has_power(&self.inputs) && !self.is_stopping()) {
+            // Without power the axis stops or the torque goes, and a drive that does for no reason would help nobody.
             findings.class_1 |= Class1::UNDERVOLTAGE;
         }
         if self.output.velocity.abs() > self.settings.overspeed {

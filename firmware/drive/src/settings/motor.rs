@@ -163,7 +163,8 @@ impl MotorSettings {
                 undervoltage: word(P(104)),
                 overvoltage: word(P(105)),
                 power_on: word(P(104)).saturating_add(word(P(104)) / 8).max(1),
-                power_off: word(P(104)),
+                // A sixteenth above: with the mains gone and the contactor closed, a stop needs what lies between.
+                power_off: word(P(104)).saturating_add(word(P(104)) / 16),
                 undervoltage_time: 2,
                 overvoltage_ticks: 1,
             })

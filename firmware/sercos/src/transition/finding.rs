@@ -41,7 +41,7 @@ pub enum Reason {
     },
     /// An operation mode needs a command value that the MDT does not carry.
     CommandValueMissing(Idn),
-    /// Asks for position feedback 2, which this drive does not have (P-0-0005).
+    /// Asks for position feedback 2, which this drive does not have (P-0-2705).
     NoFeedback2,
 }
 
@@ -97,7 +97,7 @@ impl fmt::Display for Reason {
             }
             Reason::TooLate { latest_ns } => write!(formatter, "too late, at most {} us", latest_ns / 1_000),
             Reason::CommandValueMissing(idn) => write!(formatter, "the MDT does not carry {idn}"),
-            Reason::NoFeedback2 => formatter.write_str("no position feedback 2, see P-0-0005"),
+            Reason::NoFeedback2 => formatter.write_str("no position feedback 2, see P-0-2705"),
         }
     }
 }

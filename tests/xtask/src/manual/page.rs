@@ -219,7 +219,7 @@ fn errors(page: &mut String) {
     for (error, meaning) in [
         (ServiceError::ChannelNotOpen, "no data block is open"),
         (ServiceError::IdnNotAvailable, "this drive has no such data block"),
-        (ServiceError::InvalidIdnAccess, "element 1 can only be written, in one word with END"),
+        (ServiceError::InvalidIdnAccess, "element 1 is written in one word, with END"),
         (ServiceError::NotAvailable(Element::Unit), "the data block does not have this element"),
         (ServiceError::TooShort(Element::Data), "END came before the data were complete"),
         (ServiceError::TooLong(Element::Data), "more data than there are, or than fit"),
