@@ -59,9 +59,9 @@ pub struct CommandValues {
     pub position: i32,
     /// S-0-0048.
     pub additive_position: i32,
-    /// S-0-0080 in 0.1 % of S-0-0111.
+    /// S-0-0080.
     pub torque: i16,
-    /// S-0-0081 in 0.1 % of S-0-0111.
+    /// S-0-0081.
     pub additive_torque: i16,
     /// S-0-0145.
     pub signal_control: u16,

@@ -5,16 +5,18 @@ use sercos::parameters::Parameters;
 use sercos::transition::OPERATION_MODES;
 use servo::{
     AxisParameters, AxisSettings, CurrentFilterSettings, FeedrateOverride, FilterSection, FrictionParameters,
-    FrictionSettings, Gain, HomingParameters, HomingSettings, Interpolation, LoopClockSettings, MotionLimits, Position,
+    FrictionSettings, HomingParameters, HomingSettings, Interpolation, LoopClockSettings, MotionLimits, Position,
     PositionScale, SettingsError, TravelRange, TwiceReadSettings, Velocity, VelocityLimits, VelocityScale,
 };
 
 pub(crate) mod motor;
 mod scaling;
+mod torque;
 
 use scaling::DerivativeScale;
 
 pub use motor::MotorSettings;
+pub(crate) use torque::TorqueScale;
 
 use crate::bits::BitSettings;
 use crate::coordinates::Coordinates;
@@ -125,10 +127,8 @@ pub struct MotionSettings {
     pub coordinates: Coordinates,
     /// Velocity data.
     pub velocity: VelocityScale,
-    /// From a fraction of the peak current (2^-15) to S-0-0084 in 0.1 % of S-0-0111.
-    pub torque: Gain,
-    /// From S-0-0080 in 0.1 % of S-0-0111 to a fraction of the peak current (2^-15).
-    pub torque_command: Gain,
+    /// Torque data.
+    pub torque: TorqueScale,
     /// S-0-0126 as a fraction of the peak current (2^-15).
     pub torque_threshold: u32,
     /// S-0-0055.
@@ -192,6 +192,7 @@ impl MotionSettings {
         let derivatives = DerivativeScale::new(parameters)?;
         let coordinates = scaling::coordinates(parameters)?;
         let velocity_polarity = Polarity::from_parameter(parameters.get_word(Idn::standard(43)));
+        let torque = TorqueScale::new(parameters)?;
         let ticks_per_cycle = ticks(parameters, 2);
         let ticks_per_command = ticks(parameters, 1);
         let cycles_per_command =
@@ -219,7 +220,7 @@ impl MotionSettings {
             integral_time: parameters.get_word(Idn::standard(101)),
             velocity_filter: parameters.get_word(Idn::standard(392)),
             acceleration_gain: 0,
-            friction: friction(parameters, peak_current)?,
+            friction: friction(parameters, &torque, peak_current)?,
             filter: filter(parameters)?,
             peak_current,
             velocity_limits,
@@ -240,11 +241,6 @@ impl MotionSettings {
         if feedback_type & !REVERSED != 0 {
             return Err(unsupported(277));
         }
-        let torque_ratio = u128::from(peak_current).saturating_mul(1_000);
-        let stall_current = u128::from(parameters.get(Idn::standard(111)));
-        let torque_command =
-            Gain::from_ratio(stall_current.saturating_mul(1 << 15), torque_ratio).ok_or(unsupported(110))?;
-        let torque_threshold = torque_command.apply(parameters.get(Idn::standard(126)).into());
         Ok(Self {
             with_lag: as_measured(AxisSettings::new(&axis).map_err(invalid(100))?),
             without_lag: as_measured(
@@ -260,9 +256,8 @@ impl MotionSettings {
             position,
             coordinates,
             velocity,
-            torque: Gain::from_ratio(torque_ratio, stall_current.saturating_mul(1 << 15)).ok_or(unsupported(111))?,
-            torque_command,
-            torque_threshold: u32::try_from(torque_threshold).unwrap_or(u32::MAX),
+            torque,
+            torque_threshold: torque.threshold(parameters.get_word(Idn::standard(126))),
             position_polarity: Polarity::from_parameter(parameters.get_word(Idn::standard(55))),
             velocity_polarity,
             torque_polarity: Polarity::from_parameter(parameters.get_word(Idn::standard(85))),
@@ -280,7 +275,7 @@ impl MotionSettings {
             position_limits: position_limits(parameters, &coordinates, increments)?,
             positioning: positioning(parameters, &velocity, derivatives, bipolar)?,
             reaction: Reaction::from_parameter(parameters.get_word(Idn::product(140))),
-            motor: MotorSettings::new(parameters, increments, fastest)?,
+            motor: MotorSettings::new(parameters, &torque, increments, fastest)?,
             monitoring_window,
             velocity_threshold: velocity.to_velocity(signed(parameters, 125)),
             velocity_monitoring_window: velocity.to_velocity(signed(parameters, 377)),
@@ -366,11 +361,13 @@ pub(crate) fn homing(
 }
 
 /// S-0-0155 and P-0-0142.
-fn friction(parameters: &Parameters, peak_current: u32) -> Result<FrictionSettings, InvalidSetting> {
-    let stall = u64::from(parameters.get(Idn::standard(111)));
-    let coulomb = stall.saturating_mul(parameters.get_word(Idn::standard(155)).into()) / 1_000;
+fn friction(
+    parameters: &Parameters,
+    torque: &TorqueScale,
+    peak_current: u32,
+) -> Result<FrictionSettings, InvalidSetting> {
     FrictionSettings::new(&FrictionParameters {
-        coulomb: u32::try_from(coulomb).unwrap_or(u32::MAX),
+        coulomb: torque.milliamperes(parameters.get_word(Idn::standard(155))),
         viscous: parameters.get_word(Idn::product(142)).into(),
         band: FRICTION_BAND,
         peak_current,
@@ -441,6 +438,7 @@ const fn as_measured(settings: AxisSettings) -> AxisSettings {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use servo::CurrentFraction;
 
     const TIMER: u16 = 10_500;
 
@@ -496,17 +494,17 @@ mod tests {
     fn a_torque_command_is_the_inverse_of_the_torque_feedback() {
         let settings = MotionSettings::new(&Parameters::new(), TIMER).unwrap();
         for command in [-4_000_i64, -1, 0, 1, 1_000, 4_000] {
-            let fraction = settings.torque_command.apply(command);
-            assert!((settings.torque.apply(fraction) - command).abs() <= 1, "{command}");
+            let current = settings.torque.to_current(command);
+            assert!((settings.torque.from_current(current) - command).abs() <= 1, "{command}");
         }
-        assert_eq!(settings.torque_command.apply(1_000), 1 << 13, "100 % of 5 A is a quarter of 20 A");
+        assert_eq!(settings.torque.to_current(1_000).to_bits(), 1 << 13, "100 % of 5 A is a quarter of 20 A");
     }
 
     #[test]
     fn torque_feedback_is_in_tenths_of_a_per_cent_of_the_stall_current() {
         // Full peak current 20 A is 400.0 % of 5 A.
         let settings = MotionSettings::new(&Parameters::new(), TIMER).unwrap();
-        assert_eq!(settings.torque.apply(1 << 15), 4_000);
-        assert_eq!(settings.torque.apply(-(1 << 14)), -2_000);
+        assert_eq!(settings.torque.from_current(CurrentFraction::MAX), 4_000);
+        assert_eq!(settings.torque.from_current(CurrentFraction::from_bits(-(1 << 14))), -2_000);
     }
 }

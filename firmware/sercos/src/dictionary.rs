@@ -304,18 +304,21 @@ dictionary! {
     S 78 "Linear position data scaling exponent" [""] I16/0 written IN_CP2_CP3 (-32 to 32) = -7 => Parameter, stored, needed_for_cp4;
     /// Position increments of one revolution of the motor or the load, if bit 3 of a rotary S-0-0076 is set.
     S 79 "Rotational position resolution" [""] U32/0 written IN_CP2_CP3 (1 to 4_294_967_295) = 3_600_000 => Parameter, stored, needed_for_cp4;
-    /// Torque command of the control unit, in per cent of S-0-0111.
+    /// Torque command of the control unit.
     S 80 "Torque command value" [torque] I16 written ALWAYS (-32_768 to 32_767) = 0 => Live, in_mdt;
     /// Added to S-0-0080.
     S 81 "Additive torque command value" [torque] I16 written ALWAYS (-32_768 to 32_767) = 0 => Live, in_mdt;
-    /// Highest torque, in per cent of S-0-0111.
+    /// Highest torque.
     S 82 "Positive torque limit value" [torque] I16 written ALWAYS (0 to 32_767) = 32_767 => Parameter, stored;
-    /// Lowest torque, in per cent of S-0-0111.
+    /// Lowest torque.
     S 83 "Negative torque limit value" [torque] I16 written ALWAYS (-32_768 to 0) = -32_767 => Parameter, stored;
-    /// Torque-producing current in per cent of S-0-0111.
+    /// Torque that the measured current makes.
     S 84 "Torque feedback value" [torque] I16 written NEVER () = 0 => Live, in_at;
     /// Bit 0 inverts the torque command, bit 1 the additive one, bit 2 the torque feedback.
     S 85 "Torque polarity parameter" [""] BITS/0 written IN_CP2_CP3 () = 0 => Parameter, stored, needed_for_cp4;
+    /// 0: per cent of S-0-0111, 0.1 % an increment. Bits 2 to 0: 1 linear, 2 rotary; bit 3: by S-0-0093 and S-0-0094 instead of 1 N or
+    /// 0.01 Nm; bit 6: of the load. Newton metres are made of P-0-0110 and P-0-0114.
+    S 86 "Torque data scaling type" [""] BITS/0 written IN_CP2_CP3 () = 0 => Parameter, stored, needed_for_cp4;
     /// Recovery time between two ATs of the same slave; this slave sends one.
     S 87 "Transmit/transmit recovery time (tATAT)" ["us"] U16/0 written NEVER () = 0 => Parameter;
     /// End of the MDT to the start of the next MST.
@@ -326,8 +329,12 @@ dictionary! {
     S 90 "Command value proceeding time (tMTSG)" ["us"] U16/0 written NEVER () = 2 => Parameter;
     /// Largest velocity that the drive commands in either direction.
     S 91 "Bipolar velocity limit value" [velocity] U32 written ALWAYS (1 to 2_147_483_647) = 30_000_000 => Parameter, stored, needed_for_cp4;
-    /// Largest torque in either direction, in per cent of S-0-0111.
+    /// Largest torque in either direction.
     S 92 "Bipolar torque limit value" [torque] U16 written ALWAYS (0 to 65_535) = 2_000 => Parameter, stored, needed_for_cp4;
+    /// Weight of one torque increment in N or Nm, with the exponent of S-0-0094.
+    S 93 "Torque data scaling factor" [""] U16/0 written IN_CP2_CP3 (1 to 65_535) = 1 => Parameter, stored, needed_for_cp4;
+    /// Power of ten of S-0-0093.
+    S 94 "Torque data scaling exponent" [""] I16/0 written IN_CP2_CP3 (-32 to 32) = -1 => Parameter, stored, needed_for_cp4;
     /// State or error of the drive in plain words; belongs to S-0-0390.
     S 95 "Diagnostic message" [""] TEXT/0 written NEVER () = 0 => Live;
     /// Both bytes are the drive address: one drive in this slave.
@@ -356,7 +363,7 @@ dictionary! {
     S 109 "Motor peak current" ["A"] U32/3 written IN_CP2_CP3 (1 to 500_000) = 20_000 => Parameter, stored, needed_for_cp4;
     /// Current at full scale of the amplifier's command input; writable, because the amplifier is chosen by the builder.
     S 110 "Amplifier peak current" ["A"] U32/3 written IN_CP2_CP3 (1 to 500_000) = 20_000 => Parameter, stored, needed_for_cp4;
-    /// Current of the motor at its continuous stall torque: 100 % of all torque data.
+    /// Current of the motor at its continuous stall torque: 100 % of torque data, see S-0-0086.
     S 111 "Motor continuous stall current" ["A"] U32/3 written IN_CP2_CP3 (1 to 500_000) = 5_000 => Parameter, stored, needed_for_cp4;
     /// Current that the bridge carries for ever; from it and S-0-0110 the amplifier's thermal model is made.
     S 112 "Amplifier rated current" ["A"] U32/3 written IN_CP2_CP3 (1 to 500_000) = 10_000 => Parameter, stored, needed_for_cp4;
@@ -376,7 +383,7 @@ dictionary! {
     S 124 "Standstill window" [velocity] I32 written ALWAYS (1 to 2_147_483_647) = 100_000 => Parameter, stored;
     /// Velocity below which C3D bit 2 is set.
     S 125 "Velocity threshold (nx)" [velocity] I32 written ALWAYS (1 to 2_147_483_647) = 1_000_000 => Parameter, stored;
-    /// Torque from which C3D bit 3 is set, in per cent of S-0-0111.
+    /// Torque from which C3D bit 3 is set.
     S 126 "Torque threshold (Tx)" [torque] U16 written ALWAYS (0 to 65_535) = 1_000 => Parameter, stored;
     /// Checks everything that CP3 needs; findings in S-0-0021.
     S 127 "CP3 transition check" [""] COMMAND/0 written IN_CP2 () = 0 => Command;
@@ -422,7 +429,7 @@ dictionary! {
     S 148 "Drive controlled homing procedure command" [""] COMMAND/0 written IN_CP4 () = 0 => Command;
     /// From the marker, or the edge of the switch, to the reference point.
     S 150 "Reference offset 1" [position] I32 written ALWAYS (-2_147_483_648 to 2_147_483_647) = 0 => Parameter, stored;
-    /// Coulomb friction that the velocity loop is helped with, in per cent of S-0-0111.
+    /// Coulomb friction that the velocity loop is helped with.
     S 155 "Friction compensation" [torque] U16 written ALWAYS (0 to 1_000) = 0 => Parameter, stored;
     /// Velocity difference below which C3D bit 0 (n_feedback = n_command) is set.
     S 157 "Velocity window" [velocity] I32 written ALWAYS (1 to 2_147_483_647) = 100_000 => Parameter, stored;

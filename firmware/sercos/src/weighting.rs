@@ -184,11 +184,6 @@ impl Weighting {
         const PER_SECOND: u16 = 1 << 5;
         const AT_LOAD: u16 = 1 << 6;
         const MODULO: u16 = 1 << 7;
-        if dimension == Dimension::Torque {
-            let increment = Increment::Decimal { factor: 1, exponent: -1 };
-            let kind = Kind::Percent;
-            return Ok(Self { kind, increment, by_parameter: false, per_second: false, at_load: false, modulo: false });
-        }
         let idn = dimension.scaling_type();
         let word = parameters.get_word(idn);
         let own = match dimension {

@@ -109,6 +109,27 @@ fn accelerations_and_jerks_read_in_the_unit_and_decimals_of_their_scaling() {
 }
 
 #[test]
+fn torques_read_in_the_unit_and_decimals_of_their_scaling() {
+    for (changes, expected) in [
+        (&[][..], ("%", 1, 1)),
+        // Of per cent there is only one kind.
+        (&[(93, 7), (94, -5)], ("%", 1, 1)),
+        (&[(86, 0x01)], ("N", 0, 1)),
+        (&[(86, 0x41)], ("N", 0, 1)),
+        (&[(86, 0x02)], ("Nm", 2, 1)),
+        (&[(86, 0x42)], ("Nm", 2, 1)),
+        (&[(86, 0x0A), (93, 1), (94, -3)], ("Nm", 3, 1)),
+        (&[(86, 0x49), (93, 5), (94, 1)], ("N", 0, 50)),
+        // Per cent of the load, by parameters, in pounds.
+        (&[(86, 0x40)], ("inc", 0, 1)),
+        (&[(86, 0x08)], ("inc", 0, 1)),
+        (&[(86, 0x12)], ("inc", 0, 1)),
+    ] {
+        expect(changes, Dimension::Torque, expected);
+    }
+}
+
+#[test]
 fn the_attributes_of_a_real_drive_with_linear_scaling_are_read_bit_for_bit() {
     let mut slave = scaled(&[(76, 0x01), (44, 0x01), (160, 0x01)]);
     for (number, attribute) in [

@@ -106,7 +106,9 @@ pub use homing::{
     HomingSettingsError, HomingState, Reference,
 };
 pub use interpolation::{CommandSource, Interpolation, Interpolator, InterpolatorSettings, Setpoint};
-pub use limits::{Limiting, TorqueLimitParameters, TorqueLimitSettings, TorqueLimits, VelocityLimits};
+pub use limits::{
+    CommandedTorqueLimits, Limiting, TorqueLimitParameters, TorqueLimitSettings, TorqueLimits, VelocityLimits,
+};
 pub use load_model::{LoadModel, LoadOutput, LoadParameters, LoadSettings};
 pub use modulo::{Modulo, ModuloCounter};
 pub use motion_limits::{FeedrateOverride, MotionLimits};

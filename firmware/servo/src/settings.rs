@@ -38,6 +38,8 @@ pub enum SettingsError {
     PositionScaleOutOfRange,
     /// An increment of the velocity data must be 10^-9 to 100 rpm.
     VelocityScaleOutOfRange,
+    /// An increment of the torque data must be at most the peak current, and 32 767 of them at least 2^-15 of it.
+    TorqueScaleOutOfRange,
     /// The measuring range of the phase currents must be 1 to 8 times the peak current.
     MeasuringRange {
         /// In mA.
@@ -109,6 +111,9 @@ impl fmt::Display for SettingsError {
             }
             Self::VelocityScaleOutOfRange => {
                 formatter.write_str("velocity scaling is not within 10^-9 to 100 rpm per increment")
+            }
+            Self::TorqueScaleOutOfRange => {
+                formatter.write_str("torque scaling is not within 10^-9 to 1 of the peak current per increment")
             }
             Self::MeasuringRange { actual, peak } => {
                 write!(formatter, "measuring range of {actual} mA, expected 1 to 8 times the peak current of {peak} mA")

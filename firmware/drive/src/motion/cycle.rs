@@ -17,9 +17,6 @@ use crate::work::Work;
 /// So long a lost telegram is a warning, in ticks of the supervision: one second.
 const LOSS_SHOWN_TICKS: u16 = 2_000;
 
-/// Largest current fraction, in 2^-15.
-const MOST_CURRENT: i64 = i16::MAX as i64;
-
 impl<B: Bus + Clone, H: Hardware> Motion<B, H> {
     /// A t3 event that is overdue by a quarter of a cycle (at least two ticks) is stood in for, so that supervision and
     /// extrapolation go on at the ring's rhythm whatever the chip does without an MST (G28).
@@ -146,8 +143,7 @@ impl<B: Bus + Clone, H: Hardware> Motion<B, H> {
         let Polarity { command, additive, .. } = self.settings.torque_polarity;
         let signed = |value: i16, reversed: bool| i64::from(value).wrapping_mul(if reversed { -1 } else { 1 });
         let sum = signed(self.commands.torque, command).wrapping_add(signed(self.commands.additive_torque, additive));
-        let fraction = self.settings.torque_command.apply(sum);
-        CurrentFraction::from_bits(fraction.clamp(-MOST_CURRENT, MOST_CURRENT) as i16)
+        self.settings.torque.to_current(sum)
     }
 
     /// Control word bits 11, 9, 8.

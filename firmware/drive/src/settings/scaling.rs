@@ -65,12 +65,12 @@ pub(super) fn velocity_scale(parameters: &Parameters) -> Result<VelocityScale, I
 }
 
 /// The scaling of a dimension, or its type as the one to blame.
-fn weighting(dimension: Dimension, parameters: &Parameters) -> Result<Weighting, InvalidSetting> {
+pub(super) fn weighting(dimension: Dimension, parameters: &Parameters) -> Result<Weighting, InvalidSetting> {
     Weighting::of(dimension, parameters).map_err(|idn| InvalidSetting { idn, reason: None })
 }
 
 /// Factor and exponent of an increment that is none of a revolution.
-fn decimal(weighting: &Weighting, scaling_type: u16) -> Result<(u64, i32), InvalidSetting> {
+pub(super) fn decimal(weighting: &Weighting, scaling_type: u16) -> Result<(u64, i32), InvalidSetting> {
     match weighting.increment {
         Increment::Decimal { factor, exponent } => Ok((factor.into(), exponent)),
         Increment::OfRevolution(_) => Err(unsupported(scaling_type)),
@@ -141,28 +141,29 @@ fn increments_of_a_revolution(parameters: &Parameters) -> Result<(Ratio, u16), I
 }
 
 /// Revolutions of the load gear: S-0-0121 at its input, the motor, S-0-0122 at its output, the load.
-fn gear(parameters: &Parameters, number: u16) -> u64 {
+pub(super) fn gear(parameters: &Parameters, number: u16) -> u64 {
     parameters.get(Idn::standard(number)).into()
 }
 
 /// S-0-0123 in its own increments of 10^-7 m a revolution.
-fn feed(parameters: &Parameters) -> u64 {
+pub(super) fn feed(parameters: &Parameters) -> u64 {
     parameters.get(Idn::standard(123)).into()
 }
 
 /// A ratio in its lowest terms; `None` from an operation that leaves 64 bits.
-#[derive(Clone, Copy)]
-struct Ratio {
-    numerator: u64,
-    denominator: u64,
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
+pub(super) struct Ratio {
+    pub(super) numerator: u64,
+    pub(super) denominator: u64,
 }
 
 impl Ratio {
-    const fn new(numerator: u64, denominator: u64) -> Self {
+    pub(super) const fn new(numerator: u64, denominator: u64) -> Self {
         Self { numerator, denominator }
     }
 
-    fn times(self, factor: u64) -> Option<Self> {
+    pub(super) fn times(self, factor: u64) -> Option<Self> {
         let common = greatest_common_divisor(factor, self.denominator);
         Some(Self {
             numerator: self.numerator.checked_mul(factor.checked_div(common)?)?,
@@ -170,7 +171,7 @@ impl Ratio {
         })
     }
 
-    fn over(self, divisor: u64) -> Option<Self> {
+    pub(super) fn over(self, divisor: u64) -> Option<Self> {
         let Self { numerator, denominator } = Self::new(self.denominator, self.numerator).times(divisor)?;
         Some(Self::new(denominator, numerator))
     }
@@ -183,7 +184,7 @@ impl Ratio {
         }
     }
 
-    fn times_ten_to(self, exponent: i32) -> Option<Self> {
+    pub(super) fn times_ten_to(self, exponent: i32) -> Option<Self> {
         let power = 10_u64.checked_pow(exponent.unsigned_abs())?;
         if exponent < 0 { self.over(power) } else { self.times(power) }
     }
@@ -199,10 +200,10 @@ fn greatest_common_divisor(mut larger: u64, mut smaller: u64) -> u64 {
 }
 
 /// One increment of S-0-0123 is 10^-7 m, and so is the preferred linear position increment.
-const FEED_EXPONENT: i32 = -7;
+pub(super) const FEED_EXPONENT: i32 = -7;
 
 /// Radians of a revolution, 8 * 10^-8 of itself too large.
-const TWO_PI: Ratio = Ratio::new(710, 113);
+pub(super) const TWO_PI: Ratio = Ratio::new(710, 113);
 
 #[cfg(test)]
 mod tests {
