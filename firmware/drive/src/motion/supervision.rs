@@ -63,6 +63,7 @@ impl<B: Bus + Clone, H: Hardware> Motion<B, H> {
     pub(super) fn conditions(&self) -> Conditions {
         Conditions {
             operating_phase: self.phase == Phase::Cp4
+                && self.switches.is_some()
                 && self.lost.is_none()
                 && !self.manufacturer_3.contains(Manufacturer3::PARKED),
             power: self.motor.has_power(&self.inputs) && self.inputs.bridge_ready && self.permits_torque(),
