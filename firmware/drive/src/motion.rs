@@ -42,7 +42,7 @@ use crate::motor::{Motor, Progress};
 use crate::mst::MstMonitor;
 use crate::oscilloscope::Oscilloscope;
 use crate::record::Records;
-use crate::settings::{MotionSettings, OperationMode};
+use crate::settings::{MotionSettings, OperationMode, Reaction};
 use crate::state::{DriveState, StateMachine, Switches};
 use crate::work::Work;
 
@@ -112,7 +112,8 @@ pub struct Motion<B, H> {
     channels_differ: u16,
     /// Phase of the last edge of t3.
     edge_phase: u16,
-    switches: Switches,
+    /// Of the last MDT; `None` until one has come in this phase.
+    switches: Option<Switches>,
     mode: Option<OperationMode>,
     phase: Phase,
     commands: CommandValues,
@@ -207,7 +208,7 @@ impl<B: Bus + Clone, H: Hardware> Motion<B, H> {
             until_supervision: 1,
             channels_differ: 0,
             edge_phase: 0,
-            switches: Switches::default(),
+            switches: None,
             mode: None,
             phase: Phase::Cp0,
             commands: CommandValues::default(),
@@ -371,7 +372,8 @@ impl<B: Bus + Clone, H: Hardware> Motion<B, H> {
         let before = self.machine.state();
         let conditions = self.conditions();
         // A homing that is not cancelled holds the drive as HALT does.
-        let switches = Switches { run: self.switches.run && !self.homing, ..self.switches };
+        let switches = self.switches.unwrap_or_default();
+        let switches = Switches { run: switches.run && !self.homing, ..switches };
         let state = self.machine.update(switches, conditions);
         if state != DriveState::Halted {
             self.abandon_identification();
@@ -380,6 +382,7 @@ impl<B: Bus + Clone, H: Hardware> Motion<B, H> {
             (DriveState::Off | DriveState::Fault, _) => Mode::Off,
             // Without an angle there is no torque that a loop could use.
             (DriveState::SwitchingOn, _) if !self.motor.commutates() => Mode::Off,
+            (DriveState::FaultReaction, _) if self.settings.reaction == Reaction::TorqueLimit => Mode::Braking,
             (DriveState::SwitchingOff | DriveState::FaultReaction, _) => Mode::Stopping,
             (DriveState::Halted, _) if self.identification.is_some() => self.identification_mode(),
             (DriveState::Following | DriveState::Halted, _) if self.is_travelling_home() => Mode::Travel,

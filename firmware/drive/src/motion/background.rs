@@ -13,7 +13,6 @@ use crate::motion::clock_monitor::{ClockMonitor, PHASE_ERROR_CLASSES};
 use crate::record::{Command, Feedback, Records};
 use crate::settings::MotionSettings;
 use crate::snapshot::Snapshot;
-use crate::state::Switches;
 
 /// A value of [`Motion::motor_value`].
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -65,7 +64,7 @@ impl<B: Bus + Clone, H: Hardware> Motion<B, H> {
     /// command values away: a motor that runs is stopped.
     pub fn enter_phase(&mut self, phase: Phase) {
         self.phase = phase;
-        self.switches = Switches::default();
+        self.switches = None;
         self.commands = CommandValues::default();
         self.uninitialised_mode = false;
         self.homing = false;

@@ -63,7 +63,8 @@ impl<B: Bus + Clone, H: Hardware> Motion<B, H> {
         self.commands.control_word = self.command_port.control_word();
         self.take_record();
         self.controlled = self.settings.bits.apply_control_word(self.controlled, self.commands.control_word);
-        self.switches = Switches::from_control_word(self.commands.control_word);
+        let switches = Switches::from_control_word(self.commands.control_word);
+        self.switches = Some(switches);
         let selected = self.selected_mode();
         let mode = self.settings.modes.get(usize::from(selected)).copied().flatten();
         if mode.is_none() && !self.uninitialised_mode {
@@ -72,7 +73,7 @@ impl<B: Bus + Clone, H: Hardware> Motion<B, H> {
             return Work::PHASE_CHANGE;
         }
         self.mode = mode;
-        self.refuse_a_jump();
+        self.refuse_a_jump(switches);
         self.update_state();
         if self.is_positioning() {
             self.position_to_target();
@@ -154,11 +155,11 @@ impl<B: Bus + Clone, H: Hardware> Motion<B, H> {
 
     /// A drive that is switched on far from its command, or goes on there after homing, would jump: the deviation is a fault before it
     /// moves. A drive that stays off is none: commands may run away from it, and after an error they do.
-    fn refuse_a_jump(&mut self) {
-        let displaced = self.switches.run && core::mem::take(&mut self.displaced);
+    fn refuse_a_jump(&mut self, switches: Switches) {
+        let displaced = switches.run && core::mem::take(&mut self.displaced);
         let resuming = core::mem::take(&mut self.resuming) || displaced;
-        let starting = (resuming && self.switches.on && self.switches.enable)
-            || self.machine.would_switch_on(self.switches, || self.conditions());
+        let starting = (resuming && switches.on && switches.enable)
+            || self.machine.would_switch_on(switches, || self.conditions());
         if !starting {
             return;
         }

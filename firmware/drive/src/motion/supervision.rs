@@ -64,6 +64,7 @@ impl<B: Bus + Clone, H: Hardware> Motion<B, H> {
         let sustained = self.motor.link_sustains() && self.inputs.bridge_ready && self.permits_torque();
         Conditions {
             operating_phase: self.phase == Phase::Cp4
+                && self.switches.is_some()
                 && self.lost.is_none()
                 && !self.manufacturer_3.contains(Manufacturer3::PARKED),
             power: self.motor.has_power(&self.inputs) && sustained,
@@ -76,10 +77,15 @@ impl<B: Bus + Clone, H: Hardware> Motion<B, H> {
         }
     }
 
+    /// The control asks for torque: bits 15 and 14 of an MDT of this CP4.
+    pub(super) fn wants_torque(&self) -> bool {
+        self.switches.is_some_and(|switches| switches.on && switches.enable)
+    }
+
     /// A stop is under way that the control or an error has asked for, and the control has not asked for torque again since. The main
     /// contactor may open then: an emergency stop circuit does it.
     fn is_stopping(&self) -> bool {
-        let requested = self.switches.on && self.switches.enable;
+        let requested = self.wants_torque();
         match self.machine.state() {
             DriveState::SwitchingOff => !requested,
             DriveState::Engaging => !requested || !self.class_1.is_empty(),
