@@ -42,6 +42,7 @@ pub struct Observer {
     laws: Vec<(Box<dyn Law>, u64)>,
     broken: Option<Broken>,
     address: u8,
+    looked: bool,
 }
 
 impl Observer {
@@ -71,7 +72,7 @@ impl Observer {
             path: VecDeque::new(),
         };
         let laws = laws.into_iter().map(|law| (law, 0)).collect();
-        Self { scene, dialogue: Dialogue::default(), laws, broken: None, address }
+        Self { scene, dialogue: Dialogue::default(), laws, broken: None, address, looked: false }
     }
 
     /// The first law that was broken.
@@ -101,7 +102,8 @@ impl Observer {
     pub fn look(&mut self, sight: Sight) {
         let scene = &mut self.scene;
         let before = std::mem::replace(&mut scene.sight, sight);
-        scene.before = if scene.now == Nanoseconds::ZERO { sight } else { before };
+        scene.before = if self.looked { before } else { sight };
+        self.looked = true;
         let before = scene.before;
         scene.now = sight.time;
         let outside = |sight: &Sight| (sight.machine.load_torque, sight.machine.seized, sight.machine.kicks);

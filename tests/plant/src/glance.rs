@@ -29,6 +29,8 @@ pub struct Glance {
     pub feverish: bool,
     /// The encoder does not count.
     pub encoder_frozen: bool,
+    /// The index does not come.
+    pub index_muted: bool,
     /// How often so far the shaft was given a velocity.
     pub kicks: u32,
     /// How often so far the encoder was given counts that no movement had caused.

@@ -401,6 +401,7 @@ impl Machine {
             blind: outside.broken_sensors.iter().any(Option::is_some) || outside.shifted_sensors != [0; 3],
             feverish: outside.broken_thermometers.iter().any(Option::is_some),
             encoder_frozen: outside.encoder_frozen,
+            index_muted: outside.index_muted,
             kicks: self.interventions[0],
             slips: self.interventions[1],
         }
