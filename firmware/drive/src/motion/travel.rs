@@ -1,4 +1,4 @@
-//! Movements that the drive makes by itself: homing S-0-0148 and positioning to S-0-0258, and the probes that look on.
+//! Homing S-0-0148, a movement that the drive makes by itself, and the probes that look on.
 
 use sercon816::Bus;
 use sercos::command::CommandState;
@@ -162,38 +162,7 @@ impl<B: Bus + Clone, H: Hardware> Motion<B, H> {
         self.encoder.set_position(self.encoder.position() + difference);
         self.axis.shift(difference);
         self.motor.shift(difference);
-    }
-
-    /// Positioning: the target S-0-0258 in the movement's own coordinates. A modulo axis goes the shortest way.
-    pub(super) fn position_to_target(&mut self) {
-        let scaled = self.settings.position.to_position(self.commands.target_position);
-        let wanted = if self.settings.position_polarity.command { -scaled } else { scaled };
-        let target = match self.axis.settings().interpolator().modulo() {
-            None => wanted,
-            Some(modulo) => {
-                let range = modulo.value();
-                let here = self.encoder.position();
-                let within = modulo.reduce(wanted) - self.axis.cyclic_position(here);
-                let half = Position::from_bits(range.to_bits() >> 1);
-                let shortest = if within > half {
-                    within - range
-                } else if within < -half {
-                    within + range
-                } else {
-                    within
-                };
-                here + shortest
-            }
-        };
-        if self.target != Some((self.commands.target_position, target)) {
-            // A target of a modulo axis is turned into a place once, not with every step of the way.
-            let same = self.target.is_some_and(|(data, _)| data == self.commands.target_position);
-            if !same {
-                self.target = Some((self.commands.target_position, target));
-            }
-        }
-        let travel = self.target.map_or(Travel::Hold, |(_, target)| Travel::To(target));
-        self.axis.travel(self.settings.positioning, travel);
+        self.positioning.forget();
     }
 
     /// One look at the probes, whose edges the hardware has latched.
