@@ -8,7 +8,7 @@
 
 use sercon816::Bus;
 use sercos::diagnostic::Class3;
-use servo::{Mode, Modulo, Position, Travel, Velocity};
+use servo::{Mode, Position, Travel, Velocity};
 
 use super::Motion;
 use crate::hardware::Hardware;
@@ -151,7 +151,7 @@ impl<B: Bus + Clone, H: Hardware> Motion<B, H> {
             if self.positioning.target.take().is_some() {
                 self.refresh_reached();
             }
-            let upwards = upwards != self.settings.position_polarity.feedback;
+            let upwards = upwards != self.settings.coordinates.reversed;
             return Travel::AtVelocity(if upwards { Velocity::MAX } else { -Velocity::MAX });
         }
         if jog != 0 {
@@ -184,7 +184,7 @@ impl<B: Bus + Clone, H: Hardware> Motion<B, H> {
     #[cold]
     fn stay_here(&mut self) {
         let place = self.output.position_command;
-        let data = self.position_data(place);
+        let data = self.data_at(place);
         self.positioning.target = Some(Target { place, data, commanded: None });
         if self.positioning.source == Some(TargetSource::Target) {
             self.commands.target_position = data;
@@ -202,14 +202,14 @@ impl<B: Bus + Clone, H: Hardware> Motion<B, H> {
             return self.aim_at(value);
         }
         let target = match self.positioning.target {
-            Some(Target { place, data, .. }) if control & FROM_ACTUAL == 0 => self.further(place, data, value),
-            None if control & FROM_ACTUAL == 0 => {
-                let here = self.output.position_command;
-                self.further(here, self.position_data(here), value)
-            }
-            _ => {
+            _ if control & FROM_ACTUAL != 0 => {
                 let here = self.encoder.position();
-                self.further(here, self.position_data(here), value)
+                self.further(here, self.data_at(here), value)
+            }
+            Some(Target { place, data, .. }) => self.further(place, data, value),
+            None => {
+                let here = self.output.position_command;
+                self.further(here, self.data_at(here), value)
             }
         };
         self.positioning.target = Some(target);
@@ -218,38 +218,36 @@ impl<B: Bus + Clone, H: Hardware> Motion<B, H> {
 
     /// The target at a distance from a place. Data are added as data: no sum of many distances drifts.
     fn further(&self, place: Position, data: i32, distance: i32) -> Target {
-        let ahead = place + self.coordinate(distance);
-        let increment = self.coordinate(1).abs();
-        let Some(modulo) = self.axis.settings().interpolator().modulo() else {
-            let data = data.wrapping_add(distance);
-            let exact = self.coordinate(data);
-            // Beyond the range of the data the next position with these data is meant.
-            let place = if (exact - ahead).abs() <= increment { exact } else { ahead };
-            return Target { place, data, commanded: None };
+        let coordinates = &self.settings.coordinates;
+        let data = match coordinates.modulo {
+            None => data.wrapping_add(distance),
+            Some(modulo) => {
+                let short = modulo.wrapping_sub(distance.checked_rem_euclid(modulo).unwrap_or(0));
+                let sum = data.wrapping_sub(short);
+                if sum < 0 { sum.wrapping_add(modulo) } else { sum }
+            }
         };
-        let whole = i64::from(self.settings.position.from_position(modulo.value()));
-        let sum = i64::from(data).saturating_add(distance.into()).checked_rem_euclid(whole).unwrap_or(0) as i32;
+        let ahead = place + coordinates.place(distance);
+        // The same less its rounding: the nearest place with these data.
         let here = self.output.position_command;
-        let exact = here + modulo.reduce(self.coordinate(sum)) - self.axis.cyclic_position(here);
-        let half = half(modulo);
-        let rest = modulo.reduce(ahead - exact + half) - half;
-        let place = if rest.abs() <= increment { ahead - rest } else { ahead };
-        Target { place, data: sum, commanded: None }
+        let exact = here + coordinates.place(data) - self.axis.cyclic_position(here);
+        let rounding = coordinates.range.around_zero(coordinates.range.reduce(ahead - exact));
+        Target { place: ahead - rounding, data, commanded: None }
     }
 
     #[cold]
     fn aim_at(&mut self, commanded: i32) {
-        let wanted = self.coordinate(commanded);
-        let target = match self.axis.settings().interpolator().modulo() {
-            None => Target { place: wanted, data: commanded, commanded: Some(commanded) },
-            Some(modulo) => {
-                let within = modulo.reduce(wanted);
-                let here = self.output.position_command;
-                let way = self.way_to(within - self.axis.cyclic_position(here), modulo);
-                Target { place: here + way, data: self.within_data(within), commanded: Some(commanded) }
-            }
+        let coordinates = &self.settings.coordinates;
+        let wanted = coordinates.place(commanded);
+        let here = self.output.position_command;
+        let within = self.axis.cyclic_position(here);
+        let way = match coordinates.modulo {
+            // The way that the numbers go, never over the border between the highest and the lowest: behind it may be the end of the axis.
+            None => wanted - coordinates.range.around_zero(within),
+            Some(_) => self.way_to(coordinates.range.reduce(wanted - within)),
         };
-        self.positioning.target = Some(target);
+        let data = coordinates.data(coordinates.range.reduce(wanted));
+        self.positioning.target = Some(Target { place: here + way, data, commanded: Some(commanded) });
         self.refresh_reached();
     }
 
@@ -261,57 +259,36 @@ impl<B: Bus + Clone, H: Hardware> Motion<B, H> {
         }
     }
 
-    /// The way in the direction of S-0-0393, from a difference of two positions within the modulo range.
-    fn way_to(&self, difference: Position, modulo: &Modulo) -> Position {
-        let range = modulo.value();
+    /// The way of a modulo axis in the direction of S-0-0393, from the way in the direction of the motor, `0 ..` modulo value.
+    fn way_to(&self, forwards: Position) -> Position {
+        let range = self.settings.coordinates.range;
         let settings = &self.settings.positioning;
-        let reversed = self.settings.position_polarity.feedback;
-        let upwards = match settings.direction {
-            Direction::Shortest => {
-                let half = half(modulo);
-                return if difference > half {
-                    difference - range
-                } else if difference < -half {
-                    difference + range
-                } else {
-                    difference
-                };
-            }
+        let reversed = self.settings.coordinates.reversed;
+        let is_forwards = match settings.direction {
+            Direction::Shortest => return range.around_zero(forwards),
             Direction::Positive => !reversed,
             Direction::Negative => reversed,
         };
-        let signed = |way: Position| if upwards { way } else { -way };
-        let mut ahead = signed(difference);
-        if ahead < Position::ZERO {
-            ahead = ahead + range;
-        }
+        let signed = |way: Position| if is_forwards { way } else { -way };
+        let ahead = if is_forwards || forwards == Position::ZERO { forwards } else { range.value() - forwards };
+        let shortest = range.around_zero(ahead);
         if self.axis.setpoint_rests() {
-            let is_behind = range - ahead <= settings.window_behind.min(half(modulo));
-            return signed(if is_behind { ahead - range } else { ahead });
+            let is_just_behind = shortest < Position::ZERO && -shortest <= settings.window_behind;
+            return signed(if is_just_behind { shortest } else { ahead });
         }
         // Too near to stop there: the axis would come back.
-        if !self.axis.stops_before(&settings.limits, self.output.position_command + signed(ahead)) {
-            ahead = ahead + range;
-        }
-        signed(ahead)
+        let stops = self.axis.stops_before(&settings.limits, self.output.position_command + signed(ahead));
+        signed(if stops { ahead } else { ahead + range.value() })
     }
 
-    /// Position data in the coordinates of S-0-0051, at the motor.
-    fn coordinate(&self, data: i32) -> Position {
-        let position = self.settings.position.to_position(data);
-        if self.settings.position_polarity.feedback { -position } else { position }
-    }
-
-    /// Position data of a position within the modulo range.
-    fn within_data(&self, within: Position) -> i32 {
-        let here = self.output.position_command;
-        // Of the range that the axis is in.
-        self.position_data(here - self.axis.cyclic_position(here) + within)
+    /// Position data of a place near the axis.
+    fn data_at(&self, place: Position) -> i32 {
+        self.settings.coordinates.data(self.axis.cyclic_position(place))
     }
 
     /// S-0-0430.
     pub(super) fn effective_target(&self) -> i32 {
-        self.positioning.target.map_or_else(|| self.position_data(self.output.position_command), |target| target.data)
+        self.positioning.target.map_or_else(|| self.data_at(self.output.position_command), |target| target.data)
     }
 
     /// S-0-0437.
@@ -371,8 +348,4 @@ impl<B: Bus + Clone, H: Hardware> Motion<B, H> {
         let class_3 = self.class_3.difference(REACHED) | self.reached();
         self.show_class_3(class_3);
     }
-}
-
-const fn half(modulo: &Modulo) -> Position {
-    Position::from_bits(modulo.value().to_bits() >> 1)
 }

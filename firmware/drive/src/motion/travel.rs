@@ -3,7 +3,7 @@
 use sercon816::Bus;
 use sercos::command::CommandState;
 use servo::{
-    Edge, Homing, HomingError, HomingInputs, HomingMotion, HomingSettings, HomingState, MotionLimits, Position, Probe,
+    Homing, HomingError, HomingInputs, HomingMotion, HomingSettings, HomingState, MotionLimits, Position,
     ProbeInput as ProbeSide, ProbeInputs, ProbeSettings, ProbingCycle, Travel,
 };
 
@@ -38,7 +38,7 @@ pub(crate) enum HomingFailure {
 /// Probes, as the service channel and the AT see them.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub(crate) struct ProbeRun {
-    cycle: ProbingCycle,
+    pub(super) cycle: ProbingCycle,
     settings: Option<ProbeSettings>,
 }
 
@@ -162,6 +162,11 @@ impl<B: Bus + Clone, H: Hardware> Motion<B, H> {
         self.encoder.set_position(self.encoder.position() + difference);
         self.axis.shift(difference);
         self.motor.shift(difference);
+        // What the last tick and the last t4 have left is read before the next.
+        self.output.position_command = self.output.position_command + difference;
+        self.shown.position = self.shown.position + difference;
+        // Where the axis stands now is nothing that a command has led to.
+        self.range_monitor = None;
         self.positioning.forget();
     }
 
@@ -172,7 +177,8 @@ impl<B: Bus + Clone, H: Hardware> Motion<B, H> {
         let mut side = |probe: ProbeInput, level: bool, enable: bool| {
             let mut latched = |rising| {
                 let latch = self.hardware.probe_latch(probe, rising)?;
-                Some(self.encoder.position_of(latch.wrapping_mul(direction)))
+                // In the turn of the data in which the edge came.
+                Some(self.axis.cyclic_position(self.encoder.position_of(latch.wrapping_mul(direction))))
             };
             ProbeSide { level, enable, positive: latched(true), negative: latched(false) }
         };
@@ -190,12 +196,6 @@ impl<B: Bus + Clone, H: Hardware> Motion<B, H> {
             self.probe_run.cycle.tick(&last, &ProbeInputs::default());
         }
         self.probe_run.settings = settings;
-    }
-
-    /// S-0-0130 to S-0-0133 in the weight of position data.
-    pub(super) fn probe_value(&self, probe: Probe, edge: Edge) -> i32 {
-        let position = self.probe_run.cycle.value(probe, edge);
-        self.settings.position.from_position(self.axis.cyclic_position(position))
     }
 
     /// S-0-0179.

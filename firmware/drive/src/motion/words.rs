@@ -85,32 +85,13 @@ impl<B: Bus + Clone, H: Hardware> Motion<B, H> {
         self.shown = ShownValues::at(position, &self.output, self.motor.torque_current());
     }
 
-    fn shown_position(&self) -> i32 {
-        self.position_data(self.shown.position)
-    }
-
-    /// A position near the measured one, as cyclic data show it.
-    pub(super) fn position_data(&self, position: Position) -> i32 {
-        let within = self.axis.cyclic_position(position);
-        let within = match (self.settings.position_polarity.feedback, self.axis.settings().interpolator().modulo()) {
-            (false, _) => within,
-            (true, Some(modulo)) if within != Position::ZERO => modulo.value() - within,
-            (true, _) => -within,
-        };
-        self.settings.position.from_position(within)
-    }
-
     fn weighted_velocity(&self, velocity: Velocity) -> i32 {
         let reversed = self.settings.velocity_polarity.feedback;
         self.settings.velocity.from_velocity(if reversed { -velocity } else { velocity })
     }
 
-    fn shown_following_distance(&self) -> i32 {
-        self.settings.position.from_position(self.shown.following_error)
-    }
-
     fn shown_torque(&self) -> i64 {
-        let torque = self.settings.torque.apply(i64::from(self.shown.current.to_bits()));
+        let torque = self.settings.torque.from_current(self.shown.current);
         if self.settings.torque_polarity.feedback { torque.wrapping_neg() } else { torque }
     }
 
