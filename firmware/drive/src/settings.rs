@@ -14,6 +14,7 @@ mod scaling;
 mod torque;
 
 use scaling::DerivativeScale;
+pub(crate) use scaling::{Ratio, increments};
 
 pub use motor::MotorSettings;
 pub(crate) use torque::TorqueScale;
