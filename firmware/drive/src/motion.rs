@@ -19,6 +19,7 @@ use servo::{
 mod background;
 mod clock_monitor;
 mod cycle;
+mod following;
 mod identifying;
 mod recording;
 mod supervision;
@@ -134,8 +135,6 @@ pub struct Motion<B, H> {
     identified: Option<Outcome>,
     /// P-0-0227.
     identification_percent: u8,
-    /// An identification has moved the axis: the first command after HALT is looked at before it is followed.
-    displaced: bool,
     /// P-0-0019 in the low half, the enable bits of S-0-0400 and S-0-0405 to S-0-0407 above.
     controlled: u32,
     homing_run: HomingRun,
@@ -146,8 +145,6 @@ pub struct Motion<B, H> {
     referenced: bool,
     /// S-0-0148 holds the position until it is cancelled.
     homing: bool,
-    /// Homing has just ended with torque on: the next command is looked at before it is followed.
-    resuming: bool,
     /// Ticks of the supervision for which a lost telegram is still a warning.
     loss_shown: u16,
     /// Ticks of the supervision since the start.
@@ -224,14 +221,12 @@ impl<B: Bus + Clone, H: Hardware> Motion<B, H> {
             identification: None,
             identified: None,
             identification_percent: 0,
-            displaced: false,
             controlled: 0,
             homing_run: HomingRun::default(),
             probe_run: ProbeRun::default(),
             target: None,
             referenced: false,
             homing: false,
-            resuming: false,
             loss_shown: 0,
             supervisions: 0,
             diagnostic_number: 0,

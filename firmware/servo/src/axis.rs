@@ -1,7 +1,7 @@
 //! One axis: modes, loops and their bumpless hand-over.
 
 use crate::{
-    AxisSettings, CommandSource, CurrentFilter, CurrentFraction, FilteredVelocity, Interpolator, Limiting,
+    AxisSettings, CommandJump, CommandSource, CurrentFilter, CurrentFraction, FilteredVelocity, Interpolator, Limiting,
     ModuloCounter, MotionLimits, Position, PositionLoop, Ramp, Setpoint, TorqueLimits, Trajectory, Velocity,
     VelocityFilter, VelocityInterpolator, VelocityLoop,
 };
@@ -234,11 +234,27 @@ impl Axis {
     }
 
     /// Takes a position command valid at t3: within `0 ..` modulo value, or absolute. Ignored outside [`Mode::Position`].
+    ///
+    /// # Errors
+    /// [`CommandJump`] when it is too far from the one before it, or, as the first one in the mode, from the axis. It is not taken then.
     #[inline]
-    pub fn command_position(&mut self, command: Position) {
+    pub fn command_position(&mut self, command: Position) -> Result<(), CommandJump> {
         if self.mode == Mode::Position {
-            self.interpolator.command(&self.settings.interpolator, command);
+            self.interpolator.command(&self.settings.interpolator, command)
+        } else {
+            Ok(())
         }
+    }
+
+    /// Whether [`Mode::Position`] would begin with this command, from where the axis is.
+    ///
+    /// # Errors
+    /// [`CommandJump`], as [`Axis::command_position`] would then say.
+    pub fn would_follow(&self, command: Position) -> Result<(), CommandJump> {
+        let setpoint = self.hand_over();
+        let mut interpolator = self.interpolator;
+        interpolator.start(&self.settings.interpolator, setpoint.position, setpoint.velocity, self.ranges);
+        interpolator.command(&self.settings.interpolator, command)
     }
 
     /// Takes a velocity command valid at t3. Ignored outside [`Mode::Velocity`].
