@@ -20,6 +20,7 @@ mod background;
 mod clock_monitor;
 mod coordinates;
 mod cycle;
+mod following;
 mod identifying;
 mod positioning;
 mod range;
@@ -142,8 +143,6 @@ pub struct Motion<B, H> {
     identified: Option<Outcome>,
     /// P-0-0227.
     identification_percent: u8,
-    /// An identification has moved the axis: the first command after HALT is looked at before it is followed.
-    displaced: bool,
     /// P-0-0019 in the low half, the enable bits of S-0-0400 and S-0-0405 to S-0-0407 above.
     controlled: u32,
     homing_run: HomingRun,
@@ -155,8 +154,6 @@ pub struct Motion<B, H> {
     range_monitor: Option<RangeMonitor>,
     /// S-0-0148 holds the position until it is cancelled.
     homing: bool,
-    /// Homing has just ended with torque on: the next command is looked at before it is followed.
-    resuming: bool,
     /// Ticks of the supervision for which a lost telegram is still a warning.
     loss_shown: u16,
     /// Ticks of the supervision since the start.
@@ -233,7 +230,6 @@ impl<B: Bus + Clone, H: Hardware> Motion<B, H> {
             identification: None,
             identified: None,
             identification_percent: 0,
-            displaced: false,
             controlled: 0,
             homing_run: HomingRun::default(),
             probe_run: ProbeRun::default(),
@@ -241,7 +237,6 @@ impl<B: Bus + Clone, H: Hardware> Motion<B, H> {
             referenced: false,
             range_monitor: None,
             homing: false,
-            resuming: false,
             loss_shown: 0,
             supervisions: 0,
             diagnostic_number: 0,

@@ -268,9 +268,8 @@ impl<B: Bus + Clone, H: Hardware> Motion<B, H> {
         self.referenced = false;
     }
 
-    /// S-0-0148 holds the position, or is cancelled. A command that is far off then is a fault, as at switching on.
+    /// S-0-0148 holds the position, or is cancelled.
     pub fn hold_for_homing(&mut self, hold: bool) {
-        self.resuming = self.homing && !hold && self.has_torque();
         if !hold {
             // Where S-0-0047 is not cyclic nobody else brings it into the new coordinates.
             self.commands.position = self.position_command_data();
