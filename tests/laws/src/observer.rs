@@ -64,6 +64,7 @@ impl Observer {
             settings,
             machine,
             disturbed: None,
+            troubled: None,
             deceived: false,
             pins_changed: None,
             bridge_changed: None,
@@ -109,6 +110,9 @@ impl Observer {
         let outside = |sight: &Sight| (sight.machine.load_torque, sight.machine.seized, sight.machine.kicks);
         if outside(&before) != outside(&sight) {
             scene.disturbed = Some(sight.time);
+        }
+        if sight.is_troubled(scene.machine.supply.voltage) {
+            scene.troubled = Some(sight.time);
         }
         let lies = |sight: &Sight| sight.machine.blind || sight.machine.encoder_frozen;
         scene.deceived |= lies(&sight) || before.machine.slips != sight.machine.slips;

@@ -15,6 +15,8 @@ pub struct Glance {
     pub current: [f64; 2],
     /// In V.
     pub bus_voltage: f64,
+    /// Temperatures of heat sink and windings in degrees Celsius.
+    pub temperatures: [f64; 2],
     /// Torque in Nm that the brake can hold.
     pub brake_torque: f64,
     /// Torque in Nm with which the load is driven, gravity included.

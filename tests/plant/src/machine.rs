@@ -394,6 +394,7 @@ impl Machine {
             torque: settings.windings.torque(state.current),
             current: [state.current.d, state.current.q],
             bus_voltage: state.bus.voltage,
+            temperatures: [state.temperatures.heat_sink, state.temperatures.winding],
             brake_torque: settings.brake.map_or(0.0, |brake| brake.torque(state.grip, outside.brake_failure)),
             load_torque: outside.load_torque + settings.mechanics.gravity_torque,
             seized: outside.seized,

@@ -38,15 +38,9 @@ struct Begun {
 impl Back {
     /// Nothing stands in the way of an axis that is to be switched on.
     fn may_come(scene: &Scene) -> bool {
-        let (sight, settings) = (&scene.sight, &scene.settings);
-        let machine = &sight.machine;
-        let charged = machine.bus_voltage > 0.9 * scene.machine.supply.voltage;
-        let pins =
-            sight.main_power && sight.bridge_ready && sight.safe_torque && !scene.within(scene.pins_changed, QUIET);
-        let sound = scene.is_left_alone(QUIET)
-            && !machine.feverish
-            && !machine.index_muted
-            && machine.velocity.abs() < STANDSTILL;
+        let (machine, settings) = (&scene.sight.machine, &scene.settings);
+        let sound =
+            scene.is_left_alone(QUIET) && !scene.within(scene.troubled, QUIET) && machine.velocity.abs() < STANDSTILL;
         let motor = settings.unsigned(Idn(116)).map(|lines| 4 * lines)
             == Some(i64::from(scene.machine.encoder.increments_per_revolution))
             && settings.word(Idn(0x8000 | 110)) == Some(scene.machine.windings.pole_pairs as u16);
@@ -63,7 +57,7 @@ impl Back {
             Some(2) => [36, 37].iter().all(|idn| scene.wire.command(Idn(*idn)).unwrap_or(0) == 0),
             _ => false,
         };
-        charged && pins && sound && motor && free && at_rest
+        sound && motor && free && at_rest
     }
 }
 
@@ -120,8 +114,10 @@ impl Law for Back {
 impl Back {
     fn answer(&mut self, scene: &Scene) -> Verdict {
         let wire = &scene.wire;
-        let undisturbed =
-            scene.is_operating() && scene.is_left_alone(QUIET) && scene.sight.main_power && scene.command.is_none();
+        let undisturbed = scene.is_operating()
+            && scene.is_left_alone(QUIET)
+            && !scene.within(scene.troubled, QUIET)
+            && scene.command.is_none();
         let Some(begun) = self.begun.as_mut().filter(|_| undisturbed) else {
             self.begun = None;
             return Verdict::Silent;
