@@ -26,7 +26,7 @@ use crate::oscilloscope::{self, Configuration};
 use crate::record::{Command, Feedback, Records};
 use crate::rescaling::Rescaling;
 use crate::settings::motor::FREQUENCY;
-use crate::settings::{InvalidSetting, MotionSettings, OperationMode, homing};
+use crate::settings::{Direction, InvalidSetting, MotionSettings, OperationMode, homing};
 
 /// So long S-0-0128 waits for the loops to lock to the ring: 200 ms in loop ticks, twice what a lock takes.
 const LOCK_PATIENCE_TICKS: u16 = 400;
@@ -47,6 +47,7 @@ const CANCEL_REFERENCE: Idn = Idn::standard(191);
 const LOAD_DEFAULTS: Idn = Idn::standard(262);
 const CHECKSUM: Idn = Idn::standard(326);
 const DIAGNOSTIC_NUMBER: Idn = Idn::standard(390);
+const COMMAND_VALUE_MODE: Idn = Idn::standard(393);
 const SET_ABSOLUTE_POSITION: Idn = Idn::standard(447);
 const ERROR_TIMES: Idn = Idn::product(4);
 const OPERATING_TIME: Idn = Idn::product(6);
@@ -360,8 +361,10 @@ where
             96 => u64::from(u16::from_le_bytes([self.identity.address.get(); 2])),
             145 => commands.signal_control.into(),
             258 => commands.target_position.cast_unsigned().into(),
+            282 => commands.positioning_value.cast_unsigned().into(),
             304 => u64::from(snapshot.status_word >> 6 & 1),
             306 => u64::from(snapshot.status_word >> 7 & 1),
+            346 => commands.positioning_control.into(),
             // Parameters and unknown IDNs are not asked for here.
             _ => 0,
         }
@@ -551,6 +554,9 @@ where
         }
         if let Some(error) = oscilloscope::refuses_setting(idn, value, parameters) {
             return Some(error);
+        }
+        if idn == COMMAND_VALUE_MODE && Direction::from_parameter(value as u16).is_none() {
+            return Some(ServiceError::InvalidData);
         }
         // An angle that is taken over under torque would throw the motor to it.
         if idn == COMMUTATION_ANGLE {
