@@ -9,6 +9,7 @@
 
 use sercon816::{Bus, CommandPort, FeedbackPort};
 use sercos::Phase;
+use sercos::command::CommandState;
 use sercos::diagnostic::{Class1, Class2, Class3};
 use sercos::phase::PhaseError;
 use sercos::supervision::Supervision;
@@ -20,6 +21,7 @@ mod background;
 mod clock_monitor;
 mod cycle;
 mod identifying;
+mod positive_stop;
 mod recording;
 mod supervision;
 mod travel;
@@ -27,6 +29,7 @@ mod words;
 
 pub(crate) use background::MotorValue;
 use clock_monitor::ClockMonitor;
+use positive_stop::PositiveStop;
 pub(crate) use travel::{HOME_SWITCH, HOMING_ENABLE, HomingFailure, PROBE_1_ENABLE, PROBE_2_ENABLE};
 use travel::{HomingRun, ProbeRun};
 
@@ -145,6 +148,10 @@ pub struct Motion<B, H> {
     referenced: bool,
     /// S-0-0148 holds the position until it is cancelled.
     homing: bool,
+    /// S-0-0149.
+    positive_stop: PositiveStop,
+    /// How it has ended, until the service channel has taken it.
+    positive_stop_result: Option<CommandState>,
     /// Homing has just ended with torque on: the next command is looked at before it is followed.
     resuming: bool,
     /// Ticks of the supervision for which a lost telegram is still a warning.
@@ -230,6 +237,8 @@ impl<B: Bus + Clone, H: Hardware> Motion<B, H> {
             target: None,
             referenced: false,
             homing: false,
+            positive_stop: PositiveStop::Inactive,
+            positive_stop_result: None,
             resuming: false,
             loss_shown: 0,
             supervisions: 0,
@@ -307,7 +316,7 @@ impl<B: Bus + Clone, H: Hardware> Motion<B, H> {
             position = self.encoder.position();
         }
         self.output = self.axis.tick(position, self.motor.torque_limits());
-        if self.output.excessive_deviation {
+        if self.output.excessive_deviation && !self.expects_a_stop() {
             self.class_1 |= Class1::EXCESSIVE_DEVIATION;
         }
         let trim = self.clock.on_tick();
