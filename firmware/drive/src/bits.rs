@@ -37,6 +37,8 @@ pub enum Word {
     Signals,
     /// S-0-0179.
     ProbeStatus,
+    /// S-0-0437, with S-0-0419 in bit 0.
+    Positioning,
 }
 
 /// What an IDN of S-0-0398 shows: a word, or one bit of it in bit 0.
@@ -78,6 +80,8 @@ impl Source {
             403 => whole(Word::PositionStatus),
             number @ 405..=407 => single(Word::Signals, number.saturating_sub(397)),
             number @ 408..=412 => single(Word::Signals, number.saturating_sub(405)),
+            419 => single(Word::Positioning, 0),
+            437 => whole(Word::Positioning),
             _ => None,
         }
     }
@@ -218,6 +222,7 @@ const fn with(word: u32, mask: u32, set: bool) -> u32 {
 mod tests {
     use super::*;
     use sercos::data_block::Selection;
+    use sercos::diagnostic::Class2;
     use sercos::dictionary;
 
     #[test]
@@ -234,6 +239,23 @@ mod tests {
         );
         for idn in targets {
             assert_ne!(target(idn, 0), 0, "{idn}");
+        }
+    }
+
+    #[test]
+    fn every_warning_has_a_data_block_of_its_own_and_stands_in_the_manual() {
+        let manual = dictionary::find(Idn::standard(12)).unwrap().documentation;
+        // A drive without a fan of its own has no cooling warning; bit 15 stands for S-0-0181.
+        for warning in Class2::all().difference(Class2::COOLING | Class2::MANUFACTURER).iter() {
+            let bit = warning.bits().trailing_zeros() as u16;
+            let idn = Idn::standard(310 + bit);
+            assert!(dictionary::find(idn).is_some_and(|block| block.is_in(Selection::BitSources)), "{idn}");
+            assert_eq!(
+                Source::from_idn(idn).unwrap().bit(0),
+                Some(SourceBit { word: Word::Class2, mask: warning.bits() })
+            );
+            let mut words = manual.split([' ', ':', ',']);
+            assert!(words.any(|word| word == std::format!("{bit}")), "bit {bit} is not in \"{manual}\"");
         }
     }
 

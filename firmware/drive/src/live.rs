@@ -16,6 +16,7 @@ use servo::ProbeSettings;
 use crate::access::Access;
 use crate::bits::{Source, enable_bit};
 use crate::commissioning::{self, COMPUTE_GAINS, Commissioning, Finding as CommissioningFinding, is_identification};
+use crate::communication::seconds;
 use crate::diagnosis::{Diagnosis, diagnose};
 use crate::error_memory::ErrorMemory;
 use crate::hardware::{Hardware, LOOP_PERIOD_MICROSECONDS};
@@ -23,8 +24,9 @@ use crate::identity::Identity;
 use crate::motion::{HomingFailure, Motion, MotorValue};
 use crate::oscilloscope::{self, Configuration};
 use crate::record::{Command, Feedback, Records};
+use crate::rescaling::Rescaling;
 use crate::settings::motor::FREQUENCY;
-use crate::settings::{InvalidSetting, MotionSettings, OperationMode, homing};
+use crate::settings::{Direction, InvalidSetting, MotionSettings, OperationMode, homing};
 
 /// So long S-0-0128 waits for the loops to lock to the ring: 200 ms in loop ticks, twice what a lock takes.
 const LOCK_PATIENCE_TICKS: u16 = 400;
@@ -46,6 +48,7 @@ const CANCEL_REFERENCE: Idn = Idn::standard(191);
 const LOAD_DEFAULTS: Idn = Idn::standard(262);
 const CHECKSUM: Idn = Idn::standard(326);
 const DIAGNOSTIC_NUMBER: Idn = Idn::standard(390);
+const COMMAND_VALUE_MODE: Idn = Idn::standard(393);
 const SET_ABSOLUTE_POSITION: Idn = Idn::standard(447);
 const ERROR_TIMES: Idn = Idn::product(4);
 const OPERATING_TIME: Idn = Idn::product(6);
@@ -97,6 +100,7 @@ pub(crate) struct Context<'a, B, M> {
     pub(crate) commissioning: &'a mut Commissioning,
     pub(crate) identity: &'a Identity,
     pub(crate) access: &'a mut Access,
+    pub(crate) rescaling: &'a mut Rescaling,
     pub(crate) errors: &'a ErrorMemory,
     /// A parameter of the loops has changed; they get it once the step is released.
     pub(crate) settings_changed: &'a mut bool,
@@ -186,23 +190,28 @@ where
     }
 
     /// S-0-0128, once more when the loop clock has locked. `patient`: still worth waiting for it.
-    pub(crate) fn check_cp4(&mut self, parameters: &Parameters, patient: bool) -> CommandState {
+    pub(crate) fn check_cp4(&mut self, parameters: &mut Parameters, patient: bool) -> CommandState {
         self.checks.waits_for_lock = false;
         let capabilities = self.capabilities();
         let Some(cyclic) = &self.checks.cyclic else { return CommandState::Failed };
+        let misfits = self.rescaling.misfits(parameters);
         let synchronised = self.motion.lock(|motion| motion.is_synchronised());
         let settings = MotionSettings::new(parameters, H::LOOP_TIMER_COUNTS);
         let mut invalid = match (transition::check_cp4(parameters, &capabilities, cyclic, synchronised), settings) {
-            (Ok(ready), Ok(settings)) => {
+            (Ok(ready), Ok(settings)) if misfits.is_empty() => {
+                self.rescaling.take_over(parameters);
                 self.checks.invalid_for_cp4 = InvalidData::default();
                 self.checks.finding = None;
                 self.motion.lock(|motion| motion.apply_settings(settings));
                 self.phases.permit_cp4(ready);
                 return CommandState::Executed;
             }
-            (Ok(_), Err(_)) => InvalidData::default(),
+            (Ok(_), _) => InvalidData::default(),
             (Err(invalid), _) => invalid,
         };
+        for idn in &misfits {
+            invalid.add(*idn, Reason::OldScaling);
+        }
         if let Err(setting) = settings {
             invalid.add(setting.idn, Reason::NotSupported);
         } else if patient && invalid.not_synchronised && invalid.findings().is_empty() {
@@ -276,6 +285,7 @@ where
         self.unlocked()?;
         self.without_torque(|context| {
             parameters.load_defaults();
+            context.rescaling.defaults_loaded(parameters);
             if context.phases.current() == Phase::Cp3 {
                 context.phases.withdraw();
             }
@@ -309,7 +319,7 @@ where
 {
     fn read(&mut self, idn: Idn, parameters: &Parameters) -> u64 {
         match idn {
-            OPERATING_TIME => return self.motion.lock(|motion| motion.operating_time()),
+            OPERATING_TIME => return seconds(self.motion.lock(|motion| motion.operating_time())).into(),
             RESET_CAUSE => return self.motion.lock(|motion| motion.reset_cause()).code().into(),
             INTERFACE_STATUS => return self.phases.interface_status().raw_value().into(),
             CHECKSUM => return parameters.checksum().into(),
@@ -354,8 +364,10 @@ where
             96 => u64::from(u16::from_le_bytes([self.identity.address.get(); 2])),
             145 => commands.signal_control.into(),
             258 => commands.target_position.cast_unsigned().into(),
+            282 => commands.positioning_value.cast_unsigned().into(),
             304 => u64::from(snapshot.status_word >> 6 & 1),
             306 => u64::from(snapshot.status_word >> 7 & 1),
+            346 => commands.positioning_control.into(),
             // Parameters and unknown IDNs are not asked for here.
             _ => 0,
         }
@@ -555,6 +567,9 @@ where
         if let Some(error) = oscilloscope::refuses_setting(idn, value, parameters) {
             return Some(error);
         }
+        if idn == COMMAND_VALUE_MODE && Direction::from_parameter(value as u16).is_none() {
+            return Some(ServiceError::InvalidData);
+        }
         // An angle that is taken over under torque would throw the motor to it.
         if idn == COMMUTATION_ANGLE {
             let torque = self.motion.lock(|motion| motion.has_torque());
@@ -609,16 +624,17 @@ const fn protocol_bit_rate(rate: sercon816::BitRate) -> sercos::duration::BitRat
 
 /// The chip's view of a checked configuration: words instead of bytes.
 ///
-/// A t3 or t4 at the very end of the cycle (legal: t3 <= tScyc) is set one microsecond earlier, because the timers start
-/// again with the MST that falls on the same instant.
+/// A t3 or t4 at the very end of the cycle (legal: t3 <= tScyc) is set one microsecond earlier, and one of 0 one later, because the timers
+/// start again with the MST that falls on the same instant: they would never come.
 fn chip_configuration(cyclic: &CyclicConfiguration) -> sercon816::CyclicConfiguration {
-    let last = cyclic.cycle_us.saturating_sub(1);
+    // S-0-0002 has a minimum.
+    let last = cyclic.cycle_us.saturating_sub(1).max(1);
     sercon816::CyclicConfiguration {
         cycle_us: cyclic.cycle_us,
         t1_us: cyclic.t1_us,
         t2_us: cyclic.t2_us,
-        t3_us: cyclic.t3_us.min(last),
-        t4_us: cyclic.t4_us.min(last),
+        t3_us: cyclic.t3_us.clamp(1, last),
+        t4_us: cyclic.t4_us.clamp(1, last),
         at_words: cyclic.at_data_bytes() / 2,
         mdt_words: cyclic.mdt_data_bytes() / 2,
         mdt_length_words: cyclic.mdt_length_bytes / 2,

@@ -43,6 +43,7 @@ mod brake;
 mod brake_error;
 mod brake_settings;
 mod clock;
+mod command_step;
 mod commutation;
 mod cubic;
 pub mod current;
@@ -73,6 +74,7 @@ mod share;
 mod stopping;
 mod temperature;
 mod trajectory;
+mod travel_range;
 mod trigonometry;
 mod tuning;
 mod twice_read;
@@ -88,6 +90,7 @@ pub use brake::{BrakeInputs, BrakeOutput, BrakeRequest, BrakeSequencer, TorqueSc
 pub use brake_error::BrakeError;
 pub use brake_settings::{BrakeParameters, BrakeSettings};
 pub use clock::{LoopClock, LoopClockSettings};
+pub use command_step::{CommandJump, CommandLimits};
 pub use commutation::{
     Alignment, AlignmentError, AlignmentOutput, AlignmentSettings, AlignmentState, CommutationAngle, CommutationError,
     CommutationSettings, IndexCorrection, IndexError, IndexOutput, IndexState,
@@ -106,7 +109,9 @@ pub use homing::{
     HomingSettingsError, HomingState, Reference,
 };
 pub use interpolation::{CommandSource, Interpolation, Interpolator, InterpolatorSettings, Setpoint};
-pub use limits::{Limiting, TorqueLimitParameters, TorqueLimitSettings, TorqueLimits, VelocityLimits};
+pub use limits::{
+    CommandedTorqueLimits, Limiting, TorqueLimitParameters, TorqueLimitSettings, TorqueLimits, VelocityLimits,
+};
 pub use load_model::{LoadModel, LoadOutput, LoadParameters, LoadSettings};
 pub use modulo::{Modulo, ModuloCounter};
 pub use motion_limits::{FeedrateOverride, MotionLimits};
@@ -120,6 +125,7 @@ pub use scope::{
 pub use settings::{AxisParameters, AxisSettings, SettingsError};
 pub use temperature::{Temperature, TemperatureError, TemperatureOutput, TemperatureParameters, TemperatureSettings};
 pub use trajectory::Trajectory;
+pub use travel_range::{Commanded, RangeEnd, RangeMonitor, TravelRange};
 pub use trigonometry::Rotation;
 pub use tuning::{CurrentGains, VelocityGains, current_gains, position_gain, velocity_gains};
 pub use twice_read::{TwiceReadEncoder, TwiceReadSettings};

@@ -6,14 +6,13 @@ use sercos::phase::{InterfaceStatus, PhaseError};
 use sercos::{Idn, Phase};
 use servo::{Axis, LoopClock, SUPERVISION_PERIOD_MICROSECONDS, TwiceReadEncoder};
 
-use super::{CommandValues, Motion};
+use super::{CommandValues, Motion, Positioning};
 use crate::diagnosis::{Circumstances, Manufacturer1, Manufacturer3};
 use crate::hardware::{Hardware, ResetCause};
 use crate::motion::clock_monitor::{ClockMonitor, PHASE_ERROR_CLASSES};
 use crate::record::{Command, Feedback, Records};
 use crate::settings::MotionSettings;
 use crate::snapshot::Snapshot;
-use crate::state::Switches;
 
 /// A value of [`Motion::motor_value`].
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -65,14 +64,14 @@ impl<B: Bus + Clone, H: Hardware> Motion<B, H> {
     /// command values away: a motor that runs is stopped.
     pub fn enter_phase(&mut self, phase: Phase) {
         self.phase = phase;
-        self.switches = Switches::default();
+        self.switches = None;
         self.commands = CommandValues::default();
         self.uninitialised_mode = false;
         self.homing = false;
         self.abandon_homing();
         self.cancel_positive_stop();
         self.set_probing(None);
-        self.target = None;
+        self.positioning = Positioning::default();
         self.until_overdue = if phase < Phase::Cp3 { 0 } else { self.settings.ticks_to_overdue };
         self.cycles_since_command = 0;
         self.entered_cyclic = phase == Phase::Cp3;
@@ -117,6 +116,7 @@ impl<B: Bus + Clone, H: Hardware> Motion<B, H> {
             self.encoder = TwiceReadEncoder::new(settings.encoder, self.counted(count));
             self.axis = Axis::new(settings.with_lag, self.encoder.position());
             self.referenced = false;
+            self.positioning.forget();
         }
         self.apply_axis_settings();
     }
@@ -181,7 +181,7 @@ impl<B: Bus + Clone, H: Hardware> Motion<B, H> {
             manufacturer_3: self.manufacturer_3,
             homing: self.homing,
             status_word: self.status_word(),
-            commands: self.commands,
+            commands: CommandValues { position: self.position_command_data(), ..self.commands },
             mst_errors: self.supervision.mst_errors(),
             mdt_errors: self.supervision.mdt_errors(),
             operating_time: self.operating_time(),
@@ -193,7 +193,7 @@ impl<B: Bus + Clone, H: Hardware> Motion<B, H> {
         self.identified.is_some() || self.has_homing_result() || self.positive_stop_result.is_some()
     }
 
-    /// P-0-0006: time since the processor was started, in us.
+    /// Time since the processor was started, in us.
     pub(crate) fn operating_time(&self) -> u64 {
         self.supervisions.wrapping_mul(SUPERVISION_PERIOD_MICROSECONDS.into())
     }
@@ -238,6 +238,10 @@ impl<B: Bus + Clone, H: Hardware> Motion<B, H> {
         if command == Command::SignalControl {
             self.apply_signal_control();
         }
+        // What is reached is told of the new target as soon as it is acknowledged.
+        if self.is_positioning() {
+            self.position_to_target();
+        }
     }
 
     /// One of the bits above P-0-0019, over the service channel.
@@ -260,20 +264,17 @@ impl<B: Bus + Clone, H: Hardware> Motion<B, H> {
         self.output.standstill
     }
 
-    /// The place where the motor stands is the position `value`, in the weight of S-0-0052, from now on. Divides.
-    pub fn set_reference(&mut self, value: i32) {
-        self.shift_zero(self.settings.position.to_position(value) - self.encoder.position());
-        self.referenced = true;
-    }
-
     /// S-0-0191.
     pub fn cancel_reference(&mut self) {
         self.referenced = false;
     }
 
-    /// S-0-0148 holds the position, or is cancelled. A command that is far off then is a fault, as at switching on.
+    /// S-0-0148 holds the position, or is cancelled.
     pub fn hold_for_homing(&mut self, hold: bool) {
-        self.resuming = self.homing && !hold && self.has_torque();
+        if !hold {
+            // Where S-0-0047 is not cyclic nobody else brings it into the new coordinates.
+            self.commands.position = self.position_command_data();
+        }
         self.homing = hold;
         self.abandon_homing();
         self.update_state();
