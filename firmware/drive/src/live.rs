@@ -24,6 +24,7 @@ use crate::identity::Identity;
 use crate::motion::{HomingFailure, Motion, MotorValue};
 use crate::oscilloscope::{self, Configuration};
 use crate::record::{Command, Feedback, Records};
+use crate::rescaling::Rescaling;
 use crate::settings::motor::FREQUENCY;
 use crate::settings::{Direction, InvalidSetting, MotionSettings, OperationMode, homing};
 
@@ -96,6 +97,7 @@ pub(crate) struct Context<'a, B, M> {
     pub(crate) commissioning: &'a mut Commissioning,
     pub(crate) identity: &'a Identity,
     pub(crate) access: &'a mut Access,
+    pub(crate) rescaling: &'a mut Rescaling,
     pub(crate) errors: &'a ErrorMemory,
     /// A parameter of the loops has changed; they get it once the step is released.
     pub(crate) settings_changed: &'a mut bool,
@@ -185,23 +187,28 @@ where
     }
 
     /// S-0-0128, once more when the loop clock has locked. `patient`: still worth waiting for it.
-    pub(crate) fn check_cp4(&mut self, parameters: &Parameters, patient: bool) -> CommandState {
+    pub(crate) fn check_cp4(&mut self, parameters: &mut Parameters, patient: bool) -> CommandState {
         self.checks.waits_for_lock = false;
         let capabilities = self.capabilities();
         let Some(cyclic) = &self.checks.cyclic else { return CommandState::Failed };
+        let misfits = self.rescaling.misfits(parameters);
         let synchronised = self.motion.lock(|motion| motion.is_synchronised());
         let settings = MotionSettings::new(parameters, H::LOOP_TIMER_COUNTS);
         let mut invalid = match (transition::check_cp4(parameters, &capabilities, cyclic, synchronised), settings) {
-            (Ok(ready), Ok(settings)) => {
+            (Ok(ready), Ok(settings)) if misfits.is_empty() => {
+                self.rescaling.take_over(parameters);
                 self.checks.invalid_for_cp4 = InvalidData::default();
                 self.checks.finding = None;
                 self.motion.lock(|motion| motion.apply_settings(settings));
                 self.phases.permit_cp4(ready);
                 return CommandState::Executed;
             }
-            (Ok(_), Err(_)) => InvalidData::default(),
+            (Ok(_), _) => InvalidData::default(),
             (Err(invalid), _) => invalid,
         };
+        for idn in &misfits {
+            invalid.add(*idn, Reason::OldScaling);
+        }
         if let Err(setting) = settings {
             invalid.add(setting.idn, Reason::NotSupported);
         } else if patient && invalid.not_synchronised && invalid.findings().is_empty() {
@@ -275,6 +282,7 @@ where
         self.unlocked()?;
         self.without_torque(|context| {
             parameters.load_defaults();
+            context.rescaling.defaults_loaded(parameters);
             if context.phases.current() == Phase::Cp3 {
                 context.phases.withdraw();
             }

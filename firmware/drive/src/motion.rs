@@ -20,6 +20,7 @@ mod background;
 mod clock_monitor;
 mod coordinates;
 mod cycle;
+mod following;
 mod identifying;
 mod positioning;
 mod range;
@@ -43,7 +44,7 @@ use crate::motor::{Motor, Progress};
 use crate::mst::MstMonitor;
 use crate::oscilloscope::Oscilloscope;
 use crate::record::Records;
-use crate::settings::{MotionSettings, OperationMode};
+use crate::settings::{MotionSettings, OperationMode, Reaction};
 use crate::state::{DriveState, StateMachine, Switches};
 use crate::work::Work;
 
@@ -117,7 +118,8 @@ pub struct Motion<B, H> {
     channels_differ: u16,
     /// Phase of the last edge of t3.
     edge_phase: u16,
-    switches: Switches,
+    /// Of the last MDT; `None` until one has come in this phase.
+    switches: Option<Switches>,
     mode: Option<OperationMode>,
     phase: Phase,
     commands: CommandValues,
@@ -141,8 +143,6 @@ pub struct Motion<B, H> {
     identified: Option<Outcome>,
     /// P-0-0227.
     identification_percent: u8,
-    /// An identification has moved the axis: the first command after HALT is looked at before it is followed.
-    displaced: bool,
     /// P-0-0019 in the low half, the enable bits of S-0-0400 and S-0-0405 to S-0-0407 above.
     controlled: u32,
     homing_run: HomingRun,
@@ -154,8 +154,6 @@ pub struct Motion<B, H> {
     range_monitor: Option<RangeMonitor>,
     /// S-0-0148 holds the position until it is cancelled.
     homing: bool,
-    /// Homing has just ended with torque on: the next command is looked at before it is followed.
-    resuming: bool,
     /// Ticks of the supervision for which a lost telegram is still a warning.
     loss_shown: u16,
     /// Ticks of the supervision since the start.
@@ -211,7 +209,7 @@ impl<B: Bus + Clone, H: Hardware> Motion<B, H> {
             until_supervision: 1,
             channels_differ: 0,
             edge_phase: 0,
-            switches: Switches::default(),
+            switches: None,
             mode: None,
             phase: Phase::Cp0,
             commands: CommandValues::default(),
@@ -232,7 +230,6 @@ impl<B: Bus + Clone, H: Hardware> Motion<B, H> {
             identification: None,
             identified: None,
             identification_percent: 0,
-            displaced: false,
             controlled: 0,
             homing_run: HomingRun::default(),
             probe_run: ProbeRun::default(),
@@ -240,7 +237,6 @@ impl<B: Bus + Clone, H: Hardware> Motion<B, H> {
             referenced: false,
             range_monitor: None,
             homing: false,
-            resuming: false,
             loss_shown: 0,
             supervisions: 0,
             diagnostic_number: 0,
@@ -375,7 +371,8 @@ impl<B: Bus + Clone, H: Hardware> Motion<B, H> {
         let before = self.machine.state();
         let conditions = self.conditions();
         // A homing that is not cancelled holds the drive as HALT does.
-        let switches = Switches { run: self.switches.run && !self.homing, ..self.switches };
+        let switches = self.switches.unwrap_or_default();
+        let switches = Switches { run: switches.run && !self.homing, ..switches };
         let state = self.machine.update(switches, conditions);
         if state != DriveState::Halted {
             self.abandon_identification();
@@ -384,6 +381,7 @@ impl<B: Bus + Clone, H: Hardware> Motion<B, H> {
             (DriveState::Off | DriveState::Fault, _) => Mode::Off,
             // Without an angle there is no torque that a loop could use.
             (DriveState::SwitchingOn, _) if !self.motor.commutates() => Mode::Off,
+            (DriveState::FaultReaction, _) if self.settings.reaction == Reaction::TorqueLimit => Mode::Braking,
             (DriveState::SwitchingOff | DriveState::FaultReaction, _) => Mode::Stopping,
             (DriveState::Halted, _) if self.identification.is_some() => self.identification_mode(),
             (DriveState::Following | DriveState::Halted, _) if self.is_travelling_home() => Mode::Travel,

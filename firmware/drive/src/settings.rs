@@ -14,6 +14,7 @@ mod scaling;
 mod torque;
 
 use scaling::DerivativeScale;
+pub(crate) use scaling::{Ratio, increments};
 
 pub use motor::MotorSettings;
 pub(crate) use torque::TorqueScale;
@@ -310,6 +311,7 @@ impl MotionSettings {
             },
             standstill_window: velocity.to_velocity(signed(parameters, 124)),
             monitoring_window,
+            largest_step: largest_step(bipolar, ticks_per_command, &position),
         };
         let feed_forward = parameters.get_word(Idn::standard(296)).saturating_mul(10).min(10_000);
         let increments = parameters.get(Idn::standard(116)).saturating_mul(parameters.get(Idn::standard(256)));
@@ -400,6 +402,13 @@ fn ticks(parameters: &Parameters, number: u16) -> u16 {
 /// Where t3 falls between two ticks: the first tick with a new command comes a quarter of a period after it.
 const fn three_quarters(counts: u16) -> u16 {
     counts.saturating_sub(counts / 4)
+}
+
+/// What a position command may be away from the one before it: the way at S-0-0091 in a control unit cycle S-0-0001, a quarter more for a
+/// control whose path is not quite its own limit, and two increments, because S-0-0047 and S-0-0048 are rounded to them.
+fn largest_step(fastest: Velocity, ticks_per_command: u16, scale: &PositionScale) -> Position {
+    let way = i64::from(fastest.to_bits()).saturating_mul(ticks_per_command.into()) >> 4;
+    Position::from_bits(way.saturating_add(way >> 2)) + scale.to_position(2)
 }
 
 /// Limits of positioning, with the feedrate override S-0-0108.

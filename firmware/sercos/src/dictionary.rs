@@ -277,11 +277,11 @@ dictionary! {
     S 45 "Velocity data scaling factor" [""] U16/0 written IN_CP2_CP3 (1 to 65_535) = 1 => Parameter, stored, needed_for_cp4;
     /// Power of ten of S-0-0045.
     S 46 "Velocity data scaling exponent" [""] I16/0 written IN_CP2_CP3 (-32 to 32) = -4 => Parameter, stored, needed_for_cp4;
-    /// Position command of the control unit.
+    /// Position command of the control unit, compared with S-0-0051 modulo 2^32 or S-0-0103. While S-0-0148 is set it reads the place where the axis is held.
     S 47 "Position command value" [position] I32 written ALWAYS (-2_147_483_648 to 2_147_483_647) = 0 => Live, in_mdt;
     /// Added to S-0-0047: the angle of this axis against the line shaft.
     S 48 "Additive position command value" [position] I32 written ALWAYS (-2_147_483_648 to 2_147_483_647) = 0 => Live, in_mdt;
-    /// Highest position, while bit 4 of S-0-0055 is set and the axis is homed.
+    /// Highest position, while bit 4 of S-0-0055 is set and the axis is homed; not below S-0-0050. Beyond it the axis may be held and go back.
     S 49 "Positive position limit value" [position] I32 written ALWAYS (-2_147_483_648 to 2_147_483_647) = 2_147_483_647 => Parameter, stored;
     /// Lowest position, while bit 4 of S-0-0055 is set and the axis is homed.
     S 50 "Negative position limit value" [position] I32 written ALWAYS (-2_147_483_648 to 2_147_483_647) = -2_147_483_647 => Parameter, stored;
@@ -291,7 +291,7 @@ dictionary! {
     S 52 "Reference distance 1" [position] I32 written ALWAYS (-2_147_483_648 to 2_147_483_647) = 0 => Parameter, stored, restricted;
     /// Position of the second encoder; where it comes from says P-0-2705.
     S 53 "Position feedback value 2 (external feedback)" [position] I32 written NEVER () = 0 => Live, in_at;
-    /// Bit 0 inverts the position command, bit 1 the additive one, bit 2 the position feedback.
+    /// Bits 0 and 2, which must be equal, invert all positions that are written and read (docs/polarity.md), bit 1 the additive command; bit 4 switches S-0-0049 and S-0-0050 on, not with modulo data.
     S 55 "Position polarity parameter" [""] BITS/0 written IN_CP2_CP3 () = 0 => Parameter, stored, needed_for_cp4;
     /// Window of C3D bit 6 (in position), for the following distance, and of C3D bit 8, for the way to S-0-0430.
     S 57 "Position window" [position] I32 written ALWAYS (0 to 2_147_483_647) = 10_000 => Parameter, stored;
@@ -460,7 +460,7 @@ dictionary! {
     S 187 "IDN list of configurable data in the AT" [""] IDNS/0 written NEVER () = 0 => Dictionary(Selection::ConfigurableInAt);
     /// IDNs that S-0-0024 may name.
     S 188 "IDN list of configurable data in the MDT" [""] IDNS/0 written NEVER () = 0 => Dictionary(Selection::ConfigurableInMdt);
-    /// Position command minus position feedback.
+    /// Position command minus position feedback; a longer one than fits is the longest.
     S 189 "Following distance" [position] I32 written NEVER () = 0 => Live, in_at;
     /// Takes S-0-0403 bit 0 away.
     S 191 "Cancel reference point procedure command" [""] COMMAND/0 written ALWAYS () = 0 => Command;
@@ -484,7 +484,7 @@ dictionary! {
     S 208 "Temperature data scaling type" [""] BITS/0 written ALWAYS (0 to 0) = 0 => Parameter;
     /// Increments of one line of the motor encoder.
     S 256 "Multiplication 1" [""] U32/0 written NEVER () = 4 => Parameter;
-    /// Where the drive goes by itself in the modes 0013H and 001BH; a modulo axis in the direction of S-0-0393. If S-0-0393 drops the target when the mode begins, this becomes the position where the axis stands, unless it was written since the mode ended.
+    /// Where the drive goes by itself in the modes 0013H and 001BH; a modulo axis in the direction of S-0-0393, an absolute one never over the border between its highest and its lowest number. If S-0-0393 drops the target when the mode begins, this becomes the position where the axis stands, unless it was written since the mode ended.
     S 258 "Target position" [position] I32 written ALWAYS (-2_147_483_648 to 2_147_483_647) = 0 => Live, in_mdt;
     /// Speed of positioning, within S-0-0091.
     S 259 "Positioning velocity" [velocity] I32 written ALWAYS (1 to 2_147_483_647) = 1_000_000 => Parameter, stored, needed_for_cp4;

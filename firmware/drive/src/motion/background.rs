@@ -13,7 +13,6 @@ use crate::motion::clock_monitor::{ClockMonitor, PHASE_ERROR_CLASSES};
 use crate::record::{Command, Feedback, Records};
 use crate::settings::MotionSettings;
 use crate::snapshot::Snapshot;
-use crate::state::Switches;
 
 /// A value of [`Motion::motor_value`].
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -65,7 +64,7 @@ impl<B: Bus + Clone, H: Hardware> Motion<B, H> {
     /// command values away: a motor that runs is stopped.
     pub fn enter_phase(&mut self, phase: Phase) {
         self.phase = phase;
-        self.switches = Switches::default();
+        self.switches = None;
         self.commands = CommandValues::default();
         self.uninitialised_mode = false;
         self.homing = false;
@@ -269,9 +268,8 @@ impl<B: Bus + Clone, H: Hardware> Motion<B, H> {
         self.referenced = false;
     }
 
-    /// S-0-0148 holds the position, or is cancelled. A command that is far off then is a fault, as at switching on.
+    /// S-0-0148 holds the position, or is cancelled.
     pub fn hold_for_homing(&mut self, hold: bool) {
-        self.resuming = self.homing && !hold && self.has_torque();
         if !hold {
             // Where S-0-0047 is not cyclic nobody else brings it into the new coordinates.
             self.commands.position = self.position_command_data();

@@ -22,7 +22,7 @@ impl<B: Bus + Clone, H: Hardware> Motion<B, H> {
         let output = &self.output;
         let commanded = match self.axis.mode() {
             _ if !self.machine.state().is_in_operation() => Commanded::Nothing,
-            Mode::Off | Mode::Stopping => Commanded::Nothing,
+            Mode::Off | Mode::Stopping | Mode::Braking => Commanded::Nothing,
             Mode::Position | Mode::Halt | Mode::Travel => {
                 Commanded::At(measured + (output.position_command - self.encoder.position()))
             }

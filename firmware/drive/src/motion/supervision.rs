@@ -3,7 +3,7 @@
 use sercon816::Bus;
 use sercos::Phase;
 use sercos::diagnostic::{Class1, Class3};
-use servo::{Mode, Position, Velocity};
+use servo::Position;
 
 use super::Motion;
 use crate::diagnosis::{Manufacturer1, Manufacturer3};
@@ -64,6 +64,7 @@ impl<B: Bus + Clone, H: Hardware> Motion<B, H> {
         let sustained = self.motor.link_sustains() && self.inputs.bridge_ready && self.permits_torque();
         Conditions {
             operating_phase: self.phase == Phase::Cp4
+                && self.switches.is_some()
                 && self.lost.is_none()
                 && !self.manufacturer_3.contains(Manufacturer3::PARKED),
             power: self.motor.has_power(&self.inputs) && sustained,
@@ -76,10 +77,15 @@ impl<B: Bus + Clone, H: Hardware> Motion<B, H> {
         }
     }
 
+    /// The control asks for torque: bits 15 and 14 of an MDT of this CP4.
+    pub(super) fn wants_torque(&self) -> bool {
+        self.switches.is_some_and(|switches| switches.on && switches.enable)
+    }
+
     /// A stop is under way that the control or an error has asked for, and the control has not asked for torque again since. The main
     /// contactor may open then: an emergency stop circuit does it.
     fn is_stopping(&self) -> bool {
-        let requested = self.switches.on && self.switches.enable;
+        let requested = self.wants_torque();
         match self.machine.state() {
             DriveState::SwitchingOff => !requested,
             DriveState::Engaging => !requested || !self.class_1.is_empty(),
@@ -97,16 +103,7 @@ impl<B: Bus + Clone, H: Hardware> Motion<B, H> {
         let torque = self.machine.state().has_torque();
         let in_operation = self.machine.state().is_in_operation();
         let leaves_its_range = self.watch_range();
-        let findings = self.motor.supervise(&Surroundings {
-            torque,
-            count: self.counted(self.motor.count()),
-            index,
-            velocity_command: if in_operation && self.axis.mode() != Mode::Torque {
-                self.output.velocity_command
-            } else {
-                Velocity::ZERO
-            },
-        });
+        let findings = self.motor.supervise(&Surroundings { torque, count: self.counted(self.motor.count()), index });
         self.take(findings);
         self.watch_safe_torque_off(torque);
         if !torque {

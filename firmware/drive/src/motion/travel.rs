@@ -105,7 +105,7 @@ impl<B: Bus + Clone, H: Hardware> Motion<B, H> {
                 index: self.homing_run.index.flatten(),
                 standstill: self.output.standstill,
                 moving_finished: self.output.travelled,
-                run: self.switches.run,
+                run: self.switches.is_some_and(|switches| switches.run),
             },
         );
         if output.arm_index && self.homing_run.index.is_none() {

@@ -161,7 +161,7 @@ impl<B: Bus + Clone, H: Hardware> Motion<B, H> {
         self.manufacturer_2 = own;
 
         let mut class_2 = Class2::empty();
-        let wants_torque = self.phase == Phase::Cp4 && self.switches.on && self.switches.enable;
+        let wants_torque = self.wants_torque();
         class_2.set(Class2::UNDERVOLTAGE, wants_torque && !torque && !self.motor.has_power(&self.inputs));
         let watched = self.motor.watched();
         class_2.set(Class2::OVERLOAD, watched.overload);
