@@ -13,14 +13,17 @@ use sercos::diagnostic::{Class1, Class2, Class3};
 use sercos::phase::PhaseError;
 use sercos::supervision::Supervision;
 use servo::{
-    Axis, AxisOutput, LOOP_TICKS_PER_SUPERVISION, Limiting, LoopClock, Mode, Position, Scope, TwiceReadEncoder,
+    Axis, AxisOutput, LOOP_TICKS_PER_SUPERVISION, Limiting, LoopClock, Mode, Position, RangeMonitor, Scope,
+    TwiceReadEncoder,
 };
 
 mod background;
 mod clock_monitor;
+mod coordinates;
 mod cycle;
 mod following;
 mod identifying;
+mod range;
 mod recording;
 mod supervision;
 mod travel;
@@ -57,9 +60,9 @@ pub struct CommandValues {
     pub position: i32,
     /// S-0-0048.
     pub additive_position: i32,
-    /// S-0-0080 in 0.1 % of S-0-0111.
+    /// S-0-0080.
     pub torque: i16,
-    /// S-0-0081 in 0.1 % of S-0-0111.
+    /// S-0-0081.
     pub additive_torque: i16,
     /// S-0-0145.
     pub signal_control: u16,
@@ -143,6 +146,8 @@ pub struct Motion<B, H> {
     target: Option<(i32, Position)>,
     /// S-0-0403 bit 0.
     referenced: bool,
+    /// S-0-0049 and S-0-0050, while they are in force.
+    range_monitor: Option<RangeMonitor>,
     /// S-0-0148 holds the position until it is cancelled.
     homing: bool,
     /// Ticks of the supervision for which a lost telegram is still a warning.
@@ -226,6 +231,7 @@ impl<B: Bus + Clone, H: Hardware> Motion<B, H> {
             probe_run: ProbeRun::default(),
             target: None,
             referenced: false,
+            range_monitor: None,
             homing: false,
             loss_shown: 0,
             supervisions: 0,

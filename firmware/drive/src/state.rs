@@ -64,8 +64,11 @@ impl Switches {
 pub struct Conditions {
     /// CP4: command values are valid, torque is allowed, and the switches are those of an MDT of this CP4.
     pub operating_phase: bool,
-    /// Main power is applied and the amplifier reports no fault of its own.
+    /// Main power is applied and the amplifier reports no fault of its own: torque may come.
     pub power: bool,
+    /// The DC link is above P-0-0104, the amplifier is sound and safe torque off permits torque: torque that is there may stay. Without main
+    /// power it is for a stop alone.
+    pub sustained: bool,
     /// A class 1 diagnostic is present.
     pub fault: bool,
     /// The fault forbids a controlled stop: torque off at once (feedback lost, amplifier tripped).
@@ -81,7 +84,8 @@ pub struct Conditions {
 /// The state machine of sercos2.md 6.3.
 ///
 /// Torque comes on only at a rising edge of ON and ENABLE together, both sides of it seen in CP4, with power and without fault: a switch
-/// that was left on through a fault, a loss of power or a run-up never starts a motor.
+/// that was left on through a fault, a loss of power or a run-up never starts a motor. Torque that is on goes on without main power for as
+/// long as the DC link carries it: the error that the loss is, or the control, makes a stop of it.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct StateMachine {
     state: DriveState,
@@ -114,10 +118,11 @@ impl StateMachine {
         let request = switches.on && switches.enable && conditions.operating_phase;
         let rising = request && self.armed;
         self.armed = conditions.operating_phase && !request;
-        let torque_forbidden = !conditions.power || conditions.fatal;
+        let torque_forbidden = !conditions.sustained || conditions.fatal;
+        let may_come = rising && conditions.power;
         self.state = match self.state {
             DriveState::Off if conditions.fault => DriveState::Fault,
-            DriveState::Off if rising && !torque_forbidden => DriveState::SwitchingOn,
+            DriveState::Off if may_come && !torque_forbidden => DriveState::SwitchingOn,
             DriveState::Off => DriveState::Off,
             DriveState::Fault if conditions.fault => DriveState::Fault,
             DriveState::Fault => DriveState::Off,
@@ -125,7 +130,7 @@ impl StateMachine {
             // ENABLE goes past every ramp: torque off at once (sercos2.md 6.3). A lost ring has no switches to obey.
             _ if conditions.operating_phase && !switches.enable => Self::stopped(conditions),
             DriveState::Engaging if conditions.torque_off => Self::stopped(conditions),
-            DriveState::Engaging if rising && !conditions.fault => DriveState::SwitchingOn,
+            DriveState::Engaging if may_come && !conditions.fault => DriveState::SwitchingOn,
             DriveState::Engaging => DriveState::Engaging,
             // Nothing moves yet: there is nothing to decelerate.
             DriveState::SwitchingOn if conditions.fault || !request => DriveState::Engaging,
@@ -134,7 +139,7 @@ impl StateMachine {
             DriveState::FaultReaction if conditions.standstill => DriveState::Engaging,
             DriveState::FaultReaction => DriveState::FaultReaction,
             _ if conditions.fault => DriveState::FaultReaction,
-            DriveState::SwitchingOff if rising => Self::running(switches),
+            DriveState::SwitchingOff if may_come => Self::running(switches),
             DriveState::SwitchingOff if conditions.standstill => DriveState::Engaging,
             DriveState::SwitchingOff => DriveState::SwitchingOff,
             DriveState::Following | DriveState::Halted if !request => DriveState::SwitchingOff,
@@ -157,7 +162,8 @@ impl StateMachine {
 pub const fn status_bits(state: DriveState, conditions: Conditions) -> u16 {
     let ready = match state {
         _ if state.is_in_operation() => 0xC000,
-        _ if conditions.power => 0x8000,
+        // A brake that closes, or opens, does it under torque: what the DC link carries is power.
+        _ if conditions.power || (state.has_torque() && conditions.sustained) => 0x8000,
         _ => 0x4000,
     };
     let error = if conditions.fault { 0x2000 } else { 0 };
@@ -177,6 +183,7 @@ mod tests {
     const READY: Conditions = Conditions {
         operating_phase: true,
         power: true,
+        sustained: true,
         fault: false,
         fatal: false,
         standstill: false,
@@ -256,13 +263,48 @@ mod tests {
     }
 
     #[test]
-    fn enable_and_lost_power_take_the_torque_away_at_once() {
+    fn enable_and_an_empty_dc_link_take_the_torque_away_at_once() {
         let mut machine = following();
         assert_eq!(machine.update(Switches { enable: false, ..FOLLOW }, READY), DriveState::Off);
         let mut machine = following();
-        assert_eq!(machine.update(FOLLOW, Conditions { power: false, ..READY }), DriveState::Off);
+        let empty = Conditions { power: false, sustained: false, ..READY };
+        assert_eq!(machine.update(FOLLOW, empty), DriveState::Off);
         let mut machine = following();
         assert_eq!(machine.update(FOLLOW, Conditions { fatal: true, ..FAULT }), DriveState::Fault);
+    }
+
+    const WITHOUT_MAINS: Conditions = Conditions { power: false, ..READY };
+
+    #[test]
+    fn a_stop_is_finished_without_main_power_as_long_as_the_dc_link_carries_it() {
+        let mut machine = following();
+        let lost = Conditions { fault: true, ..WITHOUT_MAINS };
+        assert_eq!(machine.update(FOLLOW, lost), DriveState::FaultReaction);
+        assert_eq!(status_bits(machine.state(), lost), 0xE000);
+        assert_eq!(machine.update(FOLLOW, Conditions { standstill: true, ..lost }), DriveState::Engaging);
+        let closing = Conditions { torque_off: false, ..lost };
+        assert_eq!(machine.update(FOLLOW, closing), DriveState::Engaging, "the brake closes under torque");
+        assert_eq!(status_bits(machine.state(), closing), 0xA000);
+        assert_eq!(machine.update(FOLLOW, lost), DriveState::Fault);
+        assert_eq!(status_bits(machine.state(), lost), 0x6000);
+        let mut machine = following();
+        assert_eq!(machine.update(ENABLED, READY), DriveState::SwitchingOff);
+        assert_eq!(machine.update(ENABLED, WITHOUT_MAINS), DriveState::SwitchingOff);
+        let empty = Conditions { sustained: false, fault: true, ..WITHOUT_MAINS };
+        assert_eq!(machine.update(ENABLED, empty), DriveState::Fault);
+    }
+
+    #[test]
+    fn an_edge_without_main_power_takes_up_no_stopped_axis_again() {
+        let mut machine = following();
+        let _ = machine.update(ENABLED, READY);
+        assert_eq!(machine.update(FOLLOW, WITHOUT_MAINS), DriveState::SwitchingOff);
+        assert_eq!(machine.update(FOLLOW, READY), DriveState::SwitchingOff, "the edge was another one");
+        let closing = Conditions { standstill: true, torque_off: false, ..WITHOUT_MAINS };
+        assert_eq!(machine.update(ENABLED, closing), DriveState::Engaging);
+        assert_eq!(machine.update(FOLLOW, closing), DriveState::Engaging);
+        assert_eq!(machine.update(FOLLOW, WITHOUT_MAINS), DriveState::Off);
+        assert_eq!(machine.update(FOLLOW, READY), DriveState::Off);
     }
 
     #[test]
@@ -311,14 +353,21 @@ mod tests {
     fn look() -> impl Strategy<Value = (Switches, Conditions)> {
         let switches = (prop::bool::weighted(0.7), prop::bool::weighted(0.8), any::<bool>());
         let conditions = (
-            (prop::bool::weighted(0.8), prop::bool::weighted(0.9), prop::bool::weighted(0.1)),
+            (
+                prop::bool::weighted(0.8),
+                prop::bool::weighted(0.9),
+                prop::bool::weighted(0.9),
+                prop::bool::weighted(0.1),
+            ),
             (prop::bool::weighted(0.3), any::<bool>(), any::<bool>(), any::<bool>()),
         );
         (switches, conditions).prop_map(|((on, enable, run), (outside, inside))| {
-            let (operating_phase, power, fault) = outside;
+            let (operating_phase, sustained, mains, fault) = outside;
             let (grave, standstill, released, torque_off) = inside;
             let fatal = fault && grave;
-            let conditions = Conditions { operating_phase, power, fault, fatal, standstill, released, torque_off };
+            let power = sustained && mains;
+            let conditions =
+                Conditions { operating_phase, power, sustained, fault, fatal, standstill, released, torque_off };
             (Switches { on, enable, run }, conditions)
         })
     }

@@ -179,7 +179,7 @@ impl<B: Bus + Clone, H: Hardware> Motion<B, H> {
             manufacturer_3: self.manufacturer_3,
             homing: self.homing,
             status_word: self.status_word(),
-            commands: self.commands,
+            commands: CommandValues { position: self.position_command_data(), ..self.commands },
             mst_errors: self.supervision.mst_errors(),
             mdt_errors: self.supervision.mdt_errors(),
             operating_time: self.operating_time(),
@@ -191,7 +191,7 @@ impl<B: Bus + Clone, H: Hardware> Motion<B, H> {
         self.identified.is_some() || self.has_homing_result()
     }
 
-    /// P-0-0006: time since the processor was started, in us.
+    /// Time since the processor was started, in us.
     pub(crate) fn operating_time(&self) -> u64 {
         self.supervisions.wrapping_mul(SUPERVISION_PERIOD_MICROSECONDS.into())
     }
@@ -258,12 +258,6 @@ impl<B: Bus + Clone, H: Hardware> Motion<B, H> {
         self.output.standstill
     }
 
-    /// The place where the motor stands is the position `value`, in the weight of S-0-0052, from now on. Divides.
-    pub fn set_reference(&mut self, value: i32) {
-        self.shift_zero(self.settings.position.to_position(value) - self.encoder.position());
-        self.referenced = true;
-    }
-
     /// S-0-0191.
     pub fn cancel_reference(&mut self) {
         self.referenced = false;
@@ -271,6 +265,10 @@ impl<B: Bus + Clone, H: Hardware> Motion<B, H> {
 
     /// S-0-0148 holds the position, or is cancelled.
     pub fn hold_for_homing(&mut self, hold: bool) {
+        if !hold {
+            // Where S-0-0047 is not cyclic nobody else brings it into the new coordinates.
+            self.commands.position = self.position_command_data();
+        }
         self.homing = hold;
         self.abandon_homing();
         self.update_state();

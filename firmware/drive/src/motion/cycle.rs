@@ -5,7 +5,7 @@ use sercos::Phase;
 use sercos::diagnostic::Class1;
 use sercos::phase::PhaseError;
 use sercos::supervision::Reception;
-use servo::{CurrentFraction, Position, Velocity};
+use servo::{CurrentFraction, Velocity};
 
 use super::Motion;
 use crate::hardware::Hardware;
@@ -16,9 +16,6 @@ use crate::work::Work;
 
 /// So long a lost telegram is a warning, in ticks of the supervision: one second.
 const LOSS_SHOWN_TICKS: u16 = 2_000;
-
-/// Largest current fraction, in 2^-15.
-const MOST_CURRENT: i64 = i16::MAX as i64;
 
 impl<B: Bus + Clone, H: Hardware> Motion<B, H> {
     /// A t3 event that is overdue by a quarter of a cycle (at least two ticks) is stood in for, so that supervision and
@@ -151,29 +148,13 @@ impl<B: Bus + Clone, H: Hardware> Motion<B, H> {
         let Polarity { command, additive, .. } = self.settings.torque_polarity;
         let signed = |value: i16, reversed: bool| i64::from(value).wrapping_mul(if reversed { -1 } else { 1 });
         let sum = signed(self.commands.torque, command).wrapping_add(signed(self.commands.additive_torque, additive));
-        let fraction = self.settings.torque_command.apply(sum);
-        CurrentFraction::from_bits(fraction.clamp(-MOST_CURRENT, MOST_CURRENT) as i16)
+        self.settings.torque.to_current(sum)
     }
 
     /// Control word bits 11, 9, 8.
     fn selected_mode(&self) -> u8 {
         let word = self.commands.control_word;
         (((word & 0x0800) >> 9) | ((word & 0x0300) >> 8)) as u8
-    }
-
-    /// S-0-0047 with S-0-0048, within the modulo range if there is one.
-    pub(super) fn commanded_position(&self) -> Position {
-        let Polarity { command, additive, .. } = self.settings.position_polarity;
-        let signed = |value: i32, reversed: bool| {
-            // Most drives have no additive command.
-            if value == 0 {
-                return Position::ZERO;
-            }
-            let position = self.settings.position.to_position(value);
-            if reversed { -position } else { position }
-        };
-        let sum = signed(self.commands.position, command) + signed(self.commands.additive_position, additive);
-        self.axis.settings().interpolator().modulo().map_or(sum, |modulo| modulo.reduce(sum))
     }
 
     fn lose(&mut self, error: PhaseError) {
