@@ -287,6 +287,18 @@ impl Axis {
         }
     }
 
+    /// The set-point of [`Mode::Travel`] or [`Mode::Halt`] does not move.
+    #[must_use]
+    pub const fn setpoint_rests(&self) -> bool {
+        self.trajectory.is_at_rest()
+    }
+
+    /// Whether the set-point of [`Mode::Travel`] can still stop at `target` without passing it; one that moves away from it can.
+    #[must_use]
+    pub fn stops_before(&self, limits: &MotionLimits, target: Position) -> bool {
+        self.trajectory.stops_before(limits, target)
+    }
+
     /// Starts the velocity loop with this current: what held the load when the axis was last switched off.
     pub fn preload(&mut self, current: CurrentFraction) {
         self.velocity_loop.preset(current);

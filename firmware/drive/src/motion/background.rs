@@ -6,7 +6,7 @@ use sercos::phase::{InterfaceStatus, PhaseError};
 use sercos::{Idn, Phase};
 use servo::{Axis, LoopClock, SUPERVISION_PERIOD_MICROSECONDS, TwiceReadEncoder};
 
-use super::{CommandValues, Motion};
+use super::{CommandValues, Motion, Positioning};
 use crate::diagnosis::{Circumstances, Manufacturer1, Manufacturer3};
 use crate::hardware::{Hardware, ResetCause};
 use crate::motion::clock_monitor::{ClockMonitor, PHASE_ERROR_CLASSES};
@@ -69,8 +69,9 @@ impl<B: Bus + Clone, H: Hardware> Motion<B, H> {
         self.uninitialised_mode = false;
         self.homing = false;
         self.abandon_homing();
+        self.cancel_positive_stop();
         self.set_probing(None);
-        self.target = None;
+        self.positioning = Positioning::default();
         self.until_overdue = if phase < Phase::Cp3 { 0 } else { self.settings.ticks_to_overdue };
         self.cycles_since_command = 0;
         self.entered_cyclic = phase == Phase::Cp3;
@@ -115,6 +116,7 @@ impl<B: Bus + Clone, H: Hardware> Motion<B, H> {
             self.encoder = TwiceReadEncoder::new(settings.encoder, self.counted(count));
             self.axis = Axis::new(settings.with_lag, self.encoder.position());
             self.referenced = false;
+            self.positioning.forget();
         }
         self.apply_axis_settings();
     }
@@ -186,9 +188,9 @@ impl<B: Bus + Clone, H: Hardware> Motion<B, H> {
         }
     }
 
-    /// A homing or an identification has ended, and nobody has asked yet how.
+    /// A homing, an identification or a positive stop has ended, and nobody has asked yet how.
     pub(crate) const fn has_results(&self) -> bool {
-        self.identified.is_some() || self.has_homing_result()
+        self.identified.is_some() || self.has_homing_result() || self.positive_stop_result.is_some()
     }
 
     /// Time since the processor was started, in us.
@@ -235,6 +237,10 @@ impl<B: Bus + Clone, H: Hardware> Motion<B, H> {
         self.put_command(command, raw);
         if command == Command::SignalControl {
             self.apply_signal_control();
+        }
+        // What is reached is told of the new target as soon as it is acknowledged.
+        if self.is_positioning() {
+            self.position_to_target();
         }
     }
 

@@ -123,7 +123,12 @@ impl<B: Bus + Clone, H: Hardware> Motion<B, H> {
             Command::Torque => self.commands.torque = word.cast_signed(),
             Command::AdditiveTorque => self.commands.additive_torque = word.cast_signed(),
             Command::SignalControl => self.commands.signal_control = word,
-            Command::TargetPosition => self.commands.target_position = long,
+            Command::TargetPosition => {
+                self.commands.target_position = long;
+                self.positioning.target_is_written();
+            }
+            Command::PositioningValue => self.commands.positioning_value = long,
+            Command::PositioningControl => self.commands.positioning_control = word,
         }
     }
 
