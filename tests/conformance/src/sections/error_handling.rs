@@ -427,11 +427,23 @@ fn drive_errors() -> Vec<Case> {
         "a command that jumps beyond S-0-0159: C1D bit 11, F10BH",
         "sercos2.md 4.3, 6.3",
         |slave| {
+            in_operation(slave, 11, Configuration::standard(4))?;
+            let position = slave.last.clone().ok_or("no AT")?.long(0);
+            slave.commands = (position + 400_000).to_le_bytes().to_vec();
+            slave.cycles(500);
+            shut_down(slave, 1 << 11, 0xF10B)
+        },
+    ));
+    cases.push(Case::new(
+        SECTION,
+        "a command that jumps beyond S-0-0091 in a cycle: C1D bit 15, F11BH",
+        "sercos2.md 4.3, 6.3",
+        |slave| {
             in_operation(slave, 3, Configuration::standard(4))?;
             let position = slave.last.clone().ok_or("no AT")?.long(0);
             slave.commands = (position + 3_600_000).to_le_bytes().to_vec();
             slave.cycles(500);
-            shut_down(slave, 1 << 11, 0xF10B)
+            shut_down(slave, 1 << 15, 0xF11B)
         },
     ));
     cases.push(Case::new(
