@@ -333,8 +333,11 @@ fn an_operation_mode_that_is_not_initialised_is_named_in_s_0_0023_until_the_erro
     bench.world.ring_mut().add_fault(ring::fibre::Fault::once(from, 0, mdt, effect));
     bench.run(Nanoseconds::from_millis(8));
     bench.assert_stopped();
-    assert_eq!(bench.run_up_and_read(&[14, 390]), [1 << 9 | 4, 0xF009]);
+    // The ring goes on: it is told in CP4, and S-0-0099 clears it there.
+    assert_eq!([14, 11, 390].map(|idn| bench.number(idn)), [1 << 9 | 4, 1 << 12, 0xF009]);
     assert_eq!(bench.entries(23), [285]);
     bench.clear_errors();
     assert!(bench.entries(23).is_empty());
+    assert_eq!([14, 11].map(|idn| bench.number(idn)), [4, 0]);
+    assert_eq!(bench.world.ring().master().report().error, None);
 }

@@ -43,7 +43,7 @@ impl core::error::Error for StartError {}
 /// takes one a step, so that it waits for none of them either way.
 const SEGMENT_WORDS: usize = 8;
 
-/// A phase change that has happened, for the log.
+/// A phase change or an error of communication that has happened, for the log.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub struct PhaseReport {
@@ -133,22 +133,30 @@ impl<B: Bus + Clone> Communication<B> {
     ) -> Option<PhaseReport> {
         let from = self.phases.current();
         let lost = motion.lock(Motion::take_loss);
+        let mut noted = None;
         let result = match lost {
+            Some(error @ PhaseError::UninitialisedMode { selected }) => {
+                // The control has to learn of it from the ATs: only the motor stops.
+                self.phases.note(error);
+                self.checks.missing_mode = OPERATION_MODES.get(usize::from(selected)).copied();
+                self.remember(error, motion);
+                noted = Some(error);
+                self.phases.received(self.slave.phase_received())
+            }
             Some(error) => Err(self.phases.fail(error)),
             None => self.phases.received(self.slave.phase_received()),
         };
         let report = match result {
-            Ok(PhaseChange::Unchanged) => return None,
+            Ok(PhaseChange::Unchanged) => match noted {
+                Some(_) => PhaseReport { from, to: from, error: noted },
+                None => return None,
+            },
             Ok(PhaseChange::Entered { from, to }) => {
                 self.enter(to, interrupts, motion);
                 PhaseReport { from, to, error: None }
             }
             Err(error) => {
-                if let PhaseError::UninitialisedMode { selected } = error {
-                    self.checks.missing_mode = OPERATION_MODES.get(usize::from(selected)).copied();
-                }
-                let seconds = seconds(motion.lock(|motion| motion.operating_time()));
-                self.errors.add(ErrorRecord { number: of_phase_error(error).number, seconds });
+                self.remember(error, motion);
                 motion.lock(Motion::communication_fault);
                 self.enter(Phase::Cp0, interrupts, motion);
                 // The master may have gone to CP0 in the same moment: then this is its CP0, and no other change will tell.
@@ -214,6 +222,11 @@ impl<B: Bus + Clone> Communication<B> {
             motion.lock(|motion| motion.apply_settings(settings));
         }
         self.announce(motion);
+    }
+
+    fn remember<H: Hardware>(&mut self, error: PhaseError, motion: &mut impl Mutex<T = Motion<B, H>>) {
+        let seconds = seconds(motion.lock(|motion| motion.operating_time()));
+        self.errors.add(ErrorRecord { number: of_phase_error(error).number, seconds });
     }
 
     fn enter<H: Hardware>(

@@ -116,7 +116,10 @@ pub struct Motion<B, H> {
     shown: ShownValues,
     supervision: Supervision,
     lost: Option<PhaseError>,
+    /// The control asks for a mode that is not set.
     uninitialised_mode: bool,
+    /// Control word bits 11, 9, 8 of the mode in force.
+    mode_bits: u16,
     class_2: Class2,
     class_3: Class3,
     manufacturer_1: Manufacturer1,
@@ -210,6 +213,7 @@ impl<B: Bus + Clone, H: Hardware> Motion<B, H> {
             supervision: Supervision::new(),
             lost: None,
             uninitialised_mode: false,
+            mode_bits: 0,
             class_1: Class1::empty(),
             class_2: Class2::empty(),
             class_3: Class3::empty(),

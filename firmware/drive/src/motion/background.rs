@@ -68,6 +68,7 @@ impl<B: Bus + Clone, H: Hardware> Motion<B, H> {
         self.switches = Switches::default();
         self.commands = CommandValues::default();
         self.uninitialised_mode = false;
+        self.mode_bits = 0;
         self.homing = false;
         self.abandon_homing();
         self.set_probing(None);

@@ -17,6 +17,9 @@ use crate::work::Work;
 /// So long a lost telegram is a warning, in ticks of the supervision: one second.
 const LOSS_SHOWN_TICKS: u16 = 2_000;
 
+/// Control word bits 11, 9, 8.
+const MODE_BITS: u16 = 0x0B00;
+
 /// Largest current fraction, in 2^-15.
 const MOST_CURRENT: i64 = i16::MAX as i64;
 
@@ -67,14 +70,7 @@ impl<B: Bus + Clone, H: Hardware> Motion<B, H> {
         self.take_record();
         self.controlled = self.settings.bits.apply_control_word(self.controlled, self.commands.control_word);
         self.switches = Switches::from_control_word(self.commands.control_word);
-        let selected = self.selected_mode();
-        let mode = self.settings.modes.get(usize::from(selected)).copied().flatten();
-        if mode.is_none() && !self.uninitialised_mode {
-            self.uninitialised_mode = true;
-            self.lose(PhaseError::UninitialisedMode { selected });
-            return Work::PHASE_CHANGE;
-        }
-        self.mode = mode;
+        let work = self.select_mode();
         self.refuse_a_jump();
         self.update_state();
         if self.is_positioning() {
@@ -90,7 +86,34 @@ impl<B: Bus + Clone, H: Hardware> Motion<B, H> {
         }
         // A torque command is no point of a path: nothing is interpolated.
         self.axis.command_torque(self.commanded_torque());
+        work
+    }
+
+    /// Control word bits 11, 9, 8. A mode that is not set stays away; it is an error only of a control that wants the drive to switch on or
+    /// to stay on (bits 15, 14).
+    fn select_mode(&mut self) -> Work {
+        let selected = self.selected_mode();
+        let mode = self.settings.modes.get(usize::from(selected)).copied().flatten();
+        if mode.is_none() {
+            return self.refuse_mode(selected);
+        }
+        self.mode = mode;
+        self.mode_bits = self.commands.control_word & MODE_BITS;
+        self.uninitialised_mode = false;
         Work::empty()
+    }
+
+    /// The motor stops with C1D bit 12 and S-0-0014 bit 9, told once, and again after S-0-0099. The ring goes on.
+    #[cold]
+    fn refuse_mode(&mut self, selected: u8) -> Work {
+        let asked = self.switches.on || self.switches.enable;
+        let told = self.uninitialised_mode && self.class_1.contains(Class1::COMMUNICATION);
+        self.uninitialised_mode = asked;
+        if !asked || told {
+            return Work::empty();
+        }
+        self.lose(PhaseError::UninitialisedMode { selected });
+        Work::PHASE_CHANGE
     }
 
     /// The command values of this drive's record, in their order.
