@@ -20,7 +20,6 @@ use crate::identity::Identity;
 use crate::interrupts::Interrupts;
 use crate::live::{Checks, Context, Finding};
 use crate::motion::Motion;
-use crate::settings::MotionSettings;
 
 /// Why the drive cannot start.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -171,10 +170,10 @@ impl<B: Bus + Clone> Communication<B> {
     /// Task of INT_SC_0: serves the step that waits in the service container; the next one starts it anew, also while it runs. Also started by
     /// the motion side when it has become another state, error or warning, to bring diagnosis and error memory up to date.
     ///
-    /// Contract: at most 100 us from the end of the MDT to the release (S-0-0326 takes 74, the average is 13); settings that a write has changed, and the checks of
-    /// S-0-0127 and S-0-0128, are worked out after the release.
+    /// Contract: at most 100 us from the end of the MDT to the release (S-0-0326 takes 74, the average is 13). The checks of S-0-0127 and
+    /// S-0-0128, and settings that a write has changed before them, are worked out after the release. The last step of a parameter that is
+    /// written while the loops work with it takes longer, for it is refused if they cannot: the chip holds it (BUSY) into the next cycle.
     pub fn service_channel<H: Hardware>(&mut self, motion: &mut impl Mutex<T = Motion<B, H>>) {
-        let mut settings_changed = false;
         let mut context = Context {
             motion,
             slave: &mut self.slave,
@@ -184,7 +183,7 @@ impl<B: Bus + Clone> Communication<B> {
             identity: &self.identity,
             access: &mut self.access,
             errors: &self.errors,
-            settings_changed: &mut settings_changed,
+            settings_changed: false,
         };
         // The motion side also starts this task for other news than the lock that S-0-0128 waits for.
         if context.checks.waits_for_lock && !context.motion.lock(|motion| motion.waits_for_lock()) {
@@ -218,9 +217,7 @@ impl<B: Bus + Clone> Communication<B> {
                 self.service.set_command_change(self.server.command_change());
             }
         }
-        if settings_changed && let Ok(settings) = MotionSettings::new(&self.parameters, H::LOOP_TIMER_COUNTS) {
-            motion.lock(|motion| motion.apply_settings(settings));
-        }
+        context.settle(&self.parameters);
         self.announce(motion);
     }
 

@@ -6,7 +6,7 @@ use heapless::{String, Vec};
 use rtic_core::Mutex;
 use sercon816::{Bus, Slave};
 use sercos::command::{CommandAction, CommandState};
-use sercos::data_block::NeededFor;
+use sercos::data_block::{Location, NeededFor};
 use sercos::parameters::Parameters;
 use sercos::service::{LIVE_LIST_ENTRIES, LIVE_LONG_ENTRIES, LIVE_TEXT_BYTES, Live, ServiceError};
 use sercos::transition::{self, Capabilities, CyclicConfiguration, Invalid, InvalidData, Reason};
@@ -25,7 +25,7 @@ use crate::motion::{HomingFailure, Motion, MotorValue};
 use crate::oscilloscope::{self, Configuration};
 use crate::record::{Command, Feedback, Records};
 use crate::settings::motor::FREQUENCY;
-use crate::settings::{InvalidSetting, MotionSettings, OperationMode, homing};
+use crate::settings::{CycleSettings, InvalidSetting, MotionSettings, OperationMode, homing};
 
 /// So long S-0-0128 waits for the loops to lock to the ring: 200 ms in loop ticks, twice what a lock takes.
 const LOCK_PATIENCE_TICKS: u16 = 400;
@@ -65,7 +65,7 @@ pub(crate) struct Checks {
     pub(crate) invalid_for_cp4: InvalidData,
     /// S-0-0023: the operation mode parameter that CP4 asked for in vain.
     pub(crate) missing_mode: Option<Idn>,
-    /// P-0-0003: what the last check that failed found first.
+    /// P-0-0003: what the last check that failed found first, or why a write was refused.
     pub(crate) finding: Option<Finding>,
     /// S-0-0128 waits for the loop clock.
     pub(crate) waits_for_lock: bool,
@@ -73,11 +73,17 @@ pub(crate) struct Checks {
     pub(crate) started: Option<Idn>,
 }
 
-/// What keeps a transition check from passing.
+/// What keeps a transition check from passing, homing from starting or a write from being taken.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Finding {
     /// A data block is to blame.
     DataBlock(Invalid),
+    /// The loops cannot work with the parameters.
+    Settings(InvalidSetting),
+    /// The loops could not work with what was written, and it was taken back.
+    Write(InvalidSetting),
+    /// S-0-0262 where it would change what the phase protects.
+    LoadInOperation,
     /// The loops have not locked to the ring (S-0-0128).
     NotSynchronised,
     /// The ring controller refuses the configuration.
@@ -96,8 +102,8 @@ pub(crate) struct Context<'a, B, M> {
     pub(crate) identity: &'a Identity,
     pub(crate) access: &'a mut Access,
     pub(crate) errors: &'a ErrorMemory,
-    /// A parameter of the loops has changed; they get it once the step is released.
-    pub(crate) settings_changed: &'a mut bool,
+    /// A parameter of the loops has changed before they have begun to work with it; they get it once the step is released.
+    pub(crate) settings_changed: bool,
 }
 
 impl<B, H, M> Context<'_, B, M>
@@ -147,10 +153,21 @@ where
         Some((idn, self.found(result)))
     }
 
+    /// Gives the loops what has changed before they have begun to work with it.
+    pub(crate) fn settle(&mut self, parameters: &Parameters) {
+        if core::mem::take(&mut self.settings_changed) {
+            // What does not go together yet waits for the rest; S-0-0128 finds what is left of it.
+            match MotionSettings::new(parameters, H::LOOP_TIMER_COUNTS) {
+                Ok(settings) => self.motion.lock(|motion| motion.apply_settings(settings)),
+                Err(_) => debug_assert!(!self.loops_work(), "what the loops work with was checked"),
+            }
+        }
+    }
+
     fn found(&mut self, result: Result<(), CommissioningFinding>) -> CommandState {
         self.commissioning.finding = result.err();
         if result.is_ok() {
-            *self.settings_changed = true;
+            self.settings_changed = true;
             CommandState::Executed
         } else {
             CommandState::Failed
@@ -168,6 +185,15 @@ where
                 return CommandState::Failed;
             }
         };
+        let cycle = match CycleSettings::new(parameters, H::LOOP_TIMER_COUNTS) {
+            Ok(cycle) => cycle,
+            Err(setting) => {
+                self.checks.finding = Some(Finding::Settings(setting));
+                self.checks.invalid_for_cp3 = InvalidData::default();
+                self.checks.invalid_for_cp3.add(setting.idn, reason_of(&setting));
+                return CommandState::Failed;
+            }
+        };
         self.checks.invalid_for_cp3 = InvalidData::default();
         self.checks.finding = Some(Finding::Controller);
         let mdt = cyclic.mdt.iter().map(|datum| datum.idn);
@@ -176,7 +202,10 @@ where
         if self.slave.configure_cyclic(&chip_configuration(&cyclic)).is_err() {
             return CommandState::Failed;
         }
-        self.motion.lock(|motion| motion.set_records(records));
+        self.motion.lock(|motion| {
+            motion.set_records(records);
+            motion.apply_cycle(cycle);
+        });
         self.checks.cyclic = Some(cyclic);
         self.checks.finding = None;
         self.phases.permit_cp3(ready);
@@ -202,14 +231,19 @@ where
             (Err(invalid), _) => invalid,
         };
         if let Err(setting) = settings {
-            invalid.add(setting.idn, Reason::NotSupported);
+            invalid.add(setting.idn, reason_of(&setting));
         } else if patient && invalid.not_synchronised && invalid.findings().is_empty() {
             self.checks.waits_for_lock = true;
             self.motion.lock(|motion| motion.wait_for_lock(LOCK_PATIENCE_TICKS));
             return CommandState::Executing;
         }
-        let first = invalid.findings().first().copied();
-        self.checks.finding = Some(first.map_or(Finding::NotSynchronised, Finding::DataBlock));
+        self.checks.finding = Some(match (invalid.findings().first().copied(), settings) {
+            (Some(first), Err(setting)) if first.idn == setting.idn && first.reason == Reason::NotTogether => {
+                Finding::Settings(setting)
+            }
+            (Some(first), _) => Finding::DataBlock(first),
+            (None, _) => Finding::NotSynchronised,
+        });
         self.checks.invalid_for_cp4 = invalid;
         CommandState::Failed
     }
@@ -230,11 +264,14 @@ where
         const STOP_AT_REFERENCE: u16 = 1 << 7;
         let settings = MotionSettings::new(parameters, H::LOOP_TIMER_COUNTS)
             .and_then(|settings| homing(parameters, &settings))
-            .map_err(|_| ServiceError::CommandInvalidParameters)?;
+            .map_err(|setting| {
+                self.checks.finding = Some(Finding::Settings(setting));
+                ServiceError::CommandInvalidParameters
+            })?;
         let way = parameters.get_word(HOMING_PARAMETER);
         let at_once = way & (NO_SWITCH_NO_MARKER | STOP_AT_REFERENCE) == NO_SWITCH_NO_MARKER;
         let reference = reference_distance(parameters);
-        self.motion.lock(|motion| {
+        let state = self.motion.lock(|motion| {
             if motion.is_identifying() {
                 return Err(ServiceError::CommandNotExecutableNow);
             }
@@ -252,7 +289,9 @@ where
             } else {
                 Err(ServiceError::CommandNotExecutableNow)
             }
-        })
+        })?;
+        self.checks.finding = None;
+        Ok(state)
     }
 
     /// S-0-0170 with S-0-0169.
@@ -270,15 +309,32 @@ where
         self.without_torque(|context| context.motion.lock(|motion| motion.set_reference(reference)))
     }
 
+    /// S-0-0262. In CP4 it would change scaling, modes and motor, which the phase protects; and to load some defaults only would be a drive
+    /// that nobody has asked for.
     fn load_defaults(&mut self, parameters: &mut Parameters) -> Result<CommandState, ServiceError> {
         self.unlocked()?;
+        if self.phases.current() == Phase::Cp4 {
+            self.checks.finding = Some(Finding::LoadInOperation);
+            return Err(ServiceError::CommandNotExecutableNow);
+        }
         self.without_torque(|context| {
             parameters.load_defaults();
             if context.phases.current() == Phase::Cp3 {
                 context.phases.withdraw();
             }
-            *context.settings_changed = true;
+            context.checks.finding = None;
+            context.settings_changed = true;
         })
+    }
+
+    /// The loops work with the parameters as they are: S-0-0128 has passed, and nothing that it looked at was written since. Before that a
+    /// master writes in any order, and S-0-0128 finds what does not go together.
+    fn loops_work(&self) -> bool {
+        match self.phases.current() {
+            Phase::Cp4 => true,
+            Phase::Cp3 => self.phases.is_permitted(),
+            _ => false,
+        }
     }
 
     fn unlocked(&self) -> Result<(), ServiceError> {
@@ -378,6 +434,8 @@ where
                 let _ = match self.checks.finding {
                     None => Ok(()),
                     Some(Finding::DataBlock(invalid)) => write!(text, "{invalid}"),
+                    Some(Finding::Settings(setting) | Finding::Write(setting)) => write!(text, "{setting}"),
+                    Some(Finding::LoadInOperation) => write!(text, "S-0-0262 changes what is protected in CP4"),
                     Some(Finding::NotSynchronised) => write!(text, "the loops have not locked to the ring"),
                     Some(Finding::Homing(HomingFailure::Way(error))) => write!(text, "{error}"),
                     Some(Finding::Homing(HomingFailure::Torque)) => write!(text, "the torque went while homing"),
@@ -450,18 +508,19 @@ where
         Ok(())
     }
 
-    fn written(&mut self, idn: Idn, parameters: &mut Parameters) {
+    fn written(&mut self, idn: Idn, parameters: &mut Parameters) -> Result<(), ServiceError> {
         if idn == oscilloscope::CONTROL {
             match (parameters.get_word(idn), scope_configuration(parameters)) {
                 (1, Ok(configuration)) => self.motion.lock(|motion| motion.oscilloscope().arm(configuration)),
                 _ => self.motion.lock(|motion| motion.oscilloscope().stop()),
             }
         }
-        if oscilloscope::is_own(idn) {
+        let block = dictionary::find(idn).filter(|block| block.location == Location::Parameter);
+        let Some(block) = block.filter(|_| !oscilloscope::is_own(idn)) else {
             // The loops know nothing of them.
-            return;
-        }
-        let needed_for = dictionary::find(idn).map_or(NeededFor::Neither, |block| block.needed_for);
+            return Ok(());
+        };
+        let needed_for = block.needed_for;
         let checked = match self.phases.current() {
             Phase::Cp2 => needed_for == NeededFor::Cp3,
             Phase::Cp3 => needed_for == NeededFor::Cp4,
@@ -470,7 +529,20 @@ where
         if checked {
             self.phases.withdraw();
         }
-        *self.settings_changed = true;
+        if !self.loops_work() {
+            self.settings_changed = true;
+        } else {
+            // Some 200 us, which the step is held for: its answer depends on it, and what is acknowledged is in effect.
+            let settings = MotionSettings::new(parameters, H::LOOP_TIMER_COUNTS).map_err(|setting| {
+                self.checks.finding = Some(Finding::Write(setting));
+                ServiceError::InvalidData
+            })?;
+            self.motion.lock(|motion| motion.apply_settings(settings));
+        }
+        if matches!(self.checks.finding, Some(Finding::Write(_))) {
+            self.checks.finding = None;
+        }
+        Ok(())
     }
 
     fn command(
@@ -577,6 +649,14 @@ fn scope_configuration(parameters: &Parameters) -> Result<Configuration, Service
     Configuration::new(|idn| parameters.get(idn), parameters).map_err(|invalid| invalid.service_error())
 }
 
+/// What S-0-0128 tells of a parameter that the loops cannot work with.
+const fn reason_of(setting: &InvalidSetting) -> Reason {
+    match setting.reason {
+        Some(_) => Reason::NotTogether,
+        None => Reason::NotSupported,
+    }
+}
+
 /// Whether the loops can work with the parameters.
 fn loops_accept<H: Hardware>(parameters: &Parameters) -> Result<(), InvalidSetting> {
     MotionSettings::new(parameters, H::LOOP_TIMER_COUNTS).map(|_| ())
@@ -615,3 +695,8 @@ fn chip_configuration(cyclic: &CyclicConfiguration) -> sercon816::CyclicConfigur
         record_position_words: cyclic.record_position_bytes.saturating_sub(1) / 2,
     }
 }
+
+#[cfg(test)]
+mod rig;
+#[cfg(test)]
+mod tests;

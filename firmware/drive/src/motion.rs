@@ -190,7 +190,7 @@ impl<B: Bus + Clone, H: Hardware> Motion<B, H> {
             mst: MstMonitor::new(bus),
             axis: Axis::new(settings.with_lag, position),
             encoder,
-            clock: LoopClock::new(settings.clock),
+            clock: LoopClock::new(settings.cycle.clock),
             clock_monitor: ClockMonitor::default(),
             settings,
             records: Records::default(),
@@ -268,7 +268,7 @@ impl<B: Bus + Clone, H: Hardware> Motion<B, H> {
             Phase::Cp3 | Phase::Cp4 => {
                 self.clock.on_t3(self.edge_phase);
                 self.clock_monitor.take(self.clock.phase_error(), self.clock.is_locked());
-                self.until_overdue = self.settings.ticks_to_overdue;
+                self.until_overdue = self.settings.cycle.ticks_to_overdue;
                 self.take_cycle()
             }
         }

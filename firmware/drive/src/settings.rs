@@ -1,5 +1,7 @@
 //! From the parameters of the master to the settings of the hot tasks: every division is made here.
 
+use core::fmt;
+
 use sercos::Idn;
 use sercos::parameters::Parameters;
 use sercos::transition::OPERATION_MODES;
@@ -20,7 +22,7 @@ use crate::bits::BitSettings;
 use crate::hardware::LOOP_PERIOD_MICROSECONDS;
 use crate::motor::READ_TWICE;
 
-/// A parameter that the drive cannot work with; S-0-0128 lists it in S-0-0022.
+/// A parameter that the drive cannot work with: a write in operation is refused for it, and S-0-0128 lists it in S-0-0022.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub struct InvalidSetting {
@@ -28,6 +30,15 @@ pub struct InvalidSetting {
     pub idn: Idn,
     /// What is wrong with it, where the motion side says more than "not supported".
     pub reason: Option<SettingsError>,
+}
+
+impl fmt::Display for InvalidSetting {
+    fn fmt(&self, formatter: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match &self.reason {
+            Some(reason) => write!(formatter, "{}: {reason}", self.idn),
+            None => write!(formatter, "{}: a value this drive does not support", self.idn),
+        }
+    }
 }
 
 /// What a mode of operation does with the command values (sercos2.md 6.2).
@@ -108,6 +119,38 @@ impl Polarity {
     }
 }
 
+/// What the cycle of the ring is to the loops: what S-0-0127 has accepted of S-0-0001 and S-0-0002 counts from CP3 on, whatever else is
+/// still missing.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
+pub struct CycleSettings {
+    /// The loop timer's clock on the ring's clock.
+    pub clock: LoopClockSettings,
+    /// Loop ticks in a communication cycle (S-0-0002).
+    pub ticks_per_cycle: u16,
+    /// Loop ticks from one t3 event to the time at which the next is overdue: a cycle and a quarter, at least two ticks.
+    pub ticks_to_overdue: u16,
+    /// Communication cycles in a control unit cycle (S-0-0001): the command value changes once in so many.
+    pub cycles_per_command: u16,
+}
+
+impl CycleSettings {
+    /// From S-0-0001 and S-0-0002. Divides.
+    ///
+    /// # Errors
+    /// The first of the two that the loops cannot run with.
+    pub fn new(parameters: &Parameters, loop_timer_counts: u16) -> Result<Self, InvalidSetting> {
+        let ticks_per_cycle = ticks(parameters, 2);
+        let cycles_per_command =
+            ticks(parameters, 1).checked_div(ticks_per_cycle).filter(|&cycles| cycles > 0).ok_or(unsupported(1))?;
+        // The ring gives one t3 event a communication cycle, whatever the control unit's own cycle is.
+        let clock = LoopClockSettings::new(loop_timer_counts, ticks_per_cycle, three_quarters(loop_timer_counts))
+            .map_err(invalid(2))?;
+        let ticks_to_overdue = ticks_per_cycle.saturating_add((ticks_per_cycle >> 2).max(2));
+        Ok(Self { clock, ticks_per_cycle, ticks_to_overdue, cycles_per_command })
+    }
+}
+
 /// Everything the hot tasks need of the parameters, scaled.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
@@ -140,14 +183,8 @@ pub struct MotionSettings {
     pub encoder_reversed: bool,
     /// P-0-2705: S-0-0053 shows the motor encoder.
     pub has_feedback_2: bool,
-    /// The loop timer's clock on the ring's clock.
-    pub clock: LoopClockSettings,
-    /// Loop ticks in a communication cycle (S-0-0002).
-    pub ticks_per_cycle: u16,
-    /// Loop ticks from one t3 event to the time at which the next is overdue: a cycle and a quarter, at least two ticks.
-    pub ticks_to_overdue: u16,
-    /// Communication cycles in a control unit cycle (S-0-0001): the command value changes once in so many.
-    pub cycles_per_command: u16,
+    /// The cycle of the ring.
+    pub cycle: CycleSettings,
     /// S-0-0057.
     pub position_window: Position,
     /// S-0-0157.
@@ -188,13 +225,7 @@ impl MotionSettings {
         let velocity = scaling::velocity_scale(parameters)?;
         let derivatives = DerivativeScale::new(parameters)?;
         let modulo = scaling::modulo(parameters)?;
-        let ticks_per_cycle = ticks(parameters, 2);
-        let ticks_per_command = ticks(parameters, 1);
-        let cycles_per_command =
-            ticks_per_command.checked_div(ticks_per_cycle).filter(|&cycles| cycles > 0).ok_or(unsupported(1))?;
-        // The ring gives one t3 event a communication cycle, whatever the control unit's own cycle is.
-        let clock = LoopClockSettings::new(loop_timer_counts, ticks_per_cycle, three_quarters(loop_timer_counts))
-            .map_err(invalid(2))?;
+        let cycle = CycleSettings::new(parameters, loop_timer_counts)?;
         let monitoring_window = position.to_position(signed(parameters, 159));
         let fastest = Velocity::from_ten_thousandths_rpm(signed(parameters, 113));
         let bipolar = velocity.to_velocity(signed(parameters, 91)).min(fastest);
@@ -206,7 +237,7 @@ impl MotionSettings {
         let ramp = (derivatives.acceleration(parameters, 136), derivatives.acceleration(parameters, 137));
         let peak_current = parameters.get(Idn::standard(110));
         let axis = AxisParameters {
-            ticks_per_cycle: ticks_per_command,
+            ticks_per_cycle: ticks(parameters, 1),
             modulo,
             position_gain: parameters.get_word(Idn::standard(104)),
             feed_forward: 0,
@@ -241,7 +272,7 @@ impl MotionSettings {
             Gain::from_ratio(stall_current.saturating_mul(1 << 15), torque_ratio).ok_or(unsupported(110))?;
         let torque_threshold = torque_command.apply(parameters.get(Idn::standard(126)).into());
         Ok(Self {
-            with_lag: as_measured(AxisSettings::new(&axis).map_err(invalid(100))?),
+            with_lag: as_measured(AxisSettings::new(&axis).map_err(blamed)?),
             without_lag: as_measured(
                 AxisSettings::new(&AxisParameters {
                     feed_forward,
@@ -249,7 +280,7 @@ impl MotionSettings {
                     acceleration_gain: u32::from(parameters.get_word(Idn::standard(348))).saturating_mul(100),
                     ..axis
                 })
-                .map_err(invalid(296))?,
+                .map_err(blamed)?,
             ),
             modes: modes(parameters)?,
             position,
@@ -263,10 +294,7 @@ impl MotionSettings {
             encoder: TwiceReadSettings::new(increments).map_err(invalid(116))?,
             encoder_reversed: feedback_type & REVERSED != 0,
             has_feedback_2: parameters.get_word(Idn::POSITION_FEEDBACK_2_SOURCE) != 0,
-            clock,
-            ticks_per_cycle,
-            ticks_to_overdue: ticks_per_cycle.saturating_add((ticks_per_cycle >> 2).max(2)),
-            cycles_per_command,
+            cycle,
             position_window: position.to_position(signed(parameters, 57)),
             velocity_window: velocity.to_velocity(signed(parameters, 157)),
             overspeed: Velocity::saturating_from_bits(i64::from(fastest.to_bits()).saturating_mul(5) / 4),
@@ -293,6 +321,19 @@ const REVERSED: u16 = 1 << 3;
 
 fn invalid(number: u16) -> impl Fn(SettingsError) -> InvalidSetting {
     move |reason| InvalidSetting { idn: Idn::standard(number), reason: Some(reason) }
+}
+
+/// A complaint of the loops, with the parameter that it is about.
+fn blamed(reason: SettingsError) -> InvalidSetting {
+    let number = match reason {
+        SettingsError::TicksPerCycle { .. } => 1,
+        SettingsError::Zero { .. } => 91,
+        SettingsError::FeedForward { .. } => 296,
+        SettingsError::ModuloOutOfRange => 103,
+        SettingsError::TooSmooth { .. } | SettingsError::BrakingTime { .. } => 349,
+        _ => 100,
+    };
+    invalid(number)(reason)
 }
 
 fn unsupported(number: u16) -> InvalidSetting {
@@ -325,7 +366,10 @@ fn positioning(
     let feedrate = FeedrateOverride::new(parameters.get_word(Idn::standard(108))).map_err(invalid(108))?;
     MotionLimits::new(velocity, acceleration, acceleration, derivatives.jerk(parameters, 193))
         .map(|limits| limits.with_override(feedrate))
-        .map_err(invalid(259))
+        .map_err(|reason| match reason {
+            SettingsError::TooSmooth { .. } | SettingsError::BrakingTime { .. } => invalid(193)(reason),
+            _ => invalid(259)(reason),
+        })
 }
 
 /// What homing S-0-0148 works with: its way and the limits of its movements.
@@ -423,7 +467,7 @@ mod tests {
     #[test]
     fn the_defaults_of_the_table_make_a_drive() {
         let settings = MotionSettings::new(&Parameters::new(), TIMER).unwrap();
-        assert_eq!(settings.ticks_per_cycle, 16);
+        assert_eq!(settings.cycle.ticks_per_cycle, 16);
         assert_eq!(settings.modes[0], Some(OperationMode::Velocity));
         assert_eq!(settings.modes[1..], [None; 7]);
         // Preferred scaling: 3 600 000 increments and 10 000 increments per rpm.

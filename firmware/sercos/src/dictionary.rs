@@ -301,7 +301,7 @@ dictionary! {
     /// End of the MDT to the earliest t3.
     S 90 "Command value proceeding time (tMTSG)" ["us"] U16/0 written NEVER () = 2 => Parameter;
     /// Largest velocity that the drive commands in either direction.
-    S 91 "Bipolar velocity limit value" ["rpm"] U32/4 written ALWAYS (1 to 2_147_483_647) = 30_000_000 => Parameter, stored, needed_for_cp4;
+    S 91 "Bipolar velocity limit value" ["rpm"] U32/4 written ALWAYS (1 to 2_147_483_647) = 30_000_000 => Parameter, stored, needed_for_cp4, restricted;
     /// Largest torque in either direction, in per cent of S-0-0111.
     S 92 "Bipolar torque limit value" ["%"] U16/1 written ALWAYS (0 to 65_535) = 2_000 => Parameter, stored, needed_for_cp4;
     /// State or error of the drive in plain words; belongs to S-0-0390.
@@ -315,17 +315,17 @@ dictionary! {
     /// Clears errors whose cause is gone.
     S 99 "Reset class 1 diagnostic" [""] COMMAND/0 written ALWAYS () = 0 => Command;
     /// Current for one unit of velocity difference at the motor; one increment is 1 mA s/rad.
-    S 100 "Velocity loop proportional gain" ["As/rad"] U16/3 written ALWAYS (0 to 65_535) = 100 => Parameter, stored;
+    S 100 "Velocity loop proportional gain" ["As/rad"] U16/3 written ALWAYS (0 to 65_535) = 100 => Parameter, stored, restricted;
     /// Time in which the integral part reaches the proportional part; 0 switches the integral part off.
-    S 101 "Velocity loop integral action time" ["ms"] U16/1 written ALWAYS (0 to 65_535) = 100 => Parameter, stored;
+    S 101 "Velocity loop integral action time" ["ms"] U16/1 written ALWAYS (0 to 65_535) = 100 => Parameter, stored, restricted;
     /// Position range if bit 7 of S-0-0076 is set.
     S 103 "Modulo value" ["deg"] I32/4 written IN_CP2_CP3 (0 to 2_147_483_647) = 3_600_000 => Parameter, stored, needed_for_cp4;
     /// Velocity for one unit of following distance.
     S 104 "Position loop Kv-factor" ["1000/min"] U16/2 written ALWAYS (1 to 65_535) = 100 => Parameter, stored;
     /// Voltage for one ampere of current difference in the d and q axis.
-    S 106 "Current loop proportional gain 1" ["V/A"] U16/3 written ALWAYS (1 to 65_535) = 40_000 => Parameter, stored, needed_for_cp4;
+    S 106 "Current loop proportional gain 1" ["V/A"] U16/3 written ALWAYS (1 to 65_535) = 40_000 => Parameter, stored, needed_for_cp4, restricted;
     /// Time in which the integral part of the current loop reaches the proportional part; 0 switches it off.
-    S 107 "Current loop integral action time 1" ["ms"] U16/1 written ALWAYS (0 to 65_535) = 50 => Parameter, stored, needed_for_cp4;
+    S 107 "Current loop integral action time 1" ["ms"] U16/1 written ALWAYS (0 to 65_535) = 50 => Parameter, stored, needed_for_cp4, restricted;
     /// Share of S-0-0259 that positioning may use.
     S 108 "Feedrate override" ["%"] U16/2 written ALWAYS (0 to 10_000) = 10_000 => Parameter, stored;
     /// Largest current of the motor.
@@ -373,11 +373,11 @@ dictionary! {
     /// The status word of the last AT.
     S 135 "Drive status word" [""] BITS/0 written NEVER () = 0 => Live, bit_source;
     /// Largest acceleration of velocity commands away from standstill; 0 with S-0-0137 also 0: they are followed as they come.
-    S 136 "Positive acceleration limit value" ["rad/s^2"] I32/3 written ALWAYS (0 to 2_147_483_647) = 0 => Parameter, stored;
+    S 136 "Positive acceleration limit value" ["rad/s^2"] I32/3 written ALWAYS (0 to 2_147_483_647) = 0 => Parameter, stored, restricted;
     /// Largest acceleration of velocity commands towards standstill; see S-0-0136.
-    S 137 "Negative acceleration limit value" ["rad/s^2"] I32/3 written ALWAYS (0 to 2_147_483_647) = 0 => Parameter, stored;
+    S 137 "Negative acceleration limit value" ["rad/s^2"] I32/3 written ALWAYS (0 to 2_147_483_647) = 0 => Parameter, stored, restricted;
     /// Ramp of halt and of stopping after an error or Drive OFF.
-    S 138 "Bipolar acceleration limit value" ["rad/s^2"] I32/3 written ALWAYS (1 to 2_147_483_647) = 1_000_000 => Parameter, stored;
+    S 138 "Bipolar acceleration limit value" ["rad/s^2"] I32/3 written ALWAYS (1 to 2_147_483_647) = 1_000_000 => Parameter, stored, restricted;
     /// Takes the axis out: no torque until it is cancelled or the next run-up passes CP2.
     S 139 "Park axis" [""] COMMAND/0 written IN_CP2 () = 0 => Command;
     /// Type of the drive.
@@ -399,7 +399,7 @@ dictionary! {
     /// From the marker, or the edge of the switch, to the reference point.
     S 150 "Reference offset 1" ["deg"] I32/4 written ALWAYS (-2_147_483_648 to 2_147_483_647) = 0 => Parameter, stored;
     /// Coulomb friction that the velocity loop is helped with, in per cent of S-0-0111.
-    S 155 "Friction compensation" ["%"] U16/1 written ALWAYS (0 to 1_000) = 0 => Parameter, stored;
+    S 155 "Friction compensation" ["%"] U16/1 written ALWAYS (0 to 1_000) = 0 => Parameter, stored, restricted;
     /// Velocity difference below which C3D bit 0 (n_feedback = n_command) is set.
     S 157 "Velocity window" ["rpm"] I32/4 written ALWAYS (1 to 2_147_483_647) = 100_000 => Parameter, stored;
     /// Following distance above which the drive shuts down with C1D bit 11; 0: not monitored.
@@ -436,15 +436,15 @@ dictionary! {
     /// IDNs that a control saves and restores.
     S 192 "IDN list of backup operation data" [""] IDNS/0 written NEVER () = 0 => Dictionary(Selection::Backup);
     /// Jerk of positioning; 0: not limited.
-    S 193 "Positioning jerk" ["rad/s^3"] I32/3 written ALWAYS (0 to 2_147_483_647) = 0 => Parameter, stored;
+    S 193 "Positioning jerk" ["rad/s^3"] I32/3 written ALWAYS (0 to 2_147_483_647) = 0 => Parameter, stored, restricted;
     /// Heat sink temperature from which C2D bit 1 warns.
-    S 200 "Amplifier warning temperature" ["C"] U16/1 written ALWAYS (1 to 2_000) = 800 => Parameter, stored, needed_for_cp4;
+    S 200 "Amplifier warning temperature" ["C"] U16/1 written ALWAYS (1 to 2_000) = 800 => Parameter, stored, needed_for_cp4, restricted;
     /// Motor temperature from which C2D bit 2 warns.
-    S 201 "Motor warning temperature" ["C"] U16/1 written ALWAYS (1 to 2_500) = 1_150 => Parameter, stored, needed_for_cp4;
+    S 201 "Motor warning temperature" ["C"] U16/1 written ALWAYS (1 to 2_500) = 1_150 => Parameter, stored, needed_for_cp4, restricted;
     /// Heat sink temperature at which the drive shuts down (C1D bit 1).
-    S 203 "Amplifier shut-down temperature" ["C"] U16/1 written ALWAYS (2 to 2_000) = 900 => Parameter, stored, needed_for_cp4;
+    S 203 "Amplifier shut-down temperature" ["C"] U16/1 written ALWAYS (2 to 2_000) = 900 => Parameter, stored, needed_for_cp4, restricted;
     /// Motor temperature at which the drive shuts down (C1D bit 2).
-    S 204 "Motor shut-down temperature" ["C"] U16/1 written ALWAYS (2 to 2_500) = 1_300 => Parameter, stored, needed_for_cp4;
+    S 204 "Motor shut-down temperature" ["C"] U16/1 written ALWAYS (2 to 2_500) = 1_300 => Parameter, stored, needed_for_cp4, restricted;
     /// From the brake's current to its opening: no movement before.
     S 206 "Drive on delay time" ["ms"] U16/0 written ALWAYS (0 to 10_000) = 100 => Parameter, stored;
     /// From the end of the brake's current to its holding: torque stays so long.
@@ -456,10 +456,10 @@ dictionary! {
     /// Where the drive goes by itself in the modes 0013H and 001BH; a modulo axis the shortest way.
     S 258 "Target position" ["deg"] I32/4 written ALWAYS (-2_147_483_648 to 2_147_483_647) = 0 => Live, in_mdt;
     /// Speed of positioning, within S-0-0091.
-    S 259 "Positioning velocity" ["rpm"] I32/4 written ALWAYS (1 to 2_147_483_647) = 1_000_000 => Parameter, stored, needed_for_cp4;
+    S 259 "Positioning velocity" ["rpm"] I32/4 written ALWAYS (1 to 2_147_483_647) = 1_000_000 => Parameter, stored, needed_for_cp4, restricted;
     /// Acceleration of positioning.
-    S 260 "Positioning acceleration" ["rad/s^2"] I32/3 written ALWAYS (1_000 to 2_147_483_647) = 1_000_000 => Parameter, stored;
-    /// Gives everything in S-0-0192 its default. Not while torque is on.
+    S 260 "Positioning acceleration" ["rad/s^2"] I32/3 written ALWAYS (1_000 to 2_147_483_647) = 1_000_000 => Parameter, stored, restricted;
+    /// Gives everything in S-0-0192 its default. Not in CP4, which protects some of it, and not while torque is on (7012H).
     S 262 "Load defaults procedure command" [""] COMMAND/0 written ALWAYS () = 0 => Command;
     /// Language of S-0-0095, P-0-0003, P-0-0010 and P-0-0011: 0 German (S-0-0095 only, the others stay English), 1 English.
     S 265 "Language selection" [""] U16/0 written ALWAYS (0 to 1) = 1 => Parameter, stored;
@@ -544,9 +544,9 @@ dictionary! {
     /// Current for one unit of commanded acceleration at the motor, in mode 11.
     S 348 "Acceleration feed-forward gain" ["mAs^2/rad"] U16/1 written ALWAYS (0 to 65_535) = 0 => Parameter, stored;
     /// Jerk of halt and of the ramps of velocity commands; 0: not limited.
-    S 349 "Bipolar jerk limit value" ["rad/s^3"] I32/3 written ALWAYS (0 to 2_147_483_647) = 0 => Parameter, stored;
+    S 349 "Bipolar jerk limit value" ["rad/s^3"] I32/3 written ALWAYS (0 to 2_147_483_647) = 0 => Parameter, stored, restricted;
     /// Ramp of halt; 0: as S-0-0138.
-    S 372 "Drive halt acceleration bipolar" ["rad/s^2"] I32/3 written ALWAYS (0 to 2_147_483_647) = 0 => Parameter, stored;
+    S 372 "Drive halt acceleration bipolar" ["rad/s^2"] I32/3 written ALWAYS (0 to 2_147_483_647) = 0 => Parameter, stored, restricted;
     /// S-0-0390 of the last 32 errors since the supply came on, the newest first; their times are in P-0-0004.
     S 375 "List of diagnostic numbers" [""] HEXES/0 written NEVER () = 0 => Live;
     /// Velocity deviation above which C2D bit 11 warns; 0: not monitored.
@@ -603,8 +603,8 @@ dictionary! {
     P 1 "Reasons of S-0-0021" [""] HEXES/0 written NEVER () = 0 => Live;
     /// Why S-0-0128 blames each IDN of S-0-0022, in the same order; the codes are in the manual.
     P 2 "Reasons of S-0-0022" [""] HEXES/0 written NEVER () = 0 => Live;
-    /// The first finding of the last transition check that failed, in plain words.
-    P 3 "Finding of the last transition check" [""] TEXT/0 written NEVER () = 0 => Live;
+    /// What the last transition check or homing that failed has found, or why the last write was refused with 7008H, in plain words; empty after a success.
+    P 3 "Finding of the last check or write" [""] TEXT/0 written NEVER () = 0 => Live;
     /// When each error of S-0-0375 came, in seconds since the supply came on.
     P 4 "Times of the last errors" ["s"] LONGS/0 written NEVER () = 0 => Live;
     /// Time since the processor was started.
@@ -630,9 +630,9 @@ dictionary! {
     /// Phase current up to which the dead time is compensated in proportion, 0.2 % of S-0-0110 at least; 0: no compensation.
     P 103 "Band of the dead-time compensation" ["A"] U16/3 written ALWAYS (0 to 65_535) = 200 => Parameter, stored;
     /// Bus voltage below which there is no main power, and an error with torque on (C1D bit 9).
-    P 104 "Undervoltage threshold" ["V"] U16/0 written ALWAYS (1 to 4_000) = 150 => Parameter, stored, needed_for_cp4;
+    P 104 "Undervoltage threshold" ["V"] U16/0 written ALWAYS (1 to 4_000) = 150 => Parameter, stored, needed_for_cp4, restricted;
     /// Bus voltage above which the bridge is switched off (C1D bit 8).
-    P 105 "Overvoltage threshold" ["V"] U16/0 written ALWAYS (1 to 4_000) = 440 => Parameter, stored, needed_for_cp4;
+    P 105 "Overvoltage threshold" ["V"] U16/0 written ALWAYS (1 to 4_000) = 440 => Parameter, stored, needed_for_cp4, restricted;
     /// Phase current at which the current loop switches the bridge off (C1D bit 7); 0: 125 % of S-0-0110.
     P 106 "Trip level of the phase currents" ["A"] U32/3 written IN_CP2_CP3 (0 to 4_000_000) = 0 => Parameter, stored, needed_for_cp4;
     /// Largest current that weakens the field above the speed that the bus voltage reaches, in per cent of S-0-0110; 0: none, and a speed above it ends in an overcurrent.
@@ -642,9 +642,9 @@ dictionary! {
     /// Resistance of a phase.
     P 111 "Winding resistance" ["Ohm"] U32/3 written ALWAYS (1 to 1_000_000) = 1_200 => Parameter, stored;
     /// Inductance of a phase in the d axis; for the decoupling.
-    P 112 "Direct inductance" ["mH"] U32/3 written ALWAYS (0 to 1_000_000) = 6_000 => Parameter, stored, needed_for_cp4;
+    P 112 "Direct inductance" ["mH"] U32/3 written ALWAYS (0 to 1_000_000) = 6_000 => Parameter, stored, needed_for_cp4, restricted;
     /// Inductance of a phase in the q axis; for the decoupling.
-    P 113 "Quadrature inductance" ["mH"] U32/3 written ALWAYS (0 to 1_000_000) = 6_000 => Parameter, stored, needed_for_cp4;
+    P 113 "Quadrature inductance" ["mH"] U32/3 written ALWAYS (0 to 1_000_000) = 6_000 => Parameter, stored, needed_for_cp4, restricted;
     /// Flux linkage of the magnets with a phase, peak value: the torque constant over 1.5 times P-0-0110.
     P 114 "Flux linkage" ["mVs"] U32/3 written ALWAYS (0 to 2_499_999) = 133_333 => Parameter, stored, needed_for_cp4;
     /// Electrical angle at the encoder's index; -1: not known, the angle is then only that of the alignment.
@@ -678,7 +678,7 @@ dictionary! {
     /// Path between position commands: 0 straight lines, 1 cubic.
     P 141 "Interpolation" [""] U16/0 written ALWAYS (0 to 1) = 0 => Parameter, stored;
     /// Friction that grows with the velocity.
-    P 142 "Viscous friction compensation" ["mA/rpm"] U16/3 written ALWAYS (0 to 65_535) = 0 => Parameter, stored;
+    P 142 "Viscous friction compensation" ["mA/rpm"] U16/3 written ALWAYS (0 to 65_535) = 0 => Parameter, stored, restricted;
     /// Phase error of the loop tick to the ring at the last t3; positive: the tick comes early.
     P 150 "Phase error of the loops" ["ns"] I32/0 written NEVER () = 0 => Live;
     /// Largest magnitude of the phase error since the loops locked; 0 again in CP2.

@@ -11,7 +11,7 @@ use crate::diagnosis::{Circumstances, Manufacturer1, Manufacturer3};
 use crate::hardware::{Hardware, ResetCause};
 use crate::motion::clock_monitor::{ClockMonitor, PHASE_ERROR_CLASSES};
 use crate::record::{Command, Feedback, Records};
-use crate::settings::MotionSettings;
+use crate::settings::{CycleSettings, MotionSettings};
 use crate::snapshot::Snapshot;
 use crate::state::Switches;
 
@@ -73,7 +73,7 @@ impl<B: Bus + Clone, H: Hardware> Motion<B, H> {
         self.abandon_homing();
         self.set_probing(None);
         self.target = None;
-        self.until_overdue = if phase < Phase::Cp3 { 0 } else { self.settings.ticks_to_overdue };
+        self.until_overdue = if phase < Phase::Cp3 { 0 } else { self.settings.cycle.ticks_to_overdue };
         self.cycles_since_command = 0;
         self.entered_cyclic = phase == Phase::Cp3;
         match phase {
@@ -81,7 +81,7 @@ impl<B: Bus + Clone, H: Hardware> Motion<B, H> {
                 self.mst.restart();
                 let _ = self.command_port.take_cyclic();
                 self.supervision.clear();
-                self.clock = LoopClock::new(self.settings.clock);
+                self.clock = LoopClock::new(self.settings.cycle.clock);
                 self.latch_now();
                 self.capture_feedback();
             }
@@ -106,11 +106,11 @@ impl<B: Bus + Clone, H: Hardware> Motion<B, H> {
     pub fn apply_settings(&mut self, settings: MotionSettings) {
         let encoder =
             settings.encoder != self.settings.encoder || settings.encoder_reversed != self.settings.encoder_reversed;
-        let clock = settings.clock != self.settings.clock;
+        let clock = settings.cycle.clock != self.settings.cycle.clock;
         self.settings = settings;
         self.motor.apply_settings(settings.motor, settings.encoder_reversed);
         if clock {
-            self.clock = LoopClock::new(settings.clock);
+            self.clock = LoopClock::new(settings.cycle.clock);
         }
         if encoder {
             let count = self.hardware.encoder_count();
@@ -119,6 +119,19 @@ impl<B: Bus + Clone, H: Hardware> Motion<B, H> {
             self.referenced = false;
         }
         self.apply_axis_settings();
+    }
+
+    /// The ring's cycle that S-0-0127 has accepted, before CP3 can begin.
+    pub(crate) fn apply_cycle(&mut self, cycle: CycleSettings) {
+        if cycle.clock != self.settings.cycle.clock {
+            self.clock = LoopClock::new(cycle.clock);
+        }
+        self.settings.cycle = cycle;
+    }
+
+    /// What the loops work with, for tests and tools beside the ring.
+    pub const fn settings(&self) -> &MotionSettings {
+        &self.settings
     }
 
     /// The error that supervision has found, once.

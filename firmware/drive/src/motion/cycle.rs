@@ -32,7 +32,7 @@ impl<B: Bus + Clone, H: Hardware> Motion<B, H> {
         if self.until_overdue != 0 {
             return Work::empty();
         }
-        self.until_overdue = self.settings.ticks_per_cycle;
+        self.until_overdue = self.settings.cycle.ticks_per_cycle;
         self.take_cycle()
     }
 
@@ -79,7 +79,7 @@ impl<B: Bus + Clone, H: Hardware> Motion<B, H> {
         self.cycles_since_command = self.cycles_since_command.saturating_add(1);
         // A control unit slower than the ring repeats its values; a repeated value is no new point of the path.
         let fresh = before.path() != self.commands.path();
-        if fresh || self.cycles_since_command >= self.settings.cycles_per_command {
+        if fresh || self.cycles_since_command >= self.settings.cycle.cycles_per_command {
             self.cycles_since_command = 0;
             self.axis.command_position(self.commanded_position());
             self.axis.command_velocity(self.commanded_velocity());

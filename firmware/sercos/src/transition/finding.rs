@@ -41,6 +41,8 @@ pub enum Reason {
     },
     /// An operation mode needs a command value that the MDT does not carry.
     CommandValueMissing(Idn),
+    /// Does not go together with other parameters: the drive's own text says how (P-0-0003).
+    NotTogether,
     /// Asks for position feedback 2, which this drive does not have (P-0-2705).
     NoFeedback2,
 }
@@ -61,11 +63,12 @@ impl Reason {
             Reason::TooLate { .. } => 0x000A,
             Reason::CommandValueMissing(_) => 0x000B,
             Reason::NoFeedback2 => 0x000C,
+            Reason::NotTogether => 0x000D,
         }
     }
 
     /// One of each kind, for the manual.
-    pub const ALL: [Reason; 12] = [
+    pub const ALL: [Reason; 13] = [
         Reason::NeverWritten,
         Reason::OutOfRange,
         Reason::NotSupported,
@@ -78,6 +81,7 @@ impl Reason {
         Reason::TooLate { latest_ns: 1_970_000 },
         Reason::CommandValueMissing(Idn::POSITION_COMMAND),
         Reason::NoFeedback2,
+        Reason::NotTogether,
     ];
 }
 
@@ -97,6 +101,7 @@ impl fmt::Display for Reason {
             }
             Reason::TooLate { latest_ns } => write!(formatter, "too late, at most {} us", latest_ns / 1_000),
             Reason::CommandValueMissing(idn) => write!(formatter, "the MDT does not carry {idn}"),
+            Reason::NotTogether => formatter.write_str("does not go together with other parameters"),
             Reason::NoFeedback2 => formatter.write_str("no position feedback 2, see P-0-2705"),
         }
     }

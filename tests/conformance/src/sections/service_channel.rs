@@ -199,6 +199,31 @@ fn protection() -> Vec<Case> {
             expect("S-0-0047", slave.set(47, &[1, 0])?, Ok(()))
         }));
     }
+    for (idn, words, culprit) in [
+        (201, &[1_400][..], "S-0-0201"),
+        (204, &[1_100], "S-0-0201"),
+        (193, &[1, 0], "S-0-0193"),
+        (349, &[1, 0], "S-0-0349"),
+    ] {
+        let rule = format!(
+            "in operation S-0-{idn:04} = {words:?}, which the loops cannot take, is refused: 7008H, and says why"
+        );
+        cases.push(Case::new(SECTION, rule, "sercos2.md 3.5", move |slave| {
+            super::error_handling::in_operation(slave, 1, Configuration::application(&[84], &[80]))?;
+            let before = slave.get(idn)?;
+            expect("answer", slave.set(idn, words)?, Err(0x7008))?;
+            expect("operation data", slave.get(idn)?, before)?;
+            let finding = slave.text(0x8003)?;
+            ensure(finding.starts_with(culprit) && finding.len() > 30, || format!("P-0-0003: {finding:?}"))?;
+            // The next write is taken, and in effect: 50 % are asked for, 10 % come.
+            slave.must_set(92, &[100])?;
+            expect("P-0-0003 after a success", slave.text(0x8003)?, String::new())?;
+            slave.commands = 500_i16.to_le_bytes().to_vec();
+            slave.cycles(10);
+            let torque = slave.number(84)?;
+            ensure((90..=110).contains(&torque), || format!("S-0-0084 = {torque} with S-0-0092 = 100"))
+        }));
+    }
     cases.push(Case::new(
         SECTION,
         "S-0-0267 locks what S-0-0279 lists: 7009H, until the password comes again",
