@@ -616,6 +616,11 @@ where
         if let Some(error) = oscilloscope::refuses_setting(idn, value, parameters) {
             return Some(error);
         }
+        // What somebody else sets would not last: only what is there already is taken.
+        if let Some((mask, wanted)) = controlled_bits(idn, value) {
+            let (bits, owned) = self.motion.lock(|motion| motion.controlled_bits());
+            return ((bits ^ wanted) & mask & owned != 0).then_some(ServiceError::ProtectedBySettings);
+        }
         // An angle that is taken over under torque would throw the motor to it.
         if idn == COMMUTATION_ANGLE {
             let torque = self.motion.lock(|motion| motion.has_torque());
@@ -662,6 +667,14 @@ fn loops_accept<H: Hardware>(parameters: &Parameters) -> Result<(), InvalidSetti
     MotionSettings::new(parameters, H::LOOP_TIMER_COUNTS).map(|_| ())
 }
 
+/// For a data block of single bits that the control sets: where they lie, and how `value` wants them.
+fn controlled_bits(idn: Idn, value: u64) -> Option<(u32, u32)> {
+    if idn == APPLICATION_WORD {
+        return Some((0xFFFF, (value & 0xFFFF) as u32));
+    }
+    enable_bit(idn).map(|bit| (bit, if value & 1 != 0 { bit } else { 0 }))
+}
+
 /// S-0-0052, in the weight of the position data.
 fn reference_distance(parameters: &Parameters) -> i32 {
     parameters.get(REFERENCE_DISTANCE).cast_signed()
@@ -696,6 +709,8 @@ fn chip_configuration(cyclic: &CyclicConfiguration) -> sercon816::CyclicConfigur
     }
 }
 
+#[cfg(test)]
+mod effects;
 #[cfg(test)]
 mod rig;
 #[cfg(test)]

@@ -213,6 +213,8 @@ pub struct MotionSettings {
     pub class_3_mask: u16,
     /// Real-time bits and signal words.
     pub bits: BitSettings,
+    /// S-0-0147 bit 2: the home switch is an input of the drive, not S-0-0400.
+    pub home_switch_at_drive: bool,
 }
 
 impl MotionSettings {
@@ -309,12 +311,16 @@ impl MotionSettings {
             class_2_mask: parameters.get_word(Idn::standard(97)),
             class_3_mask: parameters.get_word(Idn::standard(98)),
             bits: BitSettings::new(parameters),
+            home_switch_at_drive: parameters.get_word(Idn::standard(147)) & SWITCH_AT_DRIVE != 0,
         })
     }
 }
 
 /// Velocity commands within which the friction compensation grows in proportion: 1 rpm.
 const FRICTION_BAND: u32 = 10_000;
+
+/// Bit 2 of S-0-0147.
+const SWITCH_AT_DRIVE: u16 = 1 << 2;
 
 /// Bit 3 of S-0-0277.
 const REVERSED: u16 = 1 << 3;

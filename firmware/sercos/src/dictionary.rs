@@ -565,8 +565,8 @@ dictionary! {
     S 398 "IDN list of configurable data for status bits" [""] IDNS/0 written NEVER () = 0 => Dictionary(Selection::BitSources);
     /// What S-0-0301, S-0-0303 and S-0-0027 may name.
     S 399 "IDN list of configurable data for control bits" [""] IDNS/0 written NEVER () = 0 => Dictionary(Selection::BitTargets);
-    /// Bit 0: the home switch. Written where S-0-0147 bit 2 says that the control has it.
-    S 400 "Home switch" [""] BITS/0 written ALWAYS (0 to 1) = 0 => Live, bit_target;
+    /// Bit 0: the home switch, that at the drive or, where S-0-0147 bit 2 is 0, what the control has written. Whatever has another owner, the input or a bit of the MDT (S-0-0301, 303, 27), takes no other value over the service channel (700CH); S-0-0405 to 0407 and P-0-0019 likewise.
+    S 400 "Home switch" [""] BITS/0 written ALWAYS (0 to 1) = 0 => Live, bit_target, restricted;
     /// Bit 0: level of probe 1.
     S 401 "Probe 1" [""] BITS/0 written NEVER () = 0 => Live, bit_source;
     /// Bit 0: level of probe 2.
@@ -574,11 +574,11 @@ dictionary! {
     /// Bit 0: the position refers to the reference point.
     S 403 "Position feedback value status" [""] BITS/0 written NEVER () = 0 => Live, in_at, bit_source;
     /// Bit 0 from 0 to 1 arms probe 1.
-    S 405 "Probe 1 enable" [""] BITS/0 written ALWAYS (0 to 1) = 0 => Live, bit_target;
+    S 405 "Probe 1 enable" [""] BITS/0 written ALWAYS (0 to 1) = 0 => Live, bit_target, restricted;
     /// Bit 0 from 0 to 1 arms probe 2.
-    S 406 "Probe 2 enable" [""] BITS/0 written ALWAYS (0 to 1) = 0 => Live, bit_target;
+    S 406 "Probe 2 enable" [""] BITS/0 written ALWAYS (0 to 1) = 0 => Live, bit_target, restricted;
     /// Bit 0: switch and marker may be taken, if S-0-0147 bit 4 asks for it.
-    S 407 "Homing enable" [""] BITS/0 written ALWAYS (0 to 1) = 0 => Live, bit_target;
+    S 407 "Homing enable" [""] BITS/0 written ALWAYS (0 to 1) = 0 => Live, bit_target, restricted;
     /// Bit 0: the marker has been found.
     S 408 "Reference marker pulse registered" [""] BITS/0 written NEVER () = 0 => Live, bit_source;
     /// Bit 0: positive edge of probe 1 taken.
@@ -620,7 +620,7 @@ dictionary! {
     /// What to do about the error in S-0-0095; empty for a state that needs nothing.
     P 11 "Remedy for the diagnostic message" [""] TEXT/0 written NEVER () = 0 => Live;
     /// A word of the control's own choice that comes back in the AT. Real-time and signal bits can set its bits.
-    P 19 "Application word" [""] U16/0 written ALWAYS (0 to 65_535) = 0 => Live, in_at, bit_target;
+    P 19 "Application word" [""] U16/0 written ALWAYS (0 to 65_535) = 0 => Live, in_at, bit_target, restricted;
     /// Phase current at full deflection of the current sensors, 1 to 8 times S-0-0110.
     P 100 "Measuring range of the phase currents" ["A"] U32/3 written IN_CP2_CP3 (1 to 4_000_000) = 25_000 => Parameter, stored, needed_for_cp4;
     /// Bus voltage at the end of the converter's range.

@@ -1,3 +1,5 @@
+#![allow(non_snake_case, reason = "S(2) and P(3) are how an ident number is written")]
+
 use std::collections::BTreeSet;
 use std::string::ToString;
 use std::vec;
@@ -12,8 +14,13 @@ use servo::SettingsError;
 use super::rig::{Rig, Still, words_of};
 use super::*;
 
-const S: fn(u16) -> Idn = Idn::standard;
-const P: fn(u16) -> Idn = Idn::product;
+pub(super) const fn S(number: u16) -> Idn {
+    Idn::standard(number)
+}
+
+pub(super) const fn P(number: u16) -> Idn {
+    Idn::product(number)
+}
 
 fn settings(parameters: &Parameters) -> Result<MotionSettings, InvalidSetting> {
     MotionSettings::new(parameters, Still::LOOP_TIMER_COUNTS)
@@ -30,7 +37,7 @@ fn writable(phase: Phase) -> impl Iterator<Item = &'static DataBlock> {
 }
 
 /// Values that a master may try, legal or not.
-fn attempts(block: &DataBlock) -> Vec<Vec<u16>> {
+pub(super) fn attempts(block: &DataBlock) -> Vec<Vec<u16>> {
     if block.fixed_bytes().is_some() {
         let limits = [block.minimum, block.maximum].into_iter().flatten();
         let near = [-1, 1, 2, 10].map(|difference| block.default + difference);

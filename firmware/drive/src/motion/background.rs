@@ -6,7 +6,8 @@ use sercos::phase::{InterfaceStatus, PhaseError};
 use sercos::{Idn, Phase};
 use servo::{Axis, LoopClock, SUPERVISION_PERIOD_MICROSECONDS, TwiceReadEncoder};
 
-use super::{CommandValues, Motion};
+use super::{CommandValues, HOME_SWITCH, Motion};
+use crate::bits::BitSettings;
 use crate::diagnosis::{Circumstances, Manufacturer1, Manufacturer3};
 use crate::hardware::{Hardware, ResetCause};
 use crate::motion::clock_monitor::{ClockMonitor, PHASE_ERROR_CLASSES};
@@ -256,6 +257,24 @@ impl<B: Bus + Clone, H: Hardware> Motion<B, H> {
     /// One of the bits above P-0-0019, over the service channel.
     pub(crate) fn set_enable(&mut self, bit: u32, set: bool) {
         self.controlled = if set { self.controlled | bit } else { self.controlled & !bit };
+    }
+
+    /// P-0-0019 and the bits above it as they are, and those of them that somebody else sets: the MDT in every cycle, or an input.
+    pub(crate) fn controlled_bits(&self) -> (u32, u32) {
+        let BitSettings { control: [first, second], signal_control, .. } = self.settings.bits;
+        let mut owned = 0;
+        if self.phase == Phase::Cp4 {
+            owned = first | second;
+            if self.records.commands.contains(&Command::SignalControl) {
+                owned = signal_control.into_iter().fold(owned, |all, bit| all | bit);
+            }
+        }
+        let mut bits = self.controlled;
+        if self.settings.home_switch_at_drive {
+            owned |= HOME_SWITCH;
+            bits = if self.inputs.home_switch { bits | HOME_SWITCH } else { bits & !HOME_SWITCH };
+        }
+        (bits, owned)
     }
 
     /// P-0-0019 over the service channel.

@@ -199,6 +199,68 @@ fn protection() -> Vec<Case> {
             expect("S-0-0047", slave.set(47, &[1, 0])?, Ok(()))
         }));
     }
+    for idn in [400, 405, 406, 407] {
+        let rule = format!("S-0-{idn:04} is not written past the control bit that sets it: 700CH");
+        cases.push(Case::new(SECTION, rule, "sercos2.md 3.5, 6.1", move |slave| {
+            slave.run_up(4, Configuration::default())?;
+            slave.must_set(idn, &[1])?;
+            slave.must_set(idn, &[0])?;
+            slave.must_set(301, &[idn])?;
+            for (control, owned) in [(0, 0), (1 << 6, 1)] {
+                slave.control = control;
+                slave.cycles(3);
+                expect("operation data", slave.number(idn)?, owned.into())?;
+                expect("another value", slave.set(idn, &[1 - owned])?, Err(0x700C))?;
+                expect("what is there", slave.set(idn, &[owned])?, Ok(()))?;
+                expect("operation data", slave.number(idn)?, owned.into())?;
+            }
+            slave.must_set(301, &[0])?;
+            slave.must_set(idn, &[0])?;
+            expect("operation data, free again", slave.number(idn)?, 0)
+        }));
+    }
+    cases.push(Case::new(
+        SECTION,
+        "P-0-0019: only the bits that no control bit and no signal bit sets are written, 700CH for the others",
+        "sercos2.md 3.5, 6.1",
+        |slave| {
+            let signals = Configuration::application(&[51], &[36, 145]).with(27, &[2, 2, 0x8013]).with(329, &[2, 2, 4]);
+            slave.run_up(4, signals.with(301, &[0x8013]).with(413, &[3]))?;
+            slave.commands = vec![0; 6];
+            slave.cycles(3);
+            expect("a free bit", slave.set(0x8013, &[1])?, Ok(()))?;
+            expect("bit 3, of the control word", slave.set(0x8013, &[9])?, Err(0x700C))?;
+            expect("bit 4, of S-0-0145", slave.set(0x8013, &[0x11])?, Err(0x700C))?;
+            slave.control = 1 << 6;
+            slave.commands[4] = 1;
+            slave.cycles(3);
+            expect("operation data", slave.number(0x8013)?, 0x19)?;
+            expect("bit 3 cleared", slave.set(0x8013, &[0x11])?, Err(0x700C))?;
+            expect("the others", slave.set(0x8013, &[0x8018])?, Ok(()))?;
+            slave.cycles(3);
+            expect("operation data", slave.number(0x8013)?, 0x8018)
+        },
+    ));
+    cases.push(Case::new(
+        SECTION,
+        "S-0-0400 is the switch at the drive with S-0-0147 bit 2, and what is written without it",
+        "sercos2.md 6.4",
+        |slave| {
+            slave.run_up(4, Configuration::default().with(147, &[0x64]))?;
+            for level in [false, true] {
+                slave.drive.motor_side.borrow_mut().change_inputs(|inputs| inputs.home_switch = level);
+                slave.cycles(5);
+                expect("operation data", slave.number(400)?, level.into())?;
+                expect("another value", slave.set(400, &[u16::from(!level)])?, Err(0x700C))?;
+                expect("what is there", slave.set(400, &[level.into()])?, Ok(()))?;
+            }
+            slave.must_set(147, &[0x60])?;
+            slave.must_set(400, &[0])?;
+            expect("written, with the input set", slave.number(400)?, 0)?;
+            slave.must_set(400, &[1])?;
+            expect("written", slave.number(400)?, 1)
+        },
+    ));
     for (idn, words, culprit) in [
         (201, &[1_400][..], "S-0-0201"),
         (204, &[1_100], "S-0-0201"),
