@@ -262,7 +262,7 @@ impl MotionSettings {
             standstill_window: velocity.to_velocity(signed(parameters, 124)),
             monitoring_window,
         };
-        let feed_forward = parameters.get_word(Idn::standard(296)).saturating_mul(10).min(10_000);
+        let feed_forward = parameters.get_word(Idn::standard(296)).saturating_mul(10);
         let increments = parameters.get(Idn::standard(116)).saturating_mul(parameters.get(Idn::standard(256)));
         let feedback_type = parameters.get_word(Idn::standard(277));
         if feedback_type & !REVERSED != 0 {
@@ -355,21 +355,27 @@ fn ticks(parameters: &Parameters, number: u16) -> u16 {
     parameters.get_word(Idn::standard(number)) / LOOP_PERIOD_MICROSECONDS
 }
 
+/// S-0-0108 of 100 %.
+const FULL_OVERRIDE: u16 = 10_000;
+
 /// Where t3 falls between two ticks: the first tick with a new command comes a quarter of a period after it.
 const fn three_quarters(counts: u16) -> u16 {
     counts.saturating_sub(counts / 4)
 }
 
-/// Limits of positioning, with the feedrate override S-0-0108.
+/// Limits of positioning, with the feedrate override S-0-0108: beyond 100 % it makes S-0-0259 more, within S-0-0091.
 fn positioning(
     parameters: &Parameters,
     scale: &VelocityScale,
     derivatives: DerivativeScale,
     fastest: Velocity,
 ) -> Result<MotionLimits, InvalidSetting> {
-    let velocity = scale.to_velocity(signed(parameters, 259)).min(fastest);
+    let percent = parameters.get_word(Idn::standard(108));
+    let wanted = i64::from(scale.to_velocity(signed(parameters, 259)).to_bits());
+    let wanted = wanted.saturating_mul(percent.max(FULL_OVERRIDE).into()) / i64::from(FULL_OVERRIDE);
+    let velocity = Velocity::saturating_from_bits(wanted).min(fastest);
     let acceleration = derivatives.acceleration(parameters, 260);
-    let feedrate = FeedrateOverride::new(parameters.get_word(Idn::standard(108))).map_err(invalid(108))?;
+    let feedrate = FeedrateOverride::new(percent.min(FULL_OVERRIDE)).map_err(invalid(108))?;
     MotionLimits::new(velocity, acceleration, acceleration, derivatives.jerk(parameters, 193))
         .map(|limits| limits.with_override(feedrate))
         .map_err(|reason| match reason {
@@ -498,6 +504,17 @@ mod tests {
             let result = MotionSettings::new(&with(changes), TIMER);
             assert_eq!(result.map_err(|error| error.idn).err(), Some(Idn::standard(culprit)), "{changes:?}");
         }
+    }
+
+    #[test]
+    fn a_feedrate_override_beyond_100_per_cent_is_more_velocity_within_s_0_0091() {
+        let positioning = |changes: &[(u16, u32)]| MotionSettings::new(&with(changes), TIMER).unwrap().positioning;
+        let doubled = positioning(&[(259, 1_000_000), (108, 20_000)]);
+        assert_eq!(doubled, positioning(&[(259, 2_000_000)]));
+        assert_ne!(doubled, positioning(&[(259, 1_000_000)]));
+        let most = positioning(&[(259, 30_000_000)]);
+        assert_eq!(positioning(&[(259, 29_000_000), (108, 32_767)]), most, "S-0-0091 is 3000 rpm");
+        assert_ne!(positioning(&[(259, 30_000_000), (108, 9_999)]), most);
     }
 
     #[test]

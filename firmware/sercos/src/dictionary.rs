@@ -326,8 +326,8 @@ dictionary! {
     S 106 "Current loop proportional gain 1" ["V/A"] U16/3 written ALWAYS (1 to 65_535) = 40_000 => Parameter, stored, needed_for_cp4, restricted;
     /// Time in which the integral part of the current loop reaches the proportional part; 0 switches it off.
     S 107 "Current loop integral action time 1" ["ms"] U16/1 written ALWAYS (0 to 65_535) = 50 => Parameter, stored, needed_for_cp4, restricted;
-    /// Share of S-0-0259 that positioning may use.
-    S 108 "Feedrate override" ["%"] U16/2 written ALWAYS (0 to 10_000) = 10_000 => Parameter, stored;
+    /// Share of S-0-0259 that positioning may use, within S-0-0091 whatever it is.
+    S 108 "Feedrate override" ["%"] U16/2 written ALWAYS (0 to 32_767) = 10_000 => Parameter, stored;
     /// Largest current of the motor.
     S 109 "Motor peak current" ["A"] U32/3 written IN_CP2_CP3 (1 to 500_000) = 20_000 => Parameter, stored, needed_for_cp4;
     /// Current at full scale of the amplifier's command input; writable, because the amplifier is chosen by the builder.
@@ -487,8 +487,8 @@ dictionary! {
     S 287 "Secondary operation mode 7" [""] BITS/0 written IN_CP2_CP3 () = 0 => Parameter, stored, needed_for_cp4;
     /// Operation modes that S-0-0032 to S-0-0035 and S-0-0284 to S-0-0287 may name.
     S 292 "List of supported operation modes" [""] HEXES/0 written NEVER () = 0 => Live;
-    /// Part of the commanded velocity that goes past the position loop in modes without lag; 100 % leaves no lag.
-    S 296 "Velocity feed-forward gain" ["%"] U16/1 written ALWAYS (0 to 1_000) = 1_000 => Parameter, stored;
+    /// Part of the commanded velocity that goes past the position loop in modes without lag; 100 % leaves no lag, above it the axis leads.
+    S 296 "Velocity feed-forward gain" ["%"] U16/1 written ALWAYS (0 to 1_200) = 1_000 => Parameter, stored;
     /// From the edge of the home switch to where the marker counts, at most a revolution of the motor.
     S 299 "Home switch offset 1" ["deg"] I32/4 written ALWAYS (0 to 2_147_483_647) = 0 => Parameter, stored;
     /// Bit 0 is control word bit 6 of the last MDT.
