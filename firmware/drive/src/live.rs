@@ -82,6 +82,8 @@ pub(crate) enum Finding {
     Settings(InvalidSetting),
     /// The loops could not work with what was written, and it was taken back.
     Write(InvalidSetting),
+    /// The same for what S-0-0128 would not let pass.
+    WriteOf(Invalid),
     /// S-0-0262 where it would change what the phase protects.
     LoadInOperation,
     /// The loops have not locked to the ring (S-0-0128).
@@ -246,6 +248,13 @@ where
         });
         self.checks.invalid_for_cp4 = invalid;
         CommandState::Failed
+    }
+
+    /// What S-0-0128 would find first, if it was given now.
+    fn first_invalid(&self, parameters: &Parameters) -> Option<Invalid> {
+        let cyclic = self.checks.cyclic.as_ref()?;
+        let checked = transition::check_cp4(parameters, &self.capabilities(), cyclic, true);
+        checked.err().and_then(|invalid| invalid.findings().first().copied())
     }
 
     fn reset_class_1(&mut self) -> CommandState {
@@ -433,7 +442,7 @@ where
                 // Longer than the longest finding; a test looks.
                 let _ = match self.checks.finding {
                     None => Ok(()),
-                    Some(Finding::DataBlock(invalid)) => write!(text, "{invalid}"),
+                    Some(Finding::DataBlock(invalid) | Finding::WriteOf(invalid)) => write!(text, "{invalid}"),
                     Some(Finding::Settings(setting) | Finding::Write(setting)) => write!(text, "{setting}"),
                     Some(Finding::LoadInOperation) => write!(text, "S-0-0262 changes what is protected in CP4"),
                     Some(Finding::NotSynchronised) => write!(text, "the loops have not locked to the ring"),
@@ -533,13 +542,21 @@ where
             self.settings_changed = true;
         } else {
             // Some 200 us, which the step is held for: its answer depends on it, and what is acknowledged is in effect.
-            let settings = MotionSettings::new(parameters, H::LOOP_TIMER_COUNTS).map_err(|setting| {
-                self.checks.finding = Some(Finding::Write(setting));
-                ServiceError::InvalidData
-            })?;
+            let settings = match (MotionSettings::new(parameters, H::LOOP_TIMER_COUNTS), self.first_invalid(parameters))
+            {
+                (Ok(settings), None) => settings,
+                (Err(setting), _) => {
+                    self.checks.finding = Some(Finding::Write(setting));
+                    return Err(ServiceError::InvalidData);
+                }
+                (_, Some(invalid)) => {
+                    self.checks.finding = Some(Finding::WriteOf(invalid));
+                    return Err(ServiceError::InvalidData);
+                }
+            };
             self.motion.lock(|motion| motion.apply_settings(settings));
         }
-        if matches!(self.checks.finding, Some(Finding::Write(_))) {
+        if matches!(self.checks.finding, Some(Finding::Write(_) | Finding::WriteOf(_))) {
             self.checks.finding = None;
         }
         Ok(())

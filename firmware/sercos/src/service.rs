@@ -333,8 +333,10 @@ impl Server {
             Element::Idn => transfer::stage_fixed(staging, 2, block.idn.0.into()),
             Element::Name => return Ok(Source::Text(block.name)),
             Element::Unit if block.unit.is_empty() => return Err(ServiceError::NotAvailable(element)),
-            Element::Unit => return Ok(Source::Text(block.unit)),
-            Element::Attribute => transfer::stage_fixed(staging, 4, block.attribute.raw_value().into()),
+            Element::Unit => return Ok(Source::Text(block.scaled_unit(parameters))),
+            Element::Attribute => {
+                transfer::stage_fixed(staging, 4, block.scaled_attribute(parameters).raw_value().into());
+            }
             Element::Minimum | Element::Maximum => {
                 let (bytes, raw) = limit(if element == Element::Minimum { block.minimum } else { block.maximum })?;
                 transfer::stage_fixed(staging, bytes, raw);

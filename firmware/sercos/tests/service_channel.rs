@@ -23,7 +23,7 @@ fn every_element_of_every_data_block_reads_as_the_table_says_however_the_control
                 assert_eq!(text(&slave.read_list(2).unwrap()), block.name);
                 let attribute = slave.read(3, 2).unwrap();
                 assert_eq!(u32::from(attribute[0]) | u32::from(attribute[1]) << 16, block.attribute.raw_value());
-                match block.unit {
+                match block.unit.preferred() {
                     "" => assert_eq!(slave.read(4, 1), Err(ServiceError::NotAvailable(Element::Unit))),
                     unit => assert_eq!(text(&slave.read_list(4).unwrap()), unit),
                 }

@@ -372,6 +372,11 @@ impl Rig {
         self.run(Nanoseconds::from_millis(100))
     }
 
+    /// The control unit takes ON back, and nothing else.
+    pub(crate) fn take_bit_15_away(&mut self) {
+        self.master_mut().hold_switches(Some(control::ENABLE | control::NO_HALT));
+    }
+
     /// S-0-0099; whether it was executed.
     pub(crate) fn reset_errors(&mut self) -> Result<bool, MatrixError> {
         Ok(self.ask(Request::Command { idn: Idn::RESET_CLASS_1, polls: 20 })?.is_ok())

@@ -108,11 +108,13 @@ fn drives() -> Vec<Vec<(Idn, Vec<u16>)>> {
         (S(9), &[1]),
         (S(10), &[8]),
     ];
-    let more: [&[(Idn, &[u16])]; 10] = [
+    let more: [&[(Idn, &[u16])]; 11] = [
         &[],
         // Linear data by parameters, and data of the load.
         &[(S(76), &[0x09]), (S(44), &[0x09]), (S(160), &[0x09])],
         &[(S(76), &[0x4A]), (S(44), &[0x4A]), (S(160), &[0x4A])],
+        // Torque data in newton metres, by parameters.
+        &[(S(86), &[0x0A])],
         &[(S(76), &[0x82])],
         &[(S(55), &[0x10])],
         &[(P(170), &[2]), (P(172), &[2_000]), (P(174), &[2]), (P(176), &[2_000])],

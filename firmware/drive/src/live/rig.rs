@@ -174,6 +174,19 @@ impl Rig {
         self.motion.apply_settings(MotionSettings::new(&self.parameters, Still::LOOP_TIMER_COUNTS).unwrap());
     }
 
+    pub(super) fn is_in_cp4(&self) -> bool {
+        self.phases.current() == Phase::Cp4
+    }
+
+    /// What S-0-0128 finds in the parameters.
+    pub(super) fn check_for_cp4(&self) -> Result<(), Vec<Invalid>> {
+        let capabilities =
+            Capabilities { bit_rate: sercos::duration::BitRate::Mbit2, operation_modes: &OperationMode::SUPPORTED };
+        let checked =
+            transition::check_cp4(&self.parameters, &capabilities, self.checks.cyclic.as_ref().unwrap(), true);
+        checked.map(|_| ()).map_err(|invalid| invalid.findings().to_vec())
+    }
+
     fn enter(&mut self, phase: u8) {
         self.phases.received(phase).unwrap();
         self.server.phase_changed(self.phases.current());

@@ -26,9 +26,12 @@ fn settings(parameters: &Parameters) -> Result<MotionSettings, InvalidSetting> {
     MotionSettings::new(parameters, Still::LOOP_TIMER_COUNTS)
 }
 
-/// The loops work with the parameters as they read.
+/// The loops work with the parameters as they read, and in operation S-0-0128 would let them pass.
 #[track_caller]
 fn assert_in_effect(rig: &Rig, what: &str) {
+    if rig.is_in_cp4() {
+        assert_eq!(rig.check_for_cp4(), Ok(()), "{what}");
+    }
     assert_eq!(Ok(*rig.motion.settings()), settings(&rig.parameters), "{what}");
 }
 
@@ -88,6 +91,8 @@ fn a_write_that_the_loops_cannot_take_leaves_the_way_free_for_the_next() {
         (S(193), &[1, 0], "S-0-0193"),
         (S(349), &[1, 0], "S-0-0349"),
         (P(104), &[450], "P-0-0105"),
+        // S-0-0128 would not let it pass, whether the limits are switched on or not.
+        (S(49), &[0, 0x8000], "S-0-0049"),
     ] {
         assert_eq!(rig.write(idn, words), Err(0x7008), "{idn}");
         let finding = rig.finding();
@@ -139,7 +144,7 @@ fn before_s_0_0128_a_master_writes_in_any_order_and_after_it_only_what_goes_toge
     let found: Vec<(u16, Reason)> =
         rig.checks.invalid_for_cp4.findings().iter().map(|found| (found.idn.0, found.reason)).collect();
     assert_eq!(found, [(201, Reason::NotTogether)]);
-    assert_eq!(rig.checks.invalid_for_cp4.codes().collect::<Vec<_>>(), [0x000D]);
+    assert_eq!(rig.checks.invalid_for_cp4.codes().collect::<Vec<_>>(), [0x000F]);
     let finding = rig.finding();
     assert!(finding.starts_with("S-0-0201: ") && finding.contains("1500"), "{finding}");
 }

@@ -45,6 +45,10 @@ pub enum Reason {
     NotTogether,
     /// Asks for position feedback 2, which this drive does not have (P-0-2705).
     NoFeedback2,
+    /// Does not go together with this other data block.
+    Contradicts(Idn),
+    /// Bits 0 and 2 of a position polarity differ: S-0-0047 and S-0-0051 would count in opposite directions.
+    MixedPolarity,
 }
 
 impl Reason {
@@ -63,12 +67,14 @@ impl Reason {
             Reason::TooLate { .. } => 0x000A,
             Reason::CommandValueMissing(_) => 0x000B,
             Reason::NoFeedback2 => 0x000C,
-            Reason::NotTogether => 0x000D,
+            Reason::Contradicts(_) => 0x000D,
+            Reason::MixedPolarity => 0x000E,
+            Reason::NotTogether => 0x000F,
         }
     }
 
     /// One of each kind, for the manual.
-    pub const ALL: [Reason; 13] = [
+    pub const ALL: [Reason; 15] = [
         Reason::NeverWritten,
         Reason::OutOfRange,
         Reason::NotSupported,
@@ -81,6 +87,8 @@ impl Reason {
         Reason::TooLate { latest_ns: 1_970_000 },
         Reason::CommandValueMissing(Idn::POSITION_COMMAND),
         Reason::NoFeedback2,
+        Reason::Contradicts(Idn::standard(50)),
+        Reason::MixedPolarity,
         Reason::NotTogether,
     ];
 }
@@ -103,6 +111,8 @@ impl fmt::Display for Reason {
             Reason::CommandValueMissing(idn) => write!(formatter, "the MDT does not carry {idn}"),
             Reason::NotTogether => formatter.write_str("does not go together with other parameters"),
             Reason::NoFeedback2 => formatter.write_str("no position feedback 2, see P-0-2705"),
+            Reason::Contradicts(idn) => write!(formatter, "contradicts {idn}"),
+            Reason::MixedPolarity => formatter.write_str("bits 0 and 2, command and feedback, must be equal"),
         }
     }
 }

@@ -325,7 +325,7 @@ fn findings_for_cp3() -> Vec<Case> {
     cases
 }
 
-const FOR_CP4: [Finding; 16] = [
+const FOR_CP4: [Finding; 21] = [
     ("S-0-0032 = 0, no primary mode", &[(32, &[0])], 32, 3, "support"),
     ("S-0-0032 = 4, position with encoder 2", &[(32, &[4])], 32, 3, "support"),
     ("S-0-0032 = 3 without S-0-0047 in the MDT", &[(32, &[3])], 32, 11, "S-0-0047"),
@@ -336,11 +336,16 @@ const FOR_CP4: [Finding; 16] = [
     ("S-0-0044 = 21H, preferred linear per second", &[(44, &[0x21])], 44, 3, "support"),
     ("S-0-0045, 46: increments beyond the drive", &[(44, &[0x0A]), (46, &[32])], 46, 3, "support"),
     ("S-0-0076 = 11H, position in inches", &[(76, &[0x11])], 76, 3, "support"),
-    ("S-0-0078: increments beyond the drive", &[(76, &[9]), (78, &[32])], 78, 13, "2^31"),
-    ("S-0-0079 = 1 increment a revolution", &[(76, &[0x0A]), (79, &[1, 0])], 79, 13, "2 to"),
-    ("S-0-0201 above S-0-0204", &[(201, &[1_400])], 201, 13, "1400"),
-    ("S-0-0193 = 1, below a step of the loops", &[(193, &[1, 0])], 193, 13, "jerk"),
+    ("S-0-0078: increments beyond the drive", &[(76, &[9]), (78, &[32])], 78, 15, "2^31"),
+    ("S-0-0079 = 1 increment a revolution", &[(76, &[0x0A]), (79, &[1, 0])], 79, 15, "4 to"),
+    ("S-0-0201 above S-0-0204", &[(201, &[1_400])], 201, 15, "1400"),
+    ("S-0-0193 = 1, below a step of the loops", &[(193, &[1, 0])], 193, 15, "jerk"),
     ("S-0-0103 = 0 with modulo", &[(76, &[0x82]), (103, &[0, 0])], 103, 2, "minimum"),
+    ("S-0-0055 = 1, a command that counts against the feedback", &[(55, &[1])], 55, 14, "bits 0 and 2"),
+    ("S-0-0055 = 25H, a reserved bit", &[(55, &[0x25])], 55, 3, "support"),
+    ("S-0-0085 = 8, a reserved bit", &[(85, &[8])], 85, 3, "support"),
+    ("S-0-0049 below S-0-0050", &[(49, &[9, 0]), (50, &[10, 0])], 49, 13, "S-0-0050"),
+    ("position limits of an endless axis", &[(76, &[0x82]), (55, &[0x10])], 55, 13, "S-0-0076"),
     ("S-0-0277 = 1, a linear encoder", &[(277, &[1])], 277, 3, "support"),
 ];
 
