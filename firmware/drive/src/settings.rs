@@ -373,8 +373,8 @@ fn positioning(
 ) -> Result<MotionLimits, InvalidSetting> {
     let percent = parameters.get_word(Idn::standard(108));
     let wanted = i64::from(scale.to_velocity(signed(parameters, 259)).to_bits());
-    let wanted = wanted.saturating_mul(percent.max(FULL_OVERRIDE).into()) / i64::from(FULL_OVERRIDE);
-    let velocity = Velocity::saturating_from_bits(wanted).min(fastest);
+    let wanted = wanted.saturating_mul(percent.max(FULL_OVERRIDE).into()).checked_div(FULL_OVERRIDE.into());
+    let velocity = Velocity::saturating_from_bits(wanted.unwrap_or(i64::MAX)).min(fastest);
     let acceleration = derivatives.acceleration(parameters, 260);
     let feedrate = FeedrateOverride::new(percent.min(FULL_OVERRIDE)).map_err(invalid(108))?;
     MotionLimits::new(velocity, acceleration, acceleration, derivatives.jerk(parameters, 193))
