@@ -548,6 +548,13 @@ mod tests {
     }
 
     #[test]
+    fn a_feed_forward_of_120_per_cent_is_more_than_one_of_100() {
+        let [whole, more] = [1_000, 1_200].map(|gain| MotionSettings::new(&with(&[(296, gain)]), TIMER).unwrap());
+        assert_ne!(whole.without_lag, more.without_lag);
+        assert_eq!(whole.with_lag, more.with_lag);
+    }
+
+    #[test]
     fn parameter_scaling_per_second_is_sixty_times_that_per_minute() {
         // 1 * 10^-6 revolutions per second.
         let settings = MotionSettings::new(&with(&[(44, 0x2A), (45, 1), (46, -6_i32 as u32)]), TIMER).unwrap();
