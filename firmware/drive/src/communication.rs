@@ -4,6 +4,7 @@ use core::fmt;
 
 use rtic_core::Mutex;
 use sercon816::{Block, Boundary, Bus, Configuration, InitialiseError, ServiceAnswer, ServicePort, ServiceStep, Slave};
+use sercos::command::CommandState;
 use sercos::parameters::Parameters;
 use sercos::phase::{PhaseChange, PhaseError};
 use sercos::service::{Progress, Reply, Server, Step};
@@ -18,8 +19,9 @@ use crate::error_memory::{ErrorMemory, ErrorRecord};
 use crate::hardware::Hardware;
 use crate::identity::Identity;
 use crate::interrupts::Interrupts;
-use crate::live::{Checks, Context, Finding};
+use crate::live::{Checks, Context, Finding, POSITIVE_STOP};
 use crate::motion::Motion;
+use crate::rescaling::Rescaling;
 
 /// Why the drive cannot start.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -68,6 +70,7 @@ pub struct Communication<B> {
     checks: Checks,
     commissioning: Commissioning,
     access: Access,
+    rescaling: Rescaling,
     errors: ErrorMemory,
     announcement: Announcement,
 }
@@ -75,13 +78,15 @@ pub struct Communication<B> {
 impl<B: Bus + Clone> Communication<B> {
     /// A drive that has not touched its chip yet.
     pub fn new(bus: B, identity: Identity) -> Self {
+        let parameters = Parameters::new();
         Self {
             identity,
             slave: Slave::new(bus.clone()),
             service: ServicePort::new(bus),
             phases: PhaseMachine::new(),
             server: Server::with_segment_words(SEGMENT_WORDS),
-            parameters: Parameters::new(),
+            rescaling: Rescaling::new(&parameters),
+            parameters,
             checks: Checks::default(),
             commissioning: Commissioning::default(),
             access: Access::default(),
@@ -182,12 +187,13 @@ impl<B: Bus + Clone> Communication<B> {
             commissioning: &mut self.commissioning,
             identity: &self.identity,
             access: &mut self.access,
+            rescaling: &mut self.rescaling,
             errors: &self.errors,
             settings_changed: false,
         };
         // The motion side also starts this task for other news than the lock that S-0-0128 waits for.
         if context.checks.waits_for_lock && !context.motion.lock(|motion| motion.waits_for_lock()) {
-            let state = context.check_cp4(&self.parameters, false);
+            let state = context.check_cp4(&mut self.parameters, false);
             self.server.command_progress(Idn::CP4_TRANSITION_CHECK, state);
             self.service.set_command_change(self.server.command_change());
         }
@@ -200,6 +206,11 @@ impl<B: Bus + Clone> Communication<B> {
                 let failure = context.motion.lock(|motion| motion.homing_error());
                 context.checks.finding = failure.map(Finding::Homing);
                 self.server.command_progress(Idn::standard(148), state);
+                self.service.set_command_change(self.server.command_change());
+            }
+            if let Some(state) = context.motion.lock(Motion::take_positive_stop_result) {
+                context.checks.finding = (state == CommandState::Failed).then_some(Finding::PositiveStop);
+                self.server.command_progress(POSITIVE_STOP, state);
                 self.service.set_command_change(self.server.command_change());
             }
         }
@@ -217,7 +228,7 @@ impl<B: Bus + Clone> Communication<B> {
                 self.service.set_command_change(self.server.command_change());
             }
         }
-        context.settle(&self.parameters);
+        context.settle(&mut self.parameters);
         self.announce(motion);
     }
 
@@ -243,6 +254,7 @@ impl<B: Bus + Clone> Communication<B> {
             Phase::Cp0 | Phase::Cp1 => self.service.set_block(&Block::INITIAL),
             Phase::Cp2 => {
                 self.service.reset();
+                self.rescaling.take_over(&mut self.parameters);
                 self.parameters.forget_written();
             }
             Phase::Cp3 => self.service.set_block(&Block::CYCLIC),

@@ -24,8 +24,9 @@ use crate::identity::Identity;
 use crate::motion::{HomingFailure, Motion, MotorValue};
 use crate::oscilloscope::{self, Configuration};
 use crate::record::{Command, Feedback, Records};
+use crate::rescaling::Rescaling;
 use crate::settings::motor::FREQUENCY;
-use crate::settings::{CycleSettings, InvalidSetting, MotionSettings, OperationMode, homing};
+use crate::settings::{CycleSettings, Direction, InvalidSetting, MotionSettings, OperationMode, homing};
 
 /// So long S-0-0128 waits for the loops to lock to the ring: 200 ms in loop ticks, twice what a lock takes.
 const LOCK_PATIENCE_TICKS: u16 = 400;
@@ -40,12 +41,14 @@ const PARK_AXIS: Idn = Idn::standard(139);
 const REFERENCE_DISTANCE: Idn = Idn::standard(52);
 const HOMING_PARAMETER: Idn = Idn::standard(147);
 const HOMING: Idn = Idn::standard(148);
+pub(crate) const POSITIVE_STOP: Idn = Idn::standard(149);
 const PROBE_CONTROL: Idn = Idn::standard(169);
 const PROBING: Idn = Idn::standard(170);
 const CANCEL_REFERENCE: Idn = Idn::standard(191);
 const LOAD_DEFAULTS: Idn = Idn::standard(262);
 const CHECKSUM: Idn = Idn::standard(326);
 const DIAGNOSTIC_NUMBER: Idn = Idn::standard(390);
+const COMMAND_VALUE_MODE: Idn = Idn::standard(393);
 const SET_ABSOLUTE_POSITION: Idn = Idn::standard(447);
 const ERROR_TIMES: Idn = Idn::product(4);
 const OPERATING_TIME: Idn = Idn::product(6);
@@ -92,6 +95,8 @@ pub(crate) enum Finding {
     Controller,
     /// S-0-0148 has failed.
     Homing(HomingFailure),
+    /// S-0-0149 has failed: the torque went.
+    PositiveStop,
 }
 
 /// What a service step works with: the drive without its service server and parameters.
@@ -103,6 +108,7 @@ pub(crate) struct Context<'a, B, M> {
     pub(crate) commissioning: &'a mut Commissioning,
     pub(crate) identity: &'a Identity,
     pub(crate) access: &'a mut Access,
+    pub(crate) rescaling: &'a mut Rescaling,
     pub(crate) errors: &'a ErrorMemory,
     /// A parameter of the loops has changed before they have begun to work with it; they get it once the step is released.
     pub(crate) settings_changed: bool,
@@ -156,8 +162,9 @@ where
     }
 
     /// Gives the loops what has changed before they have begun to work with it.
-    pub(crate) fn settle(&mut self, parameters: &Parameters) {
+    pub(crate) fn settle(&mut self, parameters: &mut Parameters) {
         if core::mem::take(&mut self.settings_changed) {
+            self.rescaling.refresh(parameters);
             // What does not go together yet waits for the rest; S-0-0128 finds what is left of it.
             match MotionSettings::new(parameters, H::LOOP_TIMER_COUNTS) {
                 Ok(settings) => self.motion.lock(|motion| motion.apply_settings(settings)),
@@ -215,23 +222,28 @@ where
     }
 
     /// S-0-0128, once more when the loop clock has locked. `patient`: still worth waiting for it.
-    pub(crate) fn check_cp4(&mut self, parameters: &Parameters, patient: bool) -> CommandState {
+    pub(crate) fn check_cp4(&mut self, parameters: &mut Parameters, patient: bool) -> CommandState {
         self.checks.waits_for_lock = false;
         let capabilities = self.capabilities();
         let Some(cyclic) = &self.checks.cyclic else { return CommandState::Failed };
+        let misfits = self.rescaling.misfits(parameters);
         let synchronised = self.motion.lock(|motion| motion.is_synchronised());
         let settings = MotionSettings::new(parameters, H::LOOP_TIMER_COUNTS);
         let mut invalid = match (transition::check_cp4(parameters, &capabilities, cyclic, synchronised), settings) {
-            (Ok(ready), Ok(settings)) => {
+            (Ok(ready), Ok(settings)) if misfits.is_empty() => {
+                self.rescaling.take_over(parameters);
                 self.checks.invalid_for_cp4 = InvalidData::default();
                 self.checks.finding = None;
                 self.motion.lock(|motion| motion.apply_settings(settings));
                 self.phases.permit_cp4(ready);
                 return CommandState::Executed;
             }
-            (Ok(_), Err(_)) => InvalidData::default(),
+            (Ok(_), _) => InvalidData::default(),
             (Err(invalid), _) => invalid,
         };
+        for idn in &misfits {
+            invalid.add(*idn, Reason::OldScaling);
+        }
         if let Err(setting) = settings {
             invalid.add(setting.idn, reason_of(&setting));
         } else if patient && invalid.not_synchronised && invalid.findings().is_empty() {
@@ -328,6 +340,7 @@ where
         }
         self.without_torque(|context| {
             parameters.load_defaults();
+            context.rescaling.defaults_loaded(parameters);
             if context.phases.current() == Phase::Cp3 {
                 context.phases.withdraw();
             }
@@ -417,8 +430,10 @@ where
             96 => u64::from(u16::from_le_bytes([self.identity.address.get(); 2])),
             145 => commands.signal_control.into(),
             258 => commands.target_position.cast_unsigned().into(),
+            282 => commands.positioning_value.cast_unsigned().into(),
             304 => u64::from(snapshot.status_word >> 6 & 1),
             306 => u64::from(snapshot.status_word >> 7 & 1),
+            346 => commands.positioning_control.into(),
             // Parameters and unknown IDNs are not asked for here.
             _ => 0,
         }
@@ -448,6 +463,7 @@ where
                     Some(Finding::NotSynchronised) => write!(text, "the loops have not locked to the ring"),
                     Some(Finding::Homing(HomingFailure::Way(error))) => write!(text, "{error}"),
                     Some(Finding::Homing(HomingFailure::Torque)) => write!(text, "the torque went while homing"),
+                    Some(Finding::PositiveStop) => write!(text, "the torque went before the stop was reached"),
                     Some(Finding::Controller) => write!(text, "the ring controller refuses the configuration"),
                 };
                 None
@@ -607,6 +623,10 @@ where
                 self.motion.lock(|motion| motion.hold_for_homing(false));
                 Ok(CommandState::Executed)
             }
+            (POSITIVE_STOP, CommandAction::Cancel) => {
+                self.motion.lock(Motion::cancel_positive_stop);
+                Ok(CommandState::Executed)
+            }
             (PROBING, CommandAction::Cancel) => {
                 self.motion.lock(|motion| motion.set_probing(None));
                 Ok(CommandState::Executed)
@@ -615,6 +635,10 @@ where
             (_, CommandAction::Cancel) => Ok(CommandState::Executed),
             (PARK_AXIS, START) => self.without_torque(|context| context.motion.lock(|motion| motion.park(true))),
             (HOMING, START) => self.home(parameters),
+            (POSITIVE_STOP, START) => {
+                let started = self.motion.lock(Motion::start_positive_stop);
+                if started { Ok(CommandState::Executing) } else { Err(ServiceError::CommandNotExecutableNow) }
+            }
             (PROBING, START) => self.start_probing(parameters),
             (CANCEL_REFERENCE, START) => {
                 self.motion.lock(|motion| motion.cancel_reference());
@@ -637,6 +661,9 @@ where
         if let Some((mask, wanted)) = controlled_bits(idn, value) {
             let (bits, owned) = self.motion.lock(|motion| motion.controlled_bits());
             return ((bits ^ wanted) & mask & owned != 0).then_some(ServiceError::ProtectedBySettings);
+        }
+        if idn == COMMAND_VALUE_MODE && Direction::from_parameter(value as u16).is_none() {
+            return Some(ServiceError::InvalidData);
         }
         // An angle that is taken over under torque would throw the motor to it.
         if idn == COMMUTATION_ANGLE {

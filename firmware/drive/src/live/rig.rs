@@ -104,6 +104,7 @@ pub(super) struct Rig {
     slave: Slave<Memory>,
     phases: PhaseMachine,
     commissioning: Commissioning,
+    rescaling: Rescaling,
     identity: Identity,
     access: Access,
     errors: ErrorMemory,
@@ -131,6 +132,7 @@ impl Rig {
             slave: Slave::new(bus),
             phases: PhaseMachine::new(),
             commissioning: Commissioning::default(),
+            rescaling: Rescaling::new(&Parameters::new()),
             identity,
             access: Access::default(),
             errors: ErrorMemory::new(),
@@ -202,6 +204,7 @@ impl Rig {
             phases: &mut self.phases,
             checks: &mut self.checks,
             commissioning: &mut self.commissioning,
+            rescaling: &mut self.rescaling,
             identity: &self.identity,
             access: &mut self.access,
             errors: &self.errors,
@@ -211,7 +214,7 @@ impl Rig {
         if let Some((idn, state)) = context.carry_out(&mut self.parameters) {
             self.server.command_progress(idn, state);
         }
-        context.settle(&self.parameters);
+        context.settle(&mut self.parameters);
         result
     }
 

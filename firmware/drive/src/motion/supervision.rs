@@ -3,7 +3,7 @@
 use sercon816::Bus;
 use sercos::Phase;
 use sercos::diagnostic::{Class1, Class3};
-use servo::{Mode, Position, Velocity};
+use servo::Position;
 
 use super::Motion;
 use crate::diagnosis::{Manufacturer1, Manufacturer3};
@@ -41,7 +41,7 @@ impl<B: Bus + Clone, H: Hardware> Motion<B, H> {
             || self.is_travelling_home()
             || self.is_identifying()
             || self.oscilloscope.is_recording();
-        self.tell_lock() | self.tell_news()
+        self.watch_positive_stop() | self.tell_lock() | self.tell_news()
     }
 
     /// One loop tick of what must not wait for the supervision: a counter that says what no shaft does.
@@ -103,16 +103,7 @@ impl<B: Bus + Clone, H: Hardware> Motion<B, H> {
         let torque = self.machine.state().has_torque();
         let in_operation = self.machine.state().is_in_operation();
         let leaves_its_range = self.watch_range();
-        let findings = self.motor.supervise(&Surroundings {
-            torque,
-            count: self.counted(self.motor.count()),
-            index,
-            velocity_command: if in_operation && self.axis.mode() != Mode::Torque {
-                self.output.velocity_command
-            } else {
-                Velocity::ZERO
-            },
-        });
+        let findings = self.motor.supervise(&Surroundings { torque, count: self.counted(self.motor.count()), index });
         self.take(findings);
         self.watch_safe_torque_off(torque);
         if !torque {
@@ -179,7 +170,8 @@ impl<B: Bus + Clone, H: Hardware> Motion<B, H> {
                 position: self.encoder.position(),
                 torque_command: self.output.current,
                 brake_contact: self.inputs.brake_open,
-                blocked: self.output.standstill
+                blocked: !self.expects_a_stop()
+                    && self.output.standstill
                     && self.class_3.contains(Class3::TORQUE_LIMIT)
                     && self.output.velocity_command.abs() > self.settings.standstill_window,
                 index,

@@ -49,6 +49,8 @@ pub enum Reason {
     Contradicts(Idn),
     /// Bits 0 and 2 of a position polarity differ: S-0-0047 and S-0-0051 would count in opposite directions.
     MixedPolarity,
+    /// Its value does not fit the new scaling, and nobody has written it anew.
+    OldScaling,
 }
 
 impl Reason {
@@ -69,12 +71,13 @@ impl Reason {
             Reason::NoFeedback2 => 0x000C,
             Reason::Contradicts(_) => 0x000D,
             Reason::MixedPolarity => 0x000E,
-            Reason::NotTogether => 0x000F,
+            Reason::OldScaling => 0x000F,
+            Reason::NotTogether => 0x0010,
         }
     }
 
     /// One of each kind, for the manual.
-    pub const ALL: [Reason; 15] = [
+    pub const ALL: [Reason; 16] = [
         Reason::NeverWritten,
         Reason::OutOfRange,
         Reason::NotSupported,
@@ -89,6 +92,7 @@ impl Reason {
         Reason::NoFeedback2,
         Reason::Contradicts(Idn::standard(50)),
         Reason::MixedPolarity,
+        Reason::OldScaling,
         Reason::NotTogether,
     ];
 }
@@ -113,6 +117,7 @@ impl fmt::Display for Reason {
             Reason::NoFeedback2 => formatter.write_str("no position feedback 2, see P-0-2705"),
             Reason::Contradicts(idn) => write!(formatter, "contradicts {idn}"),
             Reason::MixedPolarity => formatter.write_str("bits 0 and 2, command and feedback, must be equal"),
+            Reason::OldScaling => formatter.write_str("its value does not fit the new scaling, write it anew"),
         }
     }
 }
