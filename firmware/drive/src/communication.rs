@@ -213,6 +213,11 @@ impl<B: Bus + Clone> Communication<B> {
         if settings_changed && let Ok(settings) = MotionSettings::new(&self.parameters, H::LOOP_TIMER_COUNTS) {
             motion.lock(|motion| motion.apply_settings(settings));
         }
+        // Behind the step, which is released: it takes divisions.
+        if let Some(preparation) = motion.lock(Motion::take_preparation) {
+            let prepared = preparation.carry_out();
+            motion.lock(|motion| motion.take_prepared(&prepared));
+        }
         self.announce(motion);
     }
 

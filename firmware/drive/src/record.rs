@@ -5,6 +5,7 @@ use sercos::Idn;
 use servo::{Edge, Probe};
 
 use crate::bits::{Source, Word};
+use crate::limits::Limit;
 
 /// Most data blocks in a record (S-0-0016, S-0-0024).
 pub const MOST_SIGNALS: usize = 16;
@@ -29,12 +30,14 @@ pub enum Command {
     SignalControl,
     /// S-0-0258, 4 bytes.
     TargetPosition,
+    /// A limit in place of its parameter.
+    Limit(Limit),
 }
 
 impl Command {
     /// The command value of an IDN; `None` if the MDT cannot carry it.
     #[must_use]
-    pub const fn from_idn(idn: Idn) -> Option<Self> {
+    pub fn from_idn(idn: Idn) -> Option<Self> {
         const SIGNAL_CONTROL: Idn = Idn::standard(145);
         const ADDITIVE_TORQUE: Idn = Idn::standard(81);
         const TARGET_POSITION: Idn = Idn::standard(258);
@@ -47,7 +50,7 @@ impl Command {
             ADDITIVE_TORQUE => Some(Self::AdditiveTorque),
             SIGNAL_CONTROL => Some(Self::SignalControl),
             TARGET_POSITION => Some(Self::TargetPosition),
-            _ => None,
+            _ => Limit::from_idn(idn).map(Self::Limit),
         }
     }
 
@@ -56,6 +59,7 @@ impl Command {
     pub const fn words(self) -> u16 {
         match self {
             Self::Torque | Self::AdditiveTorque | Self::SignalControl => 1,
+            Self::Limit(limit) => limit.words(),
             _ => 2,
         }
     }
@@ -161,6 +165,14 @@ impl Records {
             records.feedback.push(Feedback::from_idn(idn)?).ok()?;
         }
         Some(records)
+    }
+
+    /// Limits in the MDT.
+    pub(crate) fn limits(&self) -> impl Iterator<Item = Limit> {
+        self.commands.iter().filter_map(|command| match command {
+            Command::Limit(limit) => Some(*limit),
+            _ => None,
+        })
     }
 }
 

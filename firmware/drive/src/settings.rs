@@ -4,22 +4,25 @@ use sercos::Idn;
 use sercos::parameters::Parameters;
 use sercos::transition::OPERATION_MODES;
 use servo::{
-    AxisParameters, AxisSettings, CurrentFilterSettings, FeedrateOverride, FilterSection, FrictionParameters,
-    FrictionSettings, HomingParameters, HomingSettings, Interpolation, LoopClockSettings, MotionLimits, Position,
-    PositionScale, SettingsError, TwiceReadSettings, Velocity, VelocityLimits, VelocityScale,
+    AxisParameters, AxisSettings, CurrentFilterSettings, FilterSection, FrictionParameters, FrictionSettings,
+    HomingParameters, HomingSettings, Interpolation, LoopClockSettings, MotionLimits, Position, PositionScale,
+    SettingsError, TwiceReadSettings, Velocity, VelocityScale,
 };
 
+mod limits;
 pub(crate) mod motor;
 mod scaling;
 mod torque;
 
 use scaling::DerivativeScale;
 
+pub(crate) use limits::LimitScale;
 pub use motor::MotorSettings;
 pub(crate) use torque::TorqueScale;
 
 use crate::bits::BitSettings;
 use crate::hardware::LOOP_PERIOD_MICROSECONDS;
+use crate::limits::LimitValues;
 use crate::motor::READ_TWICE;
 
 /// A parameter that the drive cannot work with; S-0-0128 lists it in S-0-0022.
@@ -160,6 +163,10 @@ pub struct MotionSettings {
     pub position_limits: Option<(Position, Position)>,
     /// S-0-0259, S-0-0260, S-0-0193, S-0-0108: movements to S-0-0258.
     pub positioning: MotionLimits,
+    /// The limits that the MDT can carry, as the parameters say.
+    pub limits: LimitValues,
+    /// What these are for the loops.
+    pub limit_scale: LimitScale,
     /// P-0-0140: what an error does to a motor that runs.
     pub reaction: Reaction,
     /// Bridge, motor, brake.
@@ -197,14 +204,9 @@ impl MotionSettings {
         let clock = LoopClockSettings::new(loop_timer_counts, ticks_per_cycle, three_quarters(loop_timer_counts))
             .map_err(invalid(2))?;
         let monitoring_window = position.to_position(signed(parameters, 159));
-        let fastest = Velocity::from_ten_thousandths_rpm(signed(parameters, 113));
-        let bipolar = velocity.to_velocity(signed(parameters, 91)).min(fastest);
-        let one_sided = |number| {
-            let value = signed(parameters, number);
-            (value != 0).then(|| velocity.to_velocity(value))
-        };
-        let velocity_limits = VelocityLimits::new(bipolar, one_sided(38), one_sided(39));
-        let ramp = (derivatives.acceleration(parameters, 136), derivatives.acceleration(parameters, 137));
+        let limits = LimitValues::new(parameters);
+        let limit_scale = LimitScale::new(parameters, velocity, torque, derivatives, ticks_per_cycle)?;
+        let fastest = limit_scale.fastest();
         let peak_current = parameters.get(Idn::standard(110));
         let axis = AxisParameters {
             ticks_per_cycle: ticks_per_command,
@@ -218,11 +220,11 @@ impl MotionSettings {
             friction: friction(parameters, &torque, peak_current)?,
             filter: filter(parameters)?,
             peak_current,
-            velocity_limits,
-            deceleration: derivatives.acceleration(parameters, 138),
-            halt_deceleration: derivatives.acceleration(parameters, 372),
-            jerk: derivatives.jerk(parameters, 349),
-            velocity_ramp: (ramp.0.to_bits() | ramp.1.to_bits() != 0).then_some(ramp),
+            velocity_limits: limit_scale.velocity_limits(&limits),
+            deceleration: limit_scale.deceleration(&limits),
+            halt_deceleration: limit_scale.halt_deceleration(),
+            jerk: limit_scale.jerk(&limits),
+            velocity_ramp: limit_scale.velocity_ramp(&limits),
             interpolation: match parameters.get_word(Idn::product(141)) {
                 0 => Interpolation::Linear,
                 _ => Interpolation::Cubic,
@@ -267,9 +269,11 @@ impl MotionSettings {
             overspeed: Velocity::saturating_from_bits(i64::from(fastest.to_bits()).saturating_mul(5) / 4),
             standstill_window: velocity.to_velocity(signed(parameters, 124)),
             position_limits: position_limits(parameters, &position),
-            positioning: positioning(parameters, &velocity, derivatives, bipolar)?,
+            positioning: limit_scale.positioning(&limits).map_err(invalid(259))?,
+            limits,
+            limit_scale,
             reaction: Reaction::from_parameter(parameters.get_word(Idn::product(140))),
-            motor: MotorSettings::new(parameters, &torque, increments, fastest)?,
+            motor: MotorSettings::new(parameters, &torque, &limit_scale.torque_limits(&limits), increments, fastest)?,
             monitoring_window,
             velocity_threshold: velocity.to_velocity(signed(parameters, 125)),
             velocity_monitoring_window: velocity.to_velocity(signed(parameters, 377)),
@@ -308,21 +312,6 @@ const fn three_quarters(counts: u16) -> u16 {
     counts.saturating_sub(counts / 4)
 }
 
-/// Limits of positioning, with the feedrate override S-0-0108.
-fn positioning(
-    parameters: &Parameters,
-    scale: &VelocityScale,
-    derivatives: DerivativeScale,
-    fastest: Velocity,
-) -> Result<MotionLimits, InvalidSetting> {
-    let velocity = scale.to_velocity(signed(parameters, 259)).min(fastest);
-    let acceleration = derivatives.acceleration(parameters, 260);
-    let feedrate = FeedrateOverride::new(parameters.get_word(Idn::standard(108))).map_err(invalid(108))?;
-    MotionLimits::new(velocity, acceleration, acceleration, derivatives.jerk(parameters, 193))
-        .map(|limits| limits.with_override(feedrate))
-        .map_err(invalid(259))
-}
-
 /// What homing S-0-0148 works with: its way and the limits of its movements.
 ///
 /// # Errors
@@ -344,9 +333,9 @@ pub(crate) fn homing(
     })
     .map_err(|_| unsupported(147))?;
     let derivatives = DerivativeScale::new(parameters)?;
-    let acceleration = derivatives.acceleration(parameters, 42);
-    let limits = MotionLimits::new(velocity, acceleration, acceleration, derivatives.jerk(parameters, 349))
-        .map_err(invalid(41))?;
+    let acceleration = derivatives.acceleration(parameters.get(Idn::standard(42)));
+    let jerk = derivatives.jerk(parameters.get(Idn::standard(349)));
+    let limits = MotionLimits::new(velocity, acceleration, acceleration, jerk).map_err(invalid(41))?;
     Ok((homing, limits))
 }
 

@@ -243,6 +243,20 @@ impl VelocityLimits {
         }
     }
 
+    /// What is in force instead of `before` on the way to these limits: wider at once, narrower at once for an axis that is slower, and by
+    /// `step` at a time below the measured velocity of one that is faster. To be asked once in the time of a step.
+    #[must_use]
+    pub fn approached(self, before: &Self, measured: Velocity, step: Velocity) -> Self {
+        let mut limits = self;
+        if self.positive < before.positive {
+            limits.positive = self.positive.max(before.positive.min(measured) - step);
+        }
+        if self.negative > before.negative {
+            limits.negative = self.negative.min(before.negative.max(measured) + step);
+        }
+        limits
+    }
+
     /// `velocity` within the limits.
     #[inline]
     #[must_use]
@@ -417,6 +431,25 @@ mod tests {
             prop_assert!(limits.negative <= current && current <= limits.positive);
             prop_assert_eq!(limiting.is_empty(), current.to_bits() == command);
         }
+    }
+
+    #[test]
+    fn a_narrower_velocity_limit_takes_an_axis_that_is_faster_along_step_by_step() {
+        let rpm = |value: i32| Velocity::from_ten_thousandths_rpm(value * 10_000);
+        let [wide, narrow] = [3_000, 100].map(|limit| VelocityLimits::new(rpm(limit), None, None));
+        let near = |velocity: Velocity, expected: i32| (velocity - rpm(expected)).abs() < Velocity::from_bits(100);
+        // 130 rpm forwards: the other direction is narrow at once.
+        let first = narrow.approached(&wide, rpm(130), rpm(10));
+        assert!(near(first.positive, 120) && near(first.negative, -100), "{first:?}");
+        // The axis lags behind, which holds nothing up.
+        let second = narrow.approached(&first, rpm(128), rpm(10));
+        assert!(near(second.positive, 110), "{second:?}");
+        let third = narrow.approached(&second, rpm(121), rpm(10));
+        assert_eq!(narrow.approached(&third, rpm(115), rpm(10)), narrow);
+        assert_eq!(narrow.approached(&wide, rpm(99), rpm(10)), narrow, "nothing is faster");
+        assert_eq!(wide.approached(&narrow, rpm(100), rpm(10)), wide, "wider at once");
+        let backwards = narrow.approached(&wide, rpm(-500), rpm(10));
+        assert!(near(backwards.positive, 100) && near(backwards.negative, -490), "{backwards:?}");
     }
 
     #[test]

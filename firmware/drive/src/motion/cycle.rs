@@ -74,6 +74,9 @@ impl<B: Bus + Clone, H: Hardware> Motion<B, H> {
         self.mode = mode;
         self.refuse_a_jump();
         self.update_state();
+        if self.cyclic_limits.is_carried() {
+            self.obey_limits();
+        }
         if self.is_positioning() {
             self.position_to_target();
         }
@@ -119,6 +122,7 @@ impl<B: Bus + Clone, H: Hardware> Motion<B, H> {
             Command::AdditiveTorque => self.commands.additive_torque = word.cast_signed(),
             Command::SignalControl => self.commands.signal_control = word,
             Command::TargetPosition => self.commands.target_position = long,
+            Command::Limit(limit) => self.cyclic_limits.take(limit, raw),
         }
     }
 

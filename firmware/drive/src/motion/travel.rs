@@ -193,7 +193,8 @@ impl<B: Bus + Clone, H: Hardware> Motion<B, H> {
             }
         }
         let travel = self.target.map_or(Travel::Hold, |(_, target)| Travel::To(target));
-        self.axis.travel(self.settings.positioning, travel);
+        let limits = self.cyclic_limits.movements().positioning.unwrap_or(self.settings.positioning);
+        self.axis.travel(limits, travel);
     }
 
     /// One look at the probes, whose edges the hardware has latched.

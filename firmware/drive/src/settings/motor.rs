@@ -7,9 +7,10 @@ use servo::current::{
     Protection, PwmFrequency,
 };
 use servo::{
-    AlignmentSettings, BrakeParameters, BrakeSettings, CommutationSettings, CurrentFraction, EncoderMonitorParameters,
-    EncoderMonitorSettings, Gain, LoadParameters, LoadSettings, Position, SettingsError, TemperatureParameters,
-    TemperatureSettings, TorqueLimitParameters, TorqueLimitSettings, Velocity, VoltageParameters, VoltageSettings,
+    AlignmentSettings, BrakeParameters, BrakeSettings, CommandedTorqueLimits, CommutationSettings, CurrentFraction,
+    EncoderMonitorParameters, EncoderMonitorSettings, Gain, LoadParameters, LoadSettings, Position, SettingsError,
+    TemperatureParameters, TemperatureSettings, TorqueLimitParameters, TorqueLimitSettings, Velocity,
+    VoltageParameters, VoltageSettings,
 };
 
 use super::{InvalidSetting, TorqueScale};
@@ -78,6 +79,7 @@ impl MotorSettings {
     pub fn new(
         parameters: &Parameters,
         torque: &TorqueScale,
+        limits: &CommandedTorqueLimits,
         increments: u32,
         maximum_velocity: Velocity,
     ) -> Result<Self, InvalidSetting> {
@@ -200,7 +202,7 @@ impl MotorSettings {
             has_brake: brake_bits & BRAKE_FITTED != 0,
             aligns_with_open_brake: brake_bits & BRAKE_MAY_OPEN != 0,
             torque_limits: TorqueLimitSettings::new(&TorqueLimitParameters {
-                commanded: torque.limits(parameters),
+                commanded: *limits,
                 motor_peak: long(S(109)),
                 amplifier_peak: peak,
             })

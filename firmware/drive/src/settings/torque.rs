@@ -3,10 +3,10 @@
 use sercos::Idn;
 use sercos::parameters::Parameters;
 use sercos::weighting::{Dimension, Kind};
-use servo::{CommandedTorqueLimits, CurrentFraction, Gain, SettingsError};
+use servo::{CurrentFraction, Gain, SettingsError};
 
+use super::InvalidSetting;
 use super::scaling::{FEED_EXPONENT, Ratio, TWO_PI, decimal, feed, gear, weighting};
-use super::{InvalidSetting, signed};
 
 /// Torque data as currents, and back.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -70,12 +70,6 @@ impl TorqueScale {
         let scaled = u128::from(increments).saturating_mul(self.milliamperes.numerator.into());
         let scaled = scaled.checked_div(self.milliamperes.denominator.into()).unwrap_or(u128::MAX);
         u32::try_from(scaled).unwrap_or(u32::MAX)
-    }
-
-    /// S-0-0082, S-0-0083 and S-0-0092.
-    pub(super) fn limits(&self, parameters: &Parameters) -> CommandedTorqueLimits {
-        let limit = |number| self.to_current(signed(parameters, number).into());
-        CommandedTorqueLimits { positive: limit(82), negative: limit(83), bipolar: limit(92) }
     }
 }
 
@@ -177,15 +171,11 @@ mod tests {
     }
 
     #[test]
-    fn limits_beyond_the_peak_current_are_the_peak_current() {
-        let mut parameters = with(&[(S(86), 0x0A), (S(94), -1)]);
-        parameters.set(S(92), 65_535).unwrap();
-        parameters.set(S(82), 32_767).unwrap();
-        parameters.set(S(83), (-40_i32 as u32).into()).unwrap();
-        let limits = TorqueScale::new(&parameters).unwrap().limits(&parameters);
-        assert_eq!((limits.positive, limits.bipolar), (CurrentFraction::MAX, CurrentFraction::MAX));
+    fn torques_beyond_the_peak_current_are_the_peak_current() {
+        let scale = TorqueScale::new(&with(&[(S(86), 0x0A), (S(94), -1)])).unwrap();
+        assert_eq!([65_535, -65_535].map(|limit| scale.to_current(limit).to_bits()), [i16::MAX, -i16::MAX]);
         // 4 Nm are 5 A, a quarter of 20 A.
-        let negative = limits.negative.to_num::<f64>();
+        let negative = scale.to_current(-40).to_num::<f64>();
         assert!((negative + 0.25).abs() < 5e-5, "{negative}");
     }
 
