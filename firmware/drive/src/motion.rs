@@ -13,14 +13,17 @@ use sercos::diagnostic::{Class1, Class2, Class3};
 use sercos::phase::PhaseError;
 use sercos::supervision::Supervision;
 use servo::{
-    Axis, AxisOutput, LOOP_TICKS_PER_SUPERVISION, Limiting, LoopClock, Mode, Position, Scope, TwiceReadEncoder,
+    Axis, AxisOutput, LOOP_TICKS_PER_SUPERVISION, Limiting, LoopClock, Mode, Position, RangeMonitor, Scope,
+    TwiceReadEncoder,
 };
 
 mod background;
 mod clock_monitor;
+mod coordinates;
 mod cycle;
 mod identifying;
 mod limiting;
+mod range;
 mod recording;
 mod supervision;
 mod travel;
@@ -41,7 +44,7 @@ use crate::motor::{Motor, Progress};
 use crate::mst::MstMonitor;
 use crate::oscilloscope::Oscilloscope;
 use crate::record::Records;
-use crate::settings::{MotionSettings, OperationMode};
+use crate::settings::{MotionSettings, OperationMode, Reaction};
 use crate::state::{DriveState, StateMachine, Switches};
 use crate::work::Work;
 
@@ -111,7 +114,8 @@ pub struct Motion<B, H> {
     channels_differ: u16,
     /// Phase of the last edge of t3.
     edge_phase: u16,
-    switches: Switches,
+    /// Of the last MDT; `None` until one has come in this phase.
+    switches: Option<Switches>,
     mode: Option<OperationMode>,
     phase: Phase,
     commands: CommandValues,
@@ -145,6 +149,8 @@ pub struct Motion<B, H> {
     target: Option<(i32, Position)>,
     /// S-0-0403 bit 0.
     referenced: bool,
+    /// S-0-0049 and S-0-0050, while they are in force.
+    range_monitor: Option<RangeMonitor>,
     /// S-0-0148 holds the position until it is cancelled.
     homing: bool,
     /// Homing has just ended with torque on: the next command is looked at before it is followed.
@@ -206,7 +212,7 @@ impl<B: Bus + Clone, H: Hardware> Motion<B, H> {
             until_supervision: 1,
             channels_differ: 0,
             edge_phase: 0,
-            switches: Switches::default(),
+            switches: None,
             mode: None,
             phase: Phase::Cp0,
             commands: CommandValues::default(),
@@ -233,6 +239,7 @@ impl<B: Bus + Clone, H: Hardware> Motion<B, H> {
             probe_run: ProbeRun::default(),
             target: None,
             referenced: false,
+            range_monitor: None,
             homing: false,
             resuming: false,
             loss_shown: 0,
@@ -370,7 +377,8 @@ impl<B: Bus + Clone, H: Hardware> Motion<B, H> {
         let before = self.machine.state();
         let conditions = self.conditions();
         // A homing that is not cancelled holds the drive as HALT does.
-        let switches = Switches { run: self.switches.run && !self.homing, ..self.switches };
+        let switches = self.switches.unwrap_or_default();
+        let switches = Switches { run: switches.run && !self.homing, ..switches };
         let state = self.machine.update(switches, conditions);
         if state != DriveState::Halted {
             self.abandon_identification();
@@ -382,6 +390,7 @@ impl<B: Bus + Clone, H: Hardware> Motion<B, H> {
             (DriveState::Off | DriveState::Fault, _) => Mode::Off,
             // Without an angle there is no torque that a loop could use.
             (DriveState::SwitchingOn, _) if !self.motor.commutates() => Mode::Off,
+            (DriveState::FaultReaction, _) if self.settings.reaction == Reaction::TorqueLimit => Mode::Braking,
             (DriveState::SwitchingOff | DriveState::FaultReaction, _) => Mode::Stopping,
             (DriveState::Halted, _) if self.identification.is_some() => self.identification_mode(),
             (DriveState::Following | DriveState::Halted, _) if self.is_travelling_home() => Mode::Travel,

@@ -6,7 +6,7 @@ use sercos::transition::OPERATION_MODES;
 use servo::{
     AxisParameters, AxisSettings, CurrentFilterSettings, FilterSection, FrictionParameters, FrictionSettings,
     HomingParameters, HomingSettings, Interpolation, LoopClockSettings, MotionLimits, Position, PositionScale,
-    SettingsError, TwiceReadSettings, Velocity, VelocityScale,
+    SettingsError, TravelRange, TwiceReadSettings, Velocity, VelocityScale,
 };
 
 mod limits;
@@ -21,6 +21,7 @@ pub use motor::MotorSettings;
 pub(crate) use torque::TorqueScale;
 
 use crate::bits::BitSettings;
+use crate::coordinates::Coordinates;
 use crate::hardware::LOOP_PERIOD_MICROSECONDS;
 use crate::limits::LimitValues;
 use crate::motor::READ_TWICE;
@@ -123,8 +124,10 @@ pub struct MotionSettings {
     pub without_lag: AxisSettings,
     /// Modes of control word bits 11, 9, 8 = 000 to 111 (S-0-0032 to S-0-0035, S-0-0284 to S-0-0287).
     pub modes: [Option<OperationMode>; 8],
-    /// Position data.
+    /// Weight of position data without sign: windows and ways.
     pub position: PositionScale,
+    /// Positions of the master.
+    pub coordinates: Coordinates,
     /// Velocity data.
     pub velocity: VelocityScale,
     /// Torque data.
@@ -160,7 +163,7 @@ pub struct MotionSettings {
     /// S-0-0124.
     pub standstill_window: Velocity,
     /// S-0-0049 and S-0-0050, while S-0-0055 bit 4 switches them on.
-    pub position_limits: Option<(Position, Position)>,
+    pub position_limits: Option<TravelRange>,
     /// S-0-0259, S-0-0260, S-0-0193, S-0-0108: movements to S-0-0258.
     pub positioning: MotionLimits,
     /// The limits that the MDT can carry, as the parameters say.
@@ -194,8 +197,9 @@ impl MotionSettings {
         let position = scaling::position_scale(parameters)?;
         let velocity = scaling::velocity_scale(parameters)?;
         let derivatives = DerivativeScale::new(parameters)?;
+        let coordinates = scaling::coordinates(parameters)?;
+        let velocity_polarity = Polarity::from_parameter(parameters.get_word(Idn::standard(43)));
         let torque = TorqueScale::new(parameters)?;
-        let modulo = scaling::modulo(parameters)?;
         let ticks_per_cycle = ticks(parameters, 2);
         let ticks_per_command = ticks(parameters, 1);
         let cycles_per_command =
@@ -210,7 +214,7 @@ impl MotionSettings {
         let peak_current = parameters.get(Idn::standard(110));
         let axis = AxisParameters {
             ticks_per_cycle: ticks_per_command,
-            modulo,
+            modulo: Some(coordinates.range),
             position_gain: parameters.get_word(Idn::standard(104)),
             feed_forward: 0,
             velocity_gain: parameters.get(Idn::standard(100)),
@@ -251,11 +255,12 @@ impl MotionSettings {
             ),
             modes: modes(parameters)?,
             position,
+            coordinates,
             velocity,
             torque,
             torque_threshold: torque.threshold(parameters.get_word(Idn::standard(126))),
             position_polarity: Polarity::from_parameter(parameters.get_word(Idn::standard(55))),
-            velocity_polarity: Polarity::from_parameter(parameters.get_word(Idn::standard(43))),
+            velocity_polarity,
             torque_polarity: Polarity::from_parameter(parameters.get_word(Idn::standard(85))),
             encoder: TwiceReadSettings::new(increments).map_err(invalid(116))?,
             encoder_reversed: feedback_type & REVERSED != 0,
@@ -268,7 +273,7 @@ impl MotionSettings {
             velocity_window: velocity.to_velocity(signed(parameters, 157)),
             overspeed: Velocity::saturating_from_bits(i64::from(fastest.to_bits()).saturating_mul(5) / 4),
             standstill_window: velocity.to_velocity(signed(parameters, 124)),
-            position_limits: position_limits(parameters, &position),
+            position_limits: position_limits(parameters, &coordinates, increments)?,
             positioning: limit_scale.positioning(&limits).map_err(invalid(259))?,
             limits,
             limit_scale,
@@ -320,15 +325,19 @@ pub(crate) fn homing(
     parameters: &Parameters,
     settings: &MotionSettings,
 ) -> Result<(HomingSettings, MotionLimits), InvalidSetting> {
-    let position = |number| settings.position.to_position(signed(parameters, number));
+    const NEGATIVE: u16 = 1 << 0;
+    let place = |number| settings.coordinates.place(signed(parameters, number));
+    let way = |number| settings.position.to_position(signed(parameters, number));
     let velocity = settings.velocity.to_velocity(signed(parameters, 41));
+    // The positive direction is that of S-0-0051.
+    let direction = if settings.coordinates.reversed { NEGATIVE } else { 0 };
     let homing = HomingSettings::new(&HomingParameters {
-        homing_parameter: parameters.get_word(Idn::standard(147)),
+        homing_parameter: parameters.get_word(Idn::standard(147)) ^ direction,
         velocity,
-        reference_distance: position(52),
-        reference_offset: position(150),
-        switch_offset: position(299),
-        travel_limit: Some(position(278)).filter(|limit| *limit > Position::ZERO),
+        reference_distance: place(52),
+        reference_offset: place(150),
+        switch_offset: way(299),
+        travel_limit: Some(way(278)).filter(|limit| *limit > Position::ZERO),
         marker_limit: None,
     })
     .map_err(|_| unsupported(147))?;
@@ -368,11 +377,33 @@ fn filter(parameters: &Parameters) -> Result<CurrentFilterSettings, InvalidSetti
     settings.map_err(|reason| InvalidSetting { idn: Idn::product(170), reason: Some(reason) })
 }
 
-/// S-0-0049 and S-0-0050 as (highest, lowest), if bit 4 of S-0-0055 switches them on.
-fn position_limits(parameters: &Parameters, scale: &PositionScale) -> Option<(Position, Position)> {
+/// S-0-0049 and S-0-0050, if bit 4 of S-0-0055 switches them on. An endless axis has none.
+fn position_limits(
+    parameters: &Parameters,
+    coordinates: &Coordinates,
+    encoder_increments: u32,
+) -> Result<Option<TravelRange>, InvalidSetting> {
     const LIMITS_ON: u16 = 1 << 4;
-    let on = parameters.get_word(Idn::standard(55)) & LIMITS_ON != 0;
-    on.then(|| (scale.to_position(signed(parameters, 49)), scale.to_position(signed(parameters, 50))))
+    if parameters.get_word(Idn::standard(55)) & LIMITS_ON == 0 {
+        return Ok(None);
+    }
+    if coordinates.modulo.is_some() {
+        return Err(unsupported(55));
+    }
+    let (positive, negative) = (signed(parameters, 49), signed(parameters, 50));
+    if positive < negative {
+        return Err(unsupported(49));
+    }
+    let (one, other) = (coordinates.place(positive), coordinates.place(negative));
+    let increment = coordinates.scale.to_position(1);
+    let of_encoder = (1_i64 << 32).checked_div(encoder_increments.into()).unwrap_or(0);
+    Ok(Some(TravelRange {
+        lowest: one.min(other),
+        highest: one.max(other),
+        rounding: Position::from_bits(increment.to_bits() / 2),
+        // What is read of a standing encoder swings by one of its increments to either side, and by the rounding to data.
+        swing: increment + Position::from_bits(of_encoder.saturating_mul(2)),
+    }))
 }
 
 fn modes(parameters: &Parameters) -> Result<[Option<OperationMode>; 8], InvalidSetting> {

@@ -62,7 +62,7 @@ impl Switches {
 /// What the state machine has to know of the rest of the drive.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Conditions {
-    /// CP4: command values are valid and torque is allowed.
+    /// CP4: command values are valid, torque is allowed, and the switches are those of an MDT of this CP4.
     pub operating_phase: bool,
     /// Main power is applied and the amplifier reports no fault of its own: torque may come.
     pub power: bool,
@@ -83,13 +83,14 @@ pub struct Conditions {
 
 /// The state machine of sercos2.md 6.3.
 ///
-/// Torque comes on only at a rising edge of ON and ENABLE together, seen in CP4 with power and without fault: a switch that
-/// was left on through a fault, a loss of power or a run-up never starts a motor. Torque that is on goes on without main power for as long
-/// as the DC link carries it: the error that the loss is, or the control, makes a stop of it.
+/// Torque comes on only at a rising edge of ON and ENABLE together, both sides of it seen in CP4, with power and without fault: a switch
+/// that was left on through a fault, a loss of power or a run-up never starts a motor. Torque that is on goes on without main power for as
+/// long as the DC link carries it: the error that the loss is, or the control, makes a stop of it.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct StateMachine {
     state: DriveState,
-    request_before: bool,
+    /// The last look was at a request of 0 in CP4: the next one may be an edge.
+    armed: bool,
 }
 
 impl StateMachine {
@@ -105,7 +106,7 @@ impl StateMachine {
     /// `conditions` are asked for only if it depends on them.
     #[inline]
     pub fn would_switch_on(&self, switches: Switches, conditions: impl FnOnce() -> Conditions) -> bool {
-        if self.state != DriveState::Off || self.request_before || !switches.on || !switches.enable {
+        if self.state != DriveState::Off || !self.armed || !switches.on || !switches.enable {
             return false;
         }
         let conditions = conditions();
@@ -115,8 +116,8 @@ impl StateMachine {
     /// Takes one look at switches and conditions and returns the new state. Called every loop tick; costs a few compares.
     pub fn update(&mut self, switches: Switches, conditions: Conditions) -> DriveState {
         let request = switches.on && switches.enable && conditions.operating_phase;
-        let rising = request && !self.request_before;
-        self.request_before = request;
+        let rising = request && self.armed;
+        self.armed = conditions.operating_phase && !request;
         let torque_forbidden = !conditions.sustained || conditions.fatal;
         let may_come = rising && conditions.power;
         self.state = match self.state {
@@ -173,6 +174,7 @@ pub const fn status_bits(state: DriveState, conditions: Conditions) -> u16 {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use proptest::prelude::*;
 
     const FOLLOW: Switches = Switches { on: true, enable: true, run: true };
     const HALT: Switches = Switches { on: true, enable: true, run: false };
@@ -194,6 +196,8 @@ mod tests {
     #[test]
     fn only_an_edge_that_would_bring_torque_counts_as_switching_on() {
         let mut machine = StateMachine::default();
+        assert!(!machine.would_switch_on(FOLLOW, || READY), "nothing has been seen yet");
+        let _ = machine.update(NONE, READY);
         assert!(machine.would_switch_on(FOLLOW, || READY));
         for conditions in [FAULT, Conditions { power: false, ..READY }, Conditions { operating_phase: false, ..READY }]
         {
@@ -221,7 +225,10 @@ mod tests {
         let mut machine = StateMachine::default();
         let no_power = Conditions { power: false, ..READY };
         let cp3 = Conditions { operating_phase: false, ..READY };
-        assert_eq!(machine.update(FOLLOW, cp3), DriveState::Off);
+        assert_eq!(machine.update(FOLLOW, READY), DriveState::Off, "no request of 0 was seen in CP4");
+        assert_eq!(machine.update(NONE, cp3), DriveState::Off);
+        assert_eq!(machine.update(FOLLOW, READY), DriveState::Off, "that of CP3 is none");
+        assert_eq!(machine.update(NONE, no_power), DriveState::Off);
         assert_eq!(machine.update(FOLLOW, no_power), DriveState::Off);
         assert_eq!(machine.update(FOLLOW, READY), DriveState::Off, "power came under a request that was already there");
         let _ = machine.update(ENABLED, READY);
@@ -340,5 +347,53 @@ mod tests {
         assert_eq!(status_bits(DriveState::Halted, READY), 0xC000);
         assert_eq!(status_bits(DriveState::FaultReaction, FAULT), 0xE000);
         assert_eq!(status_bits(DriveState::Fault, Conditions { power: false, ..FAULT }), 0x6000);
+    }
+
+    /// One look: switches and conditions as they may come.
+    fn look() -> impl Strategy<Value = (Switches, Conditions)> {
+        let switches = (prop::bool::weighted(0.7), prop::bool::weighted(0.8), any::<bool>());
+        let conditions = (
+            (
+                prop::bool::weighted(0.8),
+                prop::bool::weighted(0.9),
+                prop::bool::weighted(0.9),
+                prop::bool::weighted(0.1),
+            ),
+            (prop::bool::weighted(0.3), any::<bool>(), any::<bool>(), any::<bool>()),
+        );
+        (switches, conditions).prop_map(|((on, enable, run), (outside, inside))| {
+            let (operating_phase, sustained, mains, fault) = outside;
+            let (grave, standstill, released, torque_off) = inside;
+            let fatal = fault && grave;
+            let power = sustained && mains;
+            let conditions =
+                Conditions { operating_phase, power, sustained, fault, fatal, standstill, released, torque_off };
+            (Switches { on, enable, run }, conditions)
+        })
+    }
+
+    proptest! {
+        #[test]
+        fn torque_comes_and_a_stop_ends_only_at_a_request_of_0_and_then_1_in_cp4_with_power_and_without_fault(
+            looks in prop::collection::vec(look(), 1..200),
+        ) {
+            let mut machine = StateMachine::default();
+            let mut seen_0 = false;
+            for (switches, conditions) in looks {
+                let before = machine.state();
+                let state = machine.update(switches, conditions);
+                let request = switches.on && switches.enable;
+                let edge = seen_0 && request && conditions.operating_phase && conditions.power && !conditions.fault;
+                let wants = |state| matches!(
+                    state,
+                    DriveState::SwitchingOn | DriveState::Following | DriveState::Halted
+                );
+                prop_assert!(wants(before) || !wants(state) || edge, "{before:?} to {state:?}: {switches:?}, {conditions:?}");
+                prop_assert!(before.has_torque() || !state.has_torque() || edge, "{before:?} to {state:?}");
+                // And it does come: the law is not kept by a drive that never starts.
+                prop_assert!(!edge || before != DriveState::Off || state == DriveState::SwitchingOn);
+                seen_0 = conditions.operating_phase && !request;
+            }
+        }
     }
 }

@@ -85,6 +85,7 @@ const MDT_LENGTH: Idn = Idn::standard(10);
 const T_MTSY: Idn = Idn::standard(88);
 const T2: Idn = Idn::standard(89);
 const T_MTSG: Idn = Idn::standard(90);
+const POSITION_POLARITY: Idn = Idn::standard(55);
 const AT_MAXIMUM: Idn = Idn::standard(185);
 const MDT_MAXIMUM: Idn = Idn::standard(186);
 
@@ -190,7 +191,39 @@ pub fn check_cp4(
     if is_modulo && parameters.get(modulo) == 0 {
         invalid.add(modulo, Reason::OutOfRange);
     }
+    check_polarities(parameters, &mut invalid);
+    check_position_limits(parameters, &mut invalid);
     if invalid.is_empty() { Ok(ReadyForCp4::new()) } else { Err(invalid) }
+}
+
+/// S-0-0043, S-0-0055, S-0-0085. Each bit of velocities and torques turns its own value round. Positions have one direction.
+fn check_polarities(parameters: &Parameters, invalid: &mut InvalidData) {
+    // Command, additive command, feedback 1 and 2; limits on.
+    for (number, bits) in [(43, 0b0_1111_u16), (55, 0b1_1111), (85, 0b0_0111)] {
+        let polarity = Idn::standard(number);
+        if parameters.get_word(polarity) & !bits != 0 {
+            invalid.add(polarity, Reason::NotSupported);
+        }
+    }
+    let polarity = parameters.get_word(POSITION_POLARITY);
+    if (polarity ^ polarity >> 2) & 1 != 0 {
+        invalid.add(POSITION_POLARITY, Reason::MixedPolarity);
+    }
+}
+
+/// S-0-0049 and S-0-0050: an endless axis has no end that it could pass, and the highest position is not below the lowest.
+fn check_position_limits(parameters: &Parameters, invalid: &mut InvalidData) {
+    const LIMITS_ON: u16 = 1 << 4;
+    const MODULO: u16 = 1 << 7;
+    let (highest, lowest) = (Idn::standard(49), Idn::standard(50));
+    if parameters.get_signed(highest) < parameters.get_signed(lowest) {
+        invalid.add(highest, Reason::Contradicts(lowest));
+    }
+    let position_scaling = Idn::standard(76);
+    let on = parameters.get_word(POSITION_POLARITY) & LIMITS_ON != 0;
+    if on && parameters.get_word(position_scaling) & MODULO != 0 {
+        invalid.add(POSITION_POLARITY, Reason::Contradicts(position_scaling));
+    }
 }
 
 /// The operation mode parameters in the order of control word bits 11, 9, 8: S-0-0032 to S-0-0035, S-0-0284 to S-0-0287.

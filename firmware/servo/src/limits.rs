@@ -64,6 +64,8 @@ pub struct CommandedTorqueLimits {
     pub negative: CurrentFraction,
     /// Bipolar torque limit S-0-0092; negative counts as zero.
     pub bipolar: CurrentFraction,
+    /// S-0-0085 bit 0: torque data count against the motor. Each end limits the other direction, and keeps its name.
+    pub reversed: bool,
 }
 
 /// Limits of the torque, as the IDNs carry them.
@@ -122,11 +124,10 @@ impl TorqueLimitSettings {
     #[must_use]
     pub fn with_commanded(self, commanded: &CommandedTorqueLimits) -> Self {
         let common = self.peak.or_smaller(commanded.bipolar.to_bits(), Limiting::TORQUE_BIPOLAR);
-        Self {
-            peak: self.peak,
-            positive: common.or_smaller(commanded.positive.to_bits(), Limiting::TORQUE_POSITIVE),
-            negative: common.or_smaller(commanded.negative.saturating_neg().to_bits(), Limiting::TORQUE_NEGATIVE),
-        }
+        let positive = common.or_smaller(commanded.positive.to_bits(), Limiting::TORQUE_POSITIVE);
+        let negative = common.or_smaller(commanded.negative.saturating_neg().to_bits(), Limiting::TORQUE_NEGATIVE);
+        let (positive, negative) = if commanded.reversed { (negative, positive) } else { (positive, negative) };
+        Self { peak: self.peak, positive, negative }
     }
 
     /// The limits of this tick: those of the settings and what the thermal models allow ([`crate::LoadOutput::allowed`]).
@@ -257,6 +258,17 @@ impl VelocityLimits {
         limits
     }
 
+    /// The same limits for velocity data that count against the motor: each end limits the other direction, and keeps its name.
+    #[must_use]
+    pub fn reversed(self) -> Self {
+        Self {
+            positive: -self.negative,
+            negative: -self.positive,
+            positive_cause: self.negative_cause,
+            negative_cause: self.positive_cause,
+        }
+    }
+
     /// `velocity` within the limits.
     #[inline]
     #[must_use]
@@ -316,6 +328,7 @@ mod tests {
             positive: CurrentFraction::MAX,
             negative: CurrentFraction::MIN,
             bipolar: CurrentFraction::MAX,
+            reversed: false,
         },
         motor_peak: 20_000,
         amplifier_peak: 20_000,
@@ -323,7 +336,10 @@ mod tests {
 
     fn with(positive: f64, negative: f64, bipolar: f64) -> TorqueLimitParameters {
         let [positive, negative, bipolar] = [positive, negative, bipolar].map(CurrentFraction::saturating_from_num);
-        TorqueLimitParameters { commanded: CommandedTorqueLimits { positive, negative, bipolar }, ..PARAMETERS }
+        TorqueLimitParameters {
+            commanded: CommandedTorqueLimits { positive, negative, bipolar, reversed: false },
+            ..PARAMETERS
+        }
     }
 
     fn limits(parameters: TorqueLimitParameters) -> TorqueLimits {
@@ -414,6 +430,7 @@ mod tests {
                 [positive, negative, bipolar].map(CurrentFraction::from_bits);
             let commanded = CommandedTorqueLimits {
                 positive: commanded_positive, negative: commanded_negative, bipolar: commanded_bipolar,
+                reversed: false,
             };
             let settings =
                 TorqueLimitSettings::new(&TorqueLimitParameters { commanded, motor_peak, amplifier_peak }).unwrap();
@@ -450,6 +467,23 @@ mod tests {
         assert_eq!(wide.approached(&narrow, rpm(100), rpm(10)), wide, "wider at once");
         let backwards = narrow.approached(&wide, rpm(-500), rpm(10));
         assert!(near(backwards.positive, 100) && near(backwards.negative, -490), "{backwards:?}");
+    }
+
+    #[test]
+    fn a_reversed_limit_keeps_its_name_and_changes_its_direction() {
+        let rpm = |value: i32| Velocity::from_ten_thousandths_rpm(value * 10_000);
+        let limits = VelocityLimits::new(rpm(3_000), Some(rpm(1_000)), None).reversed();
+        assert_eq!(limits.apply(rpm(-2_000)), (rpm(-1_000), Limiting::VELOCITY_POSITIVE));
+        assert_eq!(limits.apply(rpm(4_000)), (rpm(3_000), Limiting::VELOCITY_BIPOLAR));
+        assert_eq!(limits.reversed(), VelocityLimits::new(rpm(3_000), Some(rpm(1_000)), None));
+
+        let most = CurrentFraction::MAX;
+        let mut parameters = with(0.125, -1.0, 1.0);
+        let plain = TorqueLimitSettings::new(&parameters).unwrap().combine(most, most);
+        parameters.commanded.reversed = true;
+        let reversed = TorqueLimitSettings::new(&parameters).unwrap().combine(most, most);
+        assert_eq!((reversed.negative, reversed.negative_cause), (-plain.positive, Limiting::TORQUE_POSITIVE));
+        assert_eq!((reversed.positive, reversed.positive_cause), (-plain.negative, plain.negative_cause));
     }
 
     #[test]

@@ -8,7 +8,7 @@ use servo::{
 };
 
 use super::scaling::DerivativeScale;
-use super::{InvalidSetting, TorqueScale, invalid, signed};
+use super::{InvalidSetting, Polarity, TorqueScale, invalid, signed};
 use crate::limits::{Limit, LimitValues};
 
 /// Everything that turns limits into those of the loops.
@@ -24,8 +24,18 @@ pub struct LimitScale {
     halt_deceleration: Acceleration,
     /// S-0-0108.
     feedrate: FeedrateOverride,
+    /// Bit 0 of S-0-0043 and of S-0-0085: commands, and their limits, count against the motor.
+    reversed: Reversed,
     /// What S-0-0138 takes off a velocity in a communication cycle: so fast a lowered velocity limit meets an axis that is faster.
     pub(crate) step: Velocity,
+}
+
+/// Directions of commands.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
+struct Reversed {
+    velocity: bool,
+    torque: bool,
 }
 
 impl LimitScale {
@@ -51,6 +61,7 @@ impl LimitScale {
             fastest: Velocity::from_ten_thousandths_rpm(signed(parameters, 113)),
             halt_deceleration: derivatives.acceleration(parameters.get(Idn::standard(372))),
             feedrate: FeedrateOverride::new(parameters.get_word(Idn::standard(108))).map_err(invalid(108))?,
+            reversed: Reversed { velocity: command_reversed(parameters, 43), torque: command_reversed(parameters, 85) },
             step: Velocity::from_bits(i32::try_from(step).unwrap_or(i32::MAX).max(1)),
         })
     }
@@ -71,11 +82,12 @@ impl LimitScale {
             let value = values.get(limit);
             (value != 0).then(|| self.velocity.to_velocity(value))
         };
-        VelocityLimits::new(
+        let limits = VelocityLimits::new(
             self.bipolar(values),
             one_sided(Limit::PositiveVelocity),
             one_sided(Limit::NegativeVelocity),
-        )
+        );
+        if self.reversed.velocity { limits.reversed() } else { limits }
     }
 
     /// S-0-0082, S-0-0083, S-0-0092. Does not divide.
@@ -85,6 +97,7 @@ impl LimitScale {
             positive: current(Limit::PositiveTorque),
             negative: current(Limit::NegativeTorque),
             bipolar: current(Limit::BipolarTorque),
+            reversed: self.reversed.torque,
         }
     }
 
@@ -134,6 +147,11 @@ impl LimitScale {
         let jerk = self.derivatives.jerk(bits(values, Limit::PositioningJerk));
         MotionLimits::new(velocity, acceleration, acceleration, jerk).map(|limits| limits.with_override(self.feedrate))
     }
+}
+
+/// Bit 0 of a polarity parameter.
+fn command_reversed(parameters: &Parameters, number: u16) -> bool {
+    Polarity::from_parameter(parameters.get_word(Idn::standard(number))).command
 }
 
 /// A magnitude.

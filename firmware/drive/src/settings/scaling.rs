@@ -9,14 +9,35 @@ use sercos::parameters::Parameters;
 use sercos::weighting::{Dimension, Increment, Kind, Weighting};
 use servo::{Acceleration, Jerk, Modulo, PositionScale, SettingsError, VelocityScale};
 
-use super::{InvalidSetting, invalid, unsupported};
+use crate::coordinates::Coordinates;
+
+use super::{InvalidSetting, invalid, signed, unsupported};
 
 pub(super) fn position_scale(parameters: &Parameters) -> Result<PositionScale, InvalidSetting> {
     let (increments, culprit) = increments_of_a_revolution(parameters)?;
     PositionScale::new(increments.numerator, increments.denominator).map_err(invalid(culprit))
 }
 
-pub(super) fn modulo(parameters: &Parameters) -> Result<Option<Modulo>, InvalidSetting> {
+/// Positions of the master. Both of bits 0 and 2 of S-0-0055 turn them round; S-0-0128 refuses one without the other.
+pub(super) fn coordinates(parameters: &Parameters) -> Result<Coordinates, InvalidSetting> {
+    const COMMAND_AND_FEEDBACK: u16 = 1 << 0 | 1 << 2;
+    let reversed = match parameters.get_word(Idn::standard(55)) & COMMAND_AND_FEEDBACK {
+        0 => false,
+        COMMAND_AND_FEEDBACK => true,
+        _ => return Err(unsupported(55)),
+    };
+    let scale = position_scale(parameters)?;
+    let (range, modulo) = match modulo(parameters)? {
+        Some(range) => (range, Some(signed(parameters, 103))),
+        None => {
+            let (increments, culprit) = increments_of_a_revolution(parameters)?;
+            (Modulo::of_all_data(increments.numerator, increments.denominator).map_err(invalid(culprit))?, None)
+        }
+    };
+    Ok(Coordinates { scale, range, modulo, reversed })
+}
+
+fn modulo(parameters: &Parameters) -> Result<Option<Modulo>, InvalidSetting> {
     if !weighting(Dimension::Position, parameters)?.modulo {
         return Ok(None);
     }

@@ -309,7 +309,7 @@ fn findings_for_cp3() -> Vec<Case> {
     cases
 }
 
-const FOR_CP4: [Finding; 14] = [
+const FOR_CP4: [Finding; 19] = [
     ("S-0-0032 = 0, no primary mode", &[(32, &[0])], 32, 3, "support"),
     ("S-0-0032 = 4, position with encoder 2", &[(32, &[4])], 32, 3, "support"),
     ("S-0-0032 = 3 without S-0-0047 in the MDT", &[(32, &[3])], 32, 11, "S-0-0047"),
@@ -323,6 +323,11 @@ const FOR_CP4: [Finding; 14] = [
     ("S-0-0078: increments beyond the drive", &[(76, &[9]), (78, &[32])], 78, 3, "support"),
     ("S-0-0079 = 1 increment a revolution", &[(76, &[0x0A]), (79, &[1, 0])], 79, 3, "support"),
     ("S-0-0103 = 0 with modulo", &[(76, &[0x82]), (103, &[0, 0])], 103, 2, "minimum"),
+    ("S-0-0055 = 1, a command that counts against the feedback", &[(55, &[1])], 55, 14, "bits 0 and 2"),
+    ("S-0-0055 = 25H, a reserved bit", &[(55, &[0x25])], 55, 3, "support"),
+    ("S-0-0085 = 8, a reserved bit", &[(85, &[8])], 85, 3, "support"),
+    ("S-0-0049 below S-0-0050", &[(49, &[9, 0]), (50, &[10, 0])], 49, 13, "S-0-0050"),
+    ("position limits of an endless axis", &[(76, &[0x82]), (55, &[0x10])], 55, 13, "S-0-0076"),
     ("S-0-0277 = 1, a linear encoder", &[(277, &[1])], 277, 3, "support"),
 ];
 
