@@ -148,7 +148,7 @@ impl<B: Bus + Clone, H: Hardware> Motion<B, H> {
         let Polarity { command, additive, .. } = self.settings.torque_polarity;
         let signed = |value: i16, reversed: bool| i64::from(value).wrapping_mul(if reversed { -1 } else { 1 });
         let sum = signed(self.commands.torque, command).wrapping_add(signed(self.commands.additive_torque, additive));
-        self.settings.torque.to_current(sum)
+        self.settings.torque.current_of(sum)
     }
 
     /// Control word bits 11, 9, 8.

@@ -86,7 +86,7 @@ impl<B: Bus + Clone, H: Hardware> Motion<B, H> {
     }
 
     fn shown_torque(&self) -> i64 {
-        let torque = self.settings.torque.from_current(self.shown.current);
+        let torque = self.settings.torque.increments_of(self.shown.current);
         if self.settings.torque_polarity.feedback { torque.wrapping_neg() } else { torque }
     }
 

@@ -92,7 +92,7 @@ impl LimitScale {
 
     /// S-0-0082, S-0-0083, S-0-0092. Does not divide.
     pub(crate) fn torque_limits(&self, values: &LimitValues) -> CommandedTorqueLimits {
-        let current = |limit| self.torque.to_current(values.get(limit).into());
+        let current = |limit| self.torque.current_of(values.get(limit).into());
         CommandedTorqueLimits {
             positive: current(Limit::PositiveTorque),
             negative: current(Limit::NegativeTorque),

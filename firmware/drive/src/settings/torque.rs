@@ -48,7 +48,7 @@ impl TorqueScale {
     /// The current that makes the torque of so many increments, limited to the peak current.
     #[inline]
     #[must_use]
-    pub fn to_current(&self, increments: i64) -> CurrentFraction {
+    pub fn current_of(&self, increments: i64) -> CurrentFraction {
         let fraction = self.to_fraction.apply(increments);
         CurrentFraction::from_bits(fraction.clamp(-MOST_CURRENT, MOST_CURRENT) as i16)
     }
@@ -56,7 +56,7 @@ impl TorqueScale {
     /// Increments of the torque that a current makes.
     #[inline]
     #[must_use]
-    pub fn from_current(&self, current: CurrentFraction) -> i64 {
+    pub fn increments_of(&self, current: CurrentFraction) -> i64 {
         self.from_fraction.apply(i64::from(current.to_bits()))
     }
 
@@ -164,7 +164,7 @@ mod tests {
             let scale = TorqueScale::new(&with(changes)).unwrap();
             // A fraction is 2^-15 of 20 A, which is up to 0.6 increments of 0.001 Nm.
             for increments in [-1_000, -1, 0, 1, 37, 1_000] {
-                let back = scale.from_current(scale.to_current(increments));
+                let back = scale.increments_of(scale.current_of(increments));
                 assert!((back - increments).abs() <= 1, "{increments} reads {back} under {changes:?}");
             }
         }
@@ -173,9 +173,9 @@ mod tests {
     #[test]
     fn torques_beyond_the_peak_current_are_the_peak_current() {
         let scale = TorqueScale::new(&with(&[(S(86), 0x0A), (S(94), -1)])).unwrap();
-        assert_eq!([65_535, -65_535].map(|limit| scale.to_current(limit).to_bits()), [i16::MAX, -i16::MAX]);
+        assert_eq!([65_535, -65_535].map(|limit| scale.current_of(limit).to_bits()), [i16::MAX, -i16::MAX]);
         // 4 Nm are 5 A, a quarter of 20 A.
-        let negative = scale.to_current(-40).to_num::<f64>();
+        let negative = scale.current_of(-40).to_num::<f64>();
         assert!((negative + 0.25).abs() < 5e-5, "{negative}");
     }
 
