@@ -47,6 +47,7 @@ mod motor;
 mod mst;
 pub mod oscilloscope;
 mod record;
+mod rescaling;
 mod settings;
 mod snapshot;
 mod state;

@@ -43,6 +43,7 @@ mod brake;
 mod brake_error;
 mod brake_settings;
 mod clock;
+mod command_step;
 mod commutation;
 mod cubic;
 pub mod current;
@@ -54,6 +55,7 @@ mod encoder_motion;
 mod filter;
 mod friction;
 mod gain;
+mod hidden_motion;
 mod homing;
 pub mod identification;
 mod interpolation;
@@ -88,6 +90,7 @@ pub use brake::{BrakeInputs, BrakeOutput, BrakeRequest, BrakeSequencer, TorqueSc
 pub use brake_error::BrakeError;
 pub use brake_settings::{BrakeParameters, BrakeSettings};
 pub use clock::{LoopClock, LoopClockSettings};
+pub use command_step::{CommandJump, CommandLimits};
 pub use commutation::{
     Alignment, AlignmentError, AlignmentOutput, AlignmentSettings, AlignmentState, CommutationAngle, CommutationError,
     CommutationSettings, IndexCorrection, IndexError, IndexOutput, IndexState,

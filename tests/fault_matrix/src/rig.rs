@@ -372,6 +372,11 @@ impl Rig {
         self.run(Nanoseconds::from_millis(100))
     }
 
+    /// The control unit gives ON, ENABLE and no HALT, or nothing.
+    pub(crate) fn hold_switches(&mut self, on: bool) {
+        self.master_mut().hold_switches(Some(if on { FOLLOW } else { 0 }));
+    }
+
     /// The control unit takes ON back, and nothing else.
     pub(crate) fn take_bit_15_away(&mut self) {
         self.master_mut().hold_switches(Some(control::ENABLE | control::NO_HALT));

@@ -67,6 +67,8 @@ impl<B: Bus + Clone, H: Hardware> SignalValues for Values<'_, B, H> {
             Command::SignalControl => commands.signal_control.into(),
             Command::TargetPosition => commands.target_position.cast_unsigned(),
             Command::Limit(limit) => self.motion.cyclic_limits.values().get(limit).cast_unsigned(),
+            Command::PositioningValue => commands.positioning_value.cast_unsigned(),
+            Command::PositioningControl => commands.positioning_control.into(),
         }
     }
 

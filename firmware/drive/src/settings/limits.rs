@@ -22,6 +22,8 @@ pub struct LimitScale {
     fastest: Velocity,
     /// S-0-0372.
     halt_deceleration: Acceleration,
+    /// S-0-0359; zero: as S-0-0260.
+    positioning_deceleration: Acceleration,
     /// S-0-0108.
     feedrate: FeedrateOverride,
     /// Bit 0 of S-0-0043 and of S-0-0085: commands, and their limits, count against the motor.
@@ -60,6 +62,7 @@ impl LimitScale {
             derivatives,
             fastest: Velocity::from_ten_thousandths_rpm(signed(parameters, 113)),
             halt_deceleration: derivatives.acceleration(parameters.get(Idn::standard(372))),
+            positioning_deceleration: derivatives.acceleration(parameters.get(Idn::standard(359))),
             feedrate: FeedrateOverride::new(parameters.get_word(Idn::standard(108))).map_err(invalid(108))?,
             reversed: Reversed { velocity: command_reversed(parameters, 43), torque: command_reversed(parameters, 85) },
             step: Velocity::from_bits(i32::try_from(step).unwrap_or(i32::MAX).max(1)),
@@ -74,6 +77,12 @@ impl LimitScale {
     /// S-0-0091, within S-0-0113.
     fn bipolar(&self, values: &LimitValues) -> Velocity {
         self.velocity.to_velocity(values.get(Limit::BipolarVelocity)).min(self.fastest)
+    }
+
+    /// The velocity that a path of commands may have: S-0-0091, or S-0-0113 where the MDT carries S-0-0091, which may then become as much.
+    pub(super) fn fastest_command(&self, parameters: &Parameters, stored: &LimitValues) -> Velocity {
+        let is_cyclic = parameters.cyclic_mdt().contains(&Limit::BipolarVelocity.idn());
+        if is_cyclic { self.fastest } else { self.bipolar(stored) }
     }
 
     /// S-0-0038, S-0-0039, S-0-0091. Does not divide.
@@ -137,7 +146,7 @@ impl LimitScale {
         )
     }
 
-    /// Movements to S-0-0258: S-0-0091, S-0-0193, S-0-0259, S-0-0260. Divides.
+    /// Movements to S-0-0258 and S-0-0282: S-0-0091, S-0-0193, S-0-0259, S-0-0260. Divides.
     ///
     /// # Errors
     /// What the loops cannot work with.
@@ -145,7 +154,11 @@ impl LimitScale {
         let velocity = self.velocity.to_velocity(values.get(Limit::PositioningVelocity)).min(self.bipolar(values));
         let acceleration = self.derivatives.acceleration(bits(values, Limit::PositioningAcceleration));
         let jerk = self.derivatives.jerk(bits(values, Limit::PositioningJerk));
-        MotionLimits::new(velocity, acceleration, acceleration, jerk).map(|limits| limits.with_override(self.feedrate))
+        let deceleration = match self.positioning_deceleration.to_bits() {
+            0 => acceleration,
+            _ => self.positioning_deceleration,
+        };
+        MotionLimits::new(velocity, acceleration, deceleration, jerk).map(|limits| limits.with_override(self.feedrate))
     }
 }
 

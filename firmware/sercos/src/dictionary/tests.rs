@@ -144,13 +144,13 @@ fn the_idn_lists_hold_what_the_reference_asks_for() {
     );
     assert_eq!(
         numbers(Selection::ConfigurableInMdt),
-        [36, 37, 38, 39, 47, 48, 80, 81, 82, 83, 91, 92, 136, 137, 138, 145, 193, 258, 259, 260, 349]
+        [36, 37, 38, 39, 47, 48, 80, 81, 82, 83, 91, 92, 136, 137, 138, 145, 193, 258, 259, 260, 282, 346, 349]
     );
     assert_eq!(
         numbers(Selection::ConfigurableInAt),
         [
             11, 12, 13, 14, 40, 51, 53, 84, 129, 130, 131, 132, 133, 144, 179, 181, 182, 189, 347, 380, 383, 384, 390,
-            403, 0x8013, 0x80A0
+            403, 430, 437, 0x8013, 0x80A0
         ]
     );
     assert_eq!(numbers(Selection::BitTargets), [400, 405, 406, 407, 0x8013]);
