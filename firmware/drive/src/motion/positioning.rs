@@ -43,6 +43,8 @@ struct Target {
     data: i32,
     /// The position command that it was made of; `None` for a distance, or where the axis just stopped.
     commanded: Option<i32>,
+    /// The set-point has been there: a HALT afterwards, which holds the shaft where it is, does not take that away.
+    attained: bool,
 }
 
 /// C3D bits that tell of the drive's own movements.
@@ -172,20 +174,27 @@ impl<B: Bus + Clone, H: Hardware> Motion<B, H> {
         if self.positioning.target.is_none() && self.axis.setpoint_rests() {
             self.stay_here();
         }
+        let attained = self.is_ready_for_next();
+        if let Some(target) = &mut self.positioning.target {
+            target.attained |= attained;
+        }
         self.positioning.target.map_or(Travel::Hold, |target| Travel::To(target.place))
     }
 
     /// Nothing is left of the last movement.
     fn is_ready_for_next(&self) -> bool {
         self.axis.setpoint_rests()
-            && self.positioning.target.is_none_or(|target| target.place == self.output.position_command)
+            && self
+                .positioning
+                .target
+                .is_none_or(|target| target.attained || target.place == self.output.position_command)
     }
 
     #[cold]
     fn stay_here(&mut self) {
         let place = self.output.position_command;
         let data = self.data_at(place);
-        self.positioning.target = Some(Target { place, data, commanded: None });
+        self.positioning.target = Some(Target { place, data, commanded: None, attained: false });
         if self.positioning.source == Some(TargetSource::Target) {
             self.commands.target_position = data;
         }
@@ -216,23 +225,20 @@ impl<B: Bus + Clone, H: Hardware> Motion<B, H> {
         self.refresh_reached();
     }
 
-    /// The target at a distance from a place. Data are added as data: no sum of many distances drifts.
+    /// The target at a distance from a place. Its place is that of its data, so that no sum of many distances drifts.
     fn further(&self, place: Position, data: i32, distance: i32) -> Target {
         let coordinates = &self.settings.coordinates;
+        let here = self.output.position_command;
+        let within = self.axis.cyclic_position(here);
+        let ahead = place + coordinates.place(distance);
         let data = match coordinates.modulo {
             None => data.wrapping_add(distance),
-            Some(modulo) => {
-                let short = modulo.wrapping_sub(distance.checked_rem_euclid(modulo).unwrap_or(0));
-                let sum = data.wrapping_sub(short);
-                if sum < 0 { sum.wrapping_add(modulo) } else { sum }
-            }
+            Some(_) => coordinates.data(coordinates.range.reduce(within + (ahead - here))),
         };
-        let ahead = place + coordinates.place(distance);
-        // The same less its rounding: the nearest place with these data.
-        let here = self.output.position_command;
-        let exact = here + coordinates.place(data) - self.axis.cyclic_position(here);
+        // The nearest place with these data.
+        let exact = here + coordinates.place(data) - within;
         let rounding = coordinates.range.around_zero(coordinates.range.reduce(ahead - exact));
-        Target { place: ahead - rounding, data, commanded: None }
+        Target { place: ahead - rounding, data, commanded: None, attained: false }
     }
 
     #[cold]
@@ -247,14 +253,15 @@ impl<B: Bus + Clone, H: Hardware> Motion<B, H> {
             Some(_) => self.way_to(coordinates.range.reduce(wanted - within)),
         };
         let data = coordinates.data(coordinates.range.reduce(wanted));
-        self.positioning.target = Some(Target { place: here + way, data, commanded: Some(commanded) });
+        self.positioning.target = Some(Target { place: here + way, data, commanded: Some(commanded), attained: false });
         self.refresh_reached();
     }
 
     /// The way to a position that was commanded, from where the axis is now.
     #[cold]
     fn aim_again(&mut self) {
-        if let Some(commanded) = self.positioning.target.and_then(|target| target.commanded) {
+        let unfinished = self.positioning.target.filter(|target| !target.attained);
+        if let Some(commanded) = unfinished.and_then(|target| target.commanded) {
             self.aim_at(commanded);
         }
     }
@@ -331,7 +338,7 @@ impl<B: Bus + Clone, H: Hardware> Motion<B, H> {
                 }
                 reached.set(Class3::INTERPOLATOR_HALTED, rests);
                 let Some(target) = self.positioning.target else { return reached };
-                let attained = rests && target.place == self.output.position_command;
+                let attained = self.is_ready_for_next();
                 let distance = (target.place - self.encoder.position()).abs();
                 reached.set(Class3::TARGET_ATTAINED, attained);
                 reached.set(Class3::IN_POSITION, attained && near);
