@@ -13,7 +13,7 @@ const PATIENCE: Nanoseconds = Nanoseconds::from_millis(5_000);
 /// Nothing outside has changed for so long: supply, load, pins.
 const QUIET: Nanoseconds = Nanoseconds::from_millis(500);
 /// In operation so long without an error, it is back.
-const BACK: Nanoseconds = Nanoseconds::from_millis(100);
+const BACK: Nanoseconds = Nanoseconds::from_millis(250);
 /// A command may be this share of S-0-0159 away.
 const NEAR: f64 = 0.5;
 /// rad/s: 3 rpm.
@@ -166,7 +166,7 @@ mod tests {
     fn an_edge_with_nothing_in_its_way_brings_the_axis_into_operation() {
         let mut kept = fake();
         kept.run(500, 0xE000, 0x8000);
-        kept.run(60, 0xE000, 0xC008);
+        kept.run(140, 0xE000, 0xC008);
         assert_eq!((kept.broken(), kept.armed()), (None, 1));
         let mut never = fake();
         never.run(3_000, 0xE000, 0x8000);

@@ -12,6 +12,8 @@ use crate::scene::Scene;
 const MEMORY: Nanoseconds = Nanoseconds::from_millis(1_500);
 /// What was not so within this is no cause of an error: loops and filters have settled.
 const QUIET: Nanoseconds = Nanoseconds::from_millis(200);
+/// An MST that comes so much too early or too late is not in time.
+const JITTER: Nanoseconds = Nanoseconds::from_microseconds(1);
 /// A share of S-0-0159 at which a following distance may be said to have been too large: between the looks it may have been more.
 const NEARLY: f64 = 0.5;
 
@@ -161,6 +163,13 @@ impl Law for TrueErrors {
         match event {
             Event::Look => {
                 self.remember(scene);
+                Verdict::Silent
+            }
+            Event::Mst => {
+                let wire = &scene.wire;
+                if wire.mst.0.abs_diff(wire.mst_before.0 + scene.cycle.0) > JITTER.0 {
+                    self.was_irregular = Some(scene.now);
+                }
                 Verdict::Silent
             }
             Event::Record => {
