@@ -413,11 +413,6 @@ impl<B: Bus + Clone, H: Hardware> Motion<B, H> {
             (DriveState::Following, _) if self.is_positioning() => Mode::Travel,
             (DriveState::Following, _) => Mode::Position,
         };
-        let without_lag = self.mode.is_some_and(OperationMode::is_without_lag);
-        if without_lag != self.without_lag {
-            self.without_lag = without_lag;
-            self.apply_axis_settings();
-        }
         if mode != self.axis.mode() {
             // An axis that stands although it is to move, because it is blocked, has a ramp before it.
             self.output.standstill &= self.output.velocity_command.abs() <= self.settings.standstill_window;
@@ -427,6 +422,17 @@ impl<B: Bus + Clone, H: Hardware> Motion<B, H> {
         if state != before && !state.has_torque() {
             self.set_bridge(false);
             self.hardware.set_brake(false);
+        }
+    }
+
+    /// Puts an operation mode into force; its state follows with [`Motion::update_state`].
+    #[cold]
+    fn change_mode(&mut self, mode: Option<OperationMode>) {
+        self.mode = mode;
+        let without_lag = mode.is_some_and(OperationMode::is_without_lag);
+        if without_lag != self.without_lag {
+            self.without_lag = without_lag;
+            self.apply_axis_settings();
         }
     }
 

@@ -329,13 +329,14 @@ impl Motor {
         let angle = wanted.angle.wrapping_sub(aged.cast_unsigned());
         self.link.order.send(|order| {
             let command = &order.command;
+            // First, as long as the compiler has a register for where the drive lies.
+            command.set_bus(&self.bus_scale);
+            order.set(self.bridge_on, trim);
             command
                 .set_currents(CurrentCommand::reference(wanted.direct), CurrentCommand::reference(wanted.quadrature));
             command.set_voltages(direct_voltage, quadrature_voltage);
             command.set_angle(angle, self.count, wanted.turning);
             command.set_ahead(ahead(wanted.speed));
-            command.set_bus(&self.bus_scale);
-            order.set(self.bridge_on, trim);
         });
     }
 

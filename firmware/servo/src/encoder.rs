@@ -99,6 +99,22 @@ impl Encoder {
         if increments < u64::from(self.settings.increments_per_revolution) {
             return Place { increments: increments as u32, ..self.place };
         }
+        self.place_nearby(increments, moved)
+    }
+
+    /// The same for a movement out of the revolution: into the one after it or before it, or further.
+    #[cold]
+    #[inline(never)]
+    fn place_nearby(&self, increments: u64, moved: i64) -> Place {
+        let resolution = u64::from(self.settings.increments_per_revolution);
+        let after = increments.wrapping_sub(resolution);
+        if after < resolution {
+            return Place { revolutions: self.place.revolutions.wrapping_add(1), increments: after as u32 };
+        }
+        let before = increments.wrapping_add(resolution);
+        if before < resolution {
+            return Place { revolutions: self.place.revolutions.wrapping_sub(1), increments: before as u32 };
+        }
         self.place_beyond(moved)
     }
 

@@ -252,6 +252,27 @@ mod tests {
         }
     }
 
+    #[test]
+    fn the_shortest_ranges_at_the_highest_velocity_are_followed_by_a_look_in_a_tick_of_the_supervision() {
+        let modulo = Modulo::from_ratio(1, 16).unwrap();
+        // In 2^-36 revolution a loop tick.
+        let way = (i64::from(crate::Velocity::MAX.to_bits()) >> 4) * i64::from(crate::LOOP_TICKS_PER_SUPERVISION);
+        assert!((1 << 28..=2 << 28).contains(&way), "{way}: between one range and two");
+        for direction in [1, -1] {
+            let mut counter = ModuloCounter::default();
+            for look in 1..1_000 {
+                let position = direction * look * way;
+                counter.wrap(&modulo, Position::from_bits(position));
+                // The latch of t4 may be ahead by nearly as much again.
+                for ahead in [-way, 0, way] {
+                    let position = position + ahead;
+                    let within = { counter }.wrap(&modulo, Position::from_bits(position));
+                    assert_eq!(within.to_bits(), position.rem_euclid(1 << 28), "look {look}, {ahead} ahead");
+                }
+            }
+        }
+    }
+
     proptest! {
         #[test]
         fn following_in_steps_agrees_with_dividing(

@@ -87,7 +87,7 @@ impl<B: Bus + Clone, H: Hardware> Motion<B, H> {
                 self.latch_now();
                 self.capture_feedback();
             }
-            Phase::Cp4 => self.mode = self.settings.modes.first().copied().flatten(),
+            Phase::Cp4 => self.change_mode(self.settings.modes.first().copied().flatten()),
             Phase::Cp2 => {
                 self.clock_monitor = ClockMonitor::default();
                 self.loss_shown = 0;

@@ -102,7 +102,9 @@ impl<B: Bus + Clone, H: Hardware> Motion<B, H> {
         if mode.is_none() {
             return self.refuse_mode(selected, switches);
         }
-        self.mode = mode;
+        if mode != self.mode {
+            self.change_mode(mode);
+        }
         self.mode_bits = self.commands.control_word & MODE_BITS;
         self.uninitialised_mode = false;
         Work::empty()

@@ -96,18 +96,23 @@ impl<B: Bus + Clone, H: Hardware> Motion<B, H> {
     /// Notices that a mode with a target begins or ends.
     #[inline]
     pub(super) fn watch_positioning(&mut self, state: DriveState) {
-        let active = matches!(state, DriveState::Following | DriveState::Halted)
-            && !self.homing
-            && self.identification.is_none();
-        let source = if active { self.mode.and_then(OperationMode::target_source) } else { None };
-        if source != self.positioning.source {
-            self.change_positioning(source);
+        let source = self.mode.and_then(OperationMode::target_source);
+        // Most modes have none.
+        if source.is_some() || self.positioning.source.is_some() {
+            self.change_positioning(state, source);
         }
     }
 
-    #[cold]
-    fn change_positioning(&mut self, source: Option<TargetSource>) {
+    #[inline(never)]
+    fn change_positioning(&mut self, state: DriveState, source: Option<TargetSource>) {
+        let active = matches!(state, DriveState::Following | DriveState::Halted)
+            && !self.homing
+            && self.identification.is_none();
+        let source = source.filter(|_| active);
         let positioning = &mut self.positioning;
+        if source == positioning.source {
+            return;
+        }
         positioning.source = source;
         positioning.jogging = false;
         if source.is_none() {
