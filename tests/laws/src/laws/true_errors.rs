@@ -12,6 +12,8 @@ use crate::scene::Scene;
 const MEMORY: Nanoseconds = Nanoseconds::from_millis(1_500);
 /// What was not so within this is no cause of an error: loops and filters have settled.
 const QUIET: Nanoseconds = Nanoseconds::from_millis(200);
+/// rad/s: 3 rpm.
+const STANDSTILL: f64 = 0.3;
 /// An MST that comes so much too early or too late is not in time.
 const JITTER: Nanoseconds = Nanoseconds::from_microseconds(1);
 /// A share of S-0-0159 at which a following distance may be said to have been too large: between the looks it may have been more.
@@ -78,10 +80,10 @@ impl TrueErrors {
         if way.abs() > NEARLY * window {
             self.was_far = Some(scene.now);
         }
-        let step = self.command.replace(command).map_or(0.0, |from| units.way(from, command).abs());
+        let step = self.command.replace(command).map_or(0.0, |from| units.way(from, command));
         let seconds = scene.cycle.as_seconds();
         let allowed = number(91).unwrap_or(0.0) * units.velocity / core::f64::consts::TAU * units.increments * seconds;
-        if step > 0.5 * allowed || !scene.asks_for_position() {
+        if step.abs() > 0.5 * allowed || !scene.asks_for_position() {
             self.was_hard = Some(scene.now);
         }
         // What comes next is as far away as a cycle of this speed.
@@ -90,12 +92,14 @@ impl TrueErrors {
             * 4.0
             * scene.cycle.as_seconds();
         let margin = next + 2.0 * scene.quantum(&units) + 2.0;
-        let beyond = |position: f64| {
-            number(49).is_none_or(|high| position > high - margin)
-                || number(50).is_none_or(|low| position < low + margin)
+        // Beyond a limit the axis may stand, and it may go back: which way the command or the shaft goes makes the error.
+        let turns = scene.sense().unwrap_or(0.0) * scene.sight.machine.velocity;
+        let (up, down) = (step > 0.0 || turns > STANDSTILL, step < 0.0 || turns < -STANDSTILL);
+        let beyond = |position: f64, up: bool, down: bool| {
+            number(49).is_none_or(|high| up && position > high - margin)
+                || number(50).is_none_or(|low| down && position < low + margin)
         };
-        let target = number(258).unwrap_or(0.0);
-        if beyond(feedback) || beyond(command) || beyond(target) {
+        if beyond(feedback, up, down) || beyond(command, up, down) || scene.units.is_none_or(|units| units.is_modulo) {
             self.was_beyond = Some(scene.now);
         }
     }
@@ -114,6 +118,7 @@ impl TrueErrors {
     fn judge_bits(&self, bits: u16, scene: &Scene) -> Verdict {
         let Some(error) = self.error else { return Verdict::Silent };
         let recent = |then: Option<Nanoseconds>| then.is_some_and(|then| then + MEMORY + scene.cycles(4, 0) >= error);
+        let just = |then: Option<Nanoseconds>| then.is_some_and(|then| then + QUIET + scene.cycles(4, 0) >= error);
         // An encoder with other lines than S-0-0116 says is an encoder that lies.
         let lines = scene.settings.unsigned(Idn(116)).map(|lines| 4 * lines);
         let right = lines == Some(i64::from(scene.machine.encoder.increments_per_revolution));
@@ -125,8 +130,8 @@ impl TrueErrors {
             (DEVIATION, position && !recent(self.was_far), "a following distance, and it has not been large"),
             (
                 POSITION_LIMIT,
-                position && !recent(self.was_beyond),
-                "a position limit, and neither position nor command was beyond it",
+                position && !just(self.was_beyond),
+                "a position limit, and neither position nor command went out beyond it",
             ),
         ];
         let looked = claims.iter().any(|(bit, ..)| bits & bit != 0);
@@ -256,7 +261,10 @@ mod tests {
             error(0xF105, |fake| fake.sight.machine.encoder_frozen = true),
             error(0xF109, |fake| fake.sight.main_power = false),
             error(0xF10B, |fake| fake.data[0] = 300_000_i32.to_le_bytes().to_vec()),
-            error(0xF10D, |fake| fake.data[1] = 1_000_001_i32.to_le_bytes().to_vec()),
+            error(0xF10D, |fake| {
+                fake.data[0] = 1_000_001_i32.to_le_bytes().to_vec();
+                fake.cycle(0xE000, 0xC008);
+            }),
         ];
         assert!(
             kept.iter().all(|fake| fake.broken().is_none() && fake.armed() > 0),
