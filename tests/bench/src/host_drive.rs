@@ -60,7 +60,7 @@ impl HostDrive {
     ) -> Result<Self, ProcessorError> {
         let bus = ChipBus::new(chip.clone(), clock.clone());
         let address = identity.address.get();
-        let refused = |cause: &dyn std::fmt::Debug| ProcessorError { address, cause: format!("{cause:?}") };
+        let refused = |cause: &dyn std::fmt::Debug| ProcessorError::Stuck { address, cause: format!("{cause:?}") };
         // As in the application: link and oscilloscope live as long as the drive, which is for ever.
         let link = Box::leak(Box::new(CurrentLink::new()));
         let scope = Box::leak(Box::new(Scope::new()));

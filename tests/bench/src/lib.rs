@@ -30,4 +30,4 @@ pub use processor::{Processor, ProcessorError};
 pub use replay::{ReplayError, ReplayOptions, replay};
 pub use ring_of_drives::{DriveHandle, DriveSetup, ring_of_drives, ring_of_drives_on};
 pub use traced::{TraceError, Traced, traced};
-pub use world::World;
+pub use world::{Inhabited, World};

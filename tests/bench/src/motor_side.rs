@@ -5,6 +5,7 @@ use std::cell::RefCell;
 use std::rc::Rc;
 
 use drive::{Cycle, Hardware, Inputs, InterruptLine, PowerStage, ProbeInput, ResetCause, Samples};
+use laws::Sight;
 use plant::{Machine, ReferenceAxis};
 use ring::Nanoseconds;
 use ring::time::SharedClock;
@@ -124,6 +125,21 @@ impl MotorSideState {
     /// The machine, to look at it, to load it or to break it.
     pub fn machine(&mut self) -> &mut Machine {
         &mut self.machine
+    }
+
+    /// What can be seen of the axis from outside.
+    pub fn sight(&mut self) -> Sight {
+        let time = self.clock.get();
+        Sight {
+            time,
+            machine: self.machine.glance(time.0),
+            bridge: self.bridge_is_on(),
+            coil: self.brake_open,
+            main_power: self.inputs.main_power,
+            bridge_ready: self.inputs.bridge_ready,
+            safe_torque: self.inputs.safe_torque_1 && self.inputs.safe_torque_2,
+            home_switch: self.inputs.home_switch,
+        }
     }
 
     /// The digital inputs as they are.

@@ -1,5 +1,6 @@
 //! A processor beside a chip, as the world sees it: the portable tasks on this computer, or the flashed ELF in QEMU.
 
+use laws::Broken;
 use ring::Nanoseconds;
 
 /// Something that runs the drive's tasks.
@@ -18,12 +19,18 @@ pub trait Processor {
     fn run(&mut self, now: Nanoseconds, horizon: &dyn Fn() -> Nanoseconds) -> Result<(), ProcessorError>;
 }
 
-/// A processor that can not go on.
+/// A processor that can not go on, or must not.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
-#[error("drive {address}: {cause}")]
-pub struct ProcessorError {
-    /// Address of the drive.
-    pub address: u8,
-    /// What happened and what to do about it.
-    pub cause: String,
+pub enum ProcessorError {
+    /// It can not.
+    #[error("drive {address}: {cause}")]
+    Stuck {
+        /// Address of the drive.
+        address: u8,
+        /// What happened and what to do about it.
+        cause: String,
+    },
+    /// The drive has broken a law of the axis.
+    #[error(transparent)]
+    Unlawful(#[from] Broken),
 }

@@ -34,7 +34,7 @@ impl QemuDrive {
         measurements: SharedMeasurements,
     ) -> Result<Self, ProcessorError> {
         let guest = Guest::start(&GuestConfiguration::new(&elves.product, &elves.shim))
-            .map_err(|error| ProcessorError { address, cause: error.to_string() })?;
+            .map_err(|error| ProcessorError::Stuck { address, cause: error.to_string() })?;
         Ok(Self::around(guest, chip, motor_side, address, bit_rate, measurements))
     }
 
@@ -75,7 +75,7 @@ impl Processor for QemuDrive {
         let address = self.address;
         self.guest
             .run(&mut self.environment, now, until)
-            .map_err(|error| ProcessorError { address, cause: error.to_string() })?;
+            .map_err(|error| ProcessorError::Stuck { address, cause: error.to_string() })?;
         for line in self.guest.take_log() {
             self.environment.observer.log(format!("{:>14}  {:<5} {}", line.time.to_string(), line.level, line.text));
         }

@@ -4,6 +4,7 @@ use std::cell::RefCell;
 use std::rc::Rc;
 
 use drive::{DriveAddress, Identity};
+use laws::{Observer, SharedObserver};
 use plant::ReferenceAxis;
 use ring::chip::{Alternatives, Chip, SharedChip, Straps};
 use ring::time::SharedClock;
@@ -18,7 +19,7 @@ use crate::motor_side::{MotorSideState, SharedMotorSide};
 use crate::processor::{Processor, ProcessorError};
 use crate::qemu_drive::QemuDrive;
 use crate::report::MissedTelegrams;
-use crate::world::World;
+use crate::world::{Inhabited, World};
 
 /// One drive of a ring.
 #[derive(Clone, Debug)]
@@ -64,6 +65,8 @@ pub struct DriveHandle {
     pub motor_side: SharedMotorSide,
     /// What is measured on it.
     pub measurements: SharedMeasurements,
+    /// Who watches whether it keeps the laws of the axis.
+    pub laws: SharedObserver,
 }
 
 impl DriveHandle {
@@ -93,11 +96,16 @@ pub(crate) fn station(setup: &DriveSetup, bit_rate: BitRate, clock: &SharedClock
     (chip, Rc::new(RefCell::new(motor)))
 }
 
+/// Watches the drive of a setup.
+pub(crate) fn observer(setup: &DriveSetup) -> SharedObserver {
+    Rc::new(RefCell::new(Observer::new(setup.address, setup.axis.machine)))
+}
+
 /// The identity that the switches of a drive give.
 pub(crate) fn identity(address: u8, bit_rate: BitRate) -> Result<Identity, ProcessorError> {
     Ok(Identity {
         address: DriveAddress::new(address)
-            .ok_or_else(|| ProcessorError { address, cause: "an address is 1 to 254".to_owned() })?,
+            .ok_or_else(|| ProcessorError::Stuck { address, cause: "an address is 1 to 254".to_owned() })?,
         bit_rate: match bit_rate {
             BitRate::M2 => sercon816::BitRate::Mbit2,
             BitRate::M4 => sercon816::BitRate::Mbit4,
@@ -135,7 +143,7 @@ pub fn ring_of_drives_on<M: Master>(
     let clock = configuration.clock.clone();
     let mut chips = Vec::new();
     let mut handles = Vec::new();
-    let mut processors: Vec<Box<dyn Processor>> = Vec::new();
+    let mut stations = Vec::new();
     for setup in setups {
         let (chip, motor_side) = station(setup, bit_rate, &clock);
         let identity = identity(setup.address, bit_rate)?;
@@ -148,10 +156,11 @@ pub fn ring_of_drives_on<M: Master>(
                 Box::new(QemuDrive::start(&elves, &chip, &motor_side, setup.address, bit_rate, measurements.clone())?)
             }
         };
-        handles.push(DriveHandle { address: setup.address, chip: chip.clone(), motor_side, measurements });
+        let laws = observer(setup);
+        stations.push(Inhabited { processor, motor_side: motor_side.clone(), laws: laws.clone() });
+        handles.push(DriveHandle { address: setup.address, chip: chip.clone(), motor_side, measurements, laws });
         chips.push(chip);
-        processors.push(processor);
     }
     let ring = Ring::new(configuration, master, chips);
-    Ok((World::new(ring, processors), handles))
+    Ok((World::new(ring, stations), handles))
 }

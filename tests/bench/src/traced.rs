@@ -10,11 +10,11 @@ use ring::{Nanoseconds, Ring, RingConfiguration};
 
 use crate::axis::parameters_of;
 use crate::executor::{Elves, SharedMeasurements};
-use crate::processor::{Processor, ProcessorError};
+use crate::processor::ProcessorError;
 use crate::qemu_drive::QemuDrive;
 use crate::report::Progress;
-use crate::ring_of_drives::{DriveSetup, station};
-use crate::world::World;
+use crate::ring_of_drives::{DriveSetup, observer, station};
+use crate::world::{Inhabited, World};
 
 /// What came of it.
 #[derive(Clone, Debug)]
@@ -139,13 +139,14 @@ fn run_until(
 fn world(elves: &Elves, arguments: Vec<std::ffi::OsString>) -> Result<World<ScriptedMaster>, TraceError> {
     let bit_rate = BitRate::M4;
     let configuration = RingConfiguration::new(1, bit_rate);
-    let (chip, motor_side) = station(&DriveSetup::new(ADDRESS), bit_rate, &configuration.clock);
+    let setup = DriveSetup::new(ADDRESS);
+    let (chip, motor_side) = station(&setup, bit_rate, &configuration.clock);
     let guest =
         Guest::start(&GuestConfiguration { arguments, ..GuestConfiguration::new(&elves.product, &elves.shim) })?;
     let drive = QemuDrive::around(guest, &chip, &motor_side, ADDRESS, bit_rate, SharedMeasurements::default());
-    let processors: Vec<Box<dyn Processor>> = vec![Box::new(drive)];
+    let inhabited = Inhabited { processor: Box::new(drive), motor_side, laws: observer(&setup) };
     let ring = Ring::new(configuration, ScriptedMaster::new(script(bit_rate)), vec![chip]);
-    Ok(World::new(ring, processors))
+    Ok(World::new(ring, vec![inhabited]))
 }
 
 fn script(bit_rate: BitRate) -> MasterScript {

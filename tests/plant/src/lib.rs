@@ -12,6 +12,7 @@ mod brake;
 mod encoder;
 mod frame;
 mod friction;
+mod glance;
 mod inverter;
 mod machine;
 mod machine_settings;
@@ -28,6 +29,7 @@ mod windings;
 
 pub use brake::{BrakeFailure, HoldingBrake};
 pub use encoder::Encoder;
+pub use glance::Glance;
 pub use inverter::Inverter;
 pub use machine::Machine;
 pub use machine_settings::MachineSettings;

@@ -6,6 +6,7 @@ use crate::MachineSettings;
 use crate::brake::{BrakeFailure, Grip};
 use crate::encoder::{Counter, Encoder};
 use crate::frame::{Dq, Frame};
+use crate::glance::Glance;
 use crate::mechanics::{Shafts, Torques};
 use crate::noise::Noise;
 use crate::sensors::{bus_sample, temperature_sample};
@@ -47,6 +48,8 @@ pub struct Machine {
     outside: Outside,
     /// What will act after all inputs, to drop inputs that change nothing.
     last_outside: Outside,
+    /// How often the shaft was given a velocity, and the encoder counts that no movement had caused.
+    interventions: [u32; 2],
     /// A whole step has left the state as it was, bit for bit: so will every other one until an input changes.
     still: bool,
 }
@@ -122,7 +125,15 @@ impl Machine {
             encoder_frozen: false,
             index_muted: false,
         };
-        Self { settings, state, timeline: Timeline::new(), outside, last_outside: outside, still: false }
+        Self {
+            settings,
+            state,
+            timeline: Timeline::new(),
+            outside,
+            last_outside: outside,
+            interventions: [0; 2],
+            still: false,
+        }
     }
 
     /// The parameters.
@@ -372,6 +383,28 @@ impl Machine {
         self.settings.brake.map_or(0.0, |brake| brake.torque(grip, self.outside.brake_failure))
     }
 
+    /// Everything at once, at the last instant of the grid up to `at`: nothing is computed for it that was not computed anyway.
+    pub fn glance(&mut self, at: u64) -> Glance {
+        self.advance(at);
+        let (state, outside, settings) = (&self.state, &self.outside, &self.settings);
+        Glance {
+            angle: state.shafts.turn.since_start(settings.encoder.increments_per_revolution),
+            velocity: state.shafts.velocity,
+            torque: settings.windings.torque(state.current),
+            current: [state.current.d, state.current.q],
+            bus_voltage: state.bus.voltage,
+            brake_torque: settings.brake.map_or(0.0, |brake| brake.torque(state.grip, outside.brake_failure)),
+            load_torque: outside.load_torque + settings.mechanics.gravity_torque,
+            seized: outside.seized,
+            brake_broken: outside.brake_failure.is_some(),
+            blind: outside.broken_sensors.iter().any(Option::is_some) || outside.shifted_sensors != [0; 3],
+            feverish: outside.broken_thermometers.iter().any(Option::is_some),
+            encoder_frozen: outside.encoder_frozen,
+            kicks: self.interventions[0],
+            slips: self.interventions[1],
+        }
+    }
+
     /// The state at an instant, beside the grid without a trace in the state that is kept.
     fn state_at(&mut self, at: u64) -> State {
         self.advance(at);
@@ -383,6 +416,8 @@ impl Machine {
 impl Machine {
     fn apply(&mut self, input: Input) {
         let state = &mut self.state;
+        self.interventions[0] += u32::from(matches!(input, Input::Velocity(_)));
+        self.interventions[1] += u32::from(matches!(input, Input::Slip(_)));
         match input {
             Input::Velocity(velocity) => {
                 state.shafts = self.settings.mechanics.together(state.shafts.turn, velocity);

@@ -31,6 +31,6 @@ pub use master::ScriptedMaster;
 pub use player::CapturePlayer;
 pub use ring::Ring;
 pub use software_slave::SoftwareSlave;
-pub use station::{Master, Station};
+pub use station::{Master, SharedTap, Station, Tap};
 pub use tester::Tester;
 pub use time::Nanoseconds;

@@ -10,7 +10,7 @@ use std::collections::{BTreeMap, BinaryHeap};
 use std::rc::Rc;
 
 use crate::fibre::{Cause, Effect, Fault, RingConfiguration, TelegramKind, crossing};
-use crate::station::{Master, Station};
+use crate::station::{Master, SharedTap, Station};
 use crate::time::{Nanoseconds, SharedClock};
 use crate::wire::{FLAG, LineError, LineSignal, Transmission};
 
@@ -34,6 +34,7 @@ pub struct Ring<M, S> {
     cycle: Option<u64>,
     statistics: Statistics,
     trace: Vec<TraceEntry>,
+    taps: Vec<(usize, SharedTap)>,
 }
 
 /// Who sent a telegram.
@@ -160,6 +161,7 @@ impl<M: Master, S: Station> Ring<M, S> {
             cycle: None,
             statistics: Statistics { line_errors: vec![0; nodes], ..Statistics::default() },
             trace: Vec::new(),
+            taps: Vec::new(),
             configuration,
         };
         for node in 0..nodes {
@@ -211,6 +213,11 @@ impl<M: Master, S: Station> Ring<M, S> {
     /// The cycle that the last MST began, counted from 0; `None` before the first MST.
     pub fn cycle(&self) -> Option<u64> {
         self.cycle
+    }
+
+    /// Lets `tap` hear everything that the fibre brings to this station, and what the station sends.
+    pub fn tap(&mut self, station: usize, tap: SharedTap) {
+        self.taps.push((station, tap));
     }
 
     /// One more thing that will go wrong. A fault of a cycle that has begun may come too late.
@@ -328,6 +335,9 @@ impl<M: Master, S: Station> Ring<M, S> {
         if frame.is_err() {
             self.statistics.line_errors[passage.node] += 1;
         }
+        for (_, tap) in self.taps.iter().filter(|(station, _)| *station == passage.node) {
+            tap.borrow_mut().arrived(passage.start, passage.end, frame);
+        }
         match self.stations.get_mut(passage.node) {
             Some(station) => station.on_telegram(passage.start, passage.end, frame),
             None => self.master.receive(passage.start, passage.end, frame),
@@ -374,6 +384,9 @@ impl<M: Master, S: Station> Ring<M, S> {
 
     fn send_from_station(&mut self, now: Nanoseconds, station: usize, transmission: Transmission) {
         let kind = TelegramKind::At(transmission.bytes.first().copied().unwrap_or(0));
+        for (_, tap) in self.taps.iter().filter(|(tapped, _)| *tapped == station) {
+            tap.borrow_mut().sent(now, &transmission.bytes);
+        }
         let passing: Vec<(u64, TelegramKind, usize)> = self
             .passages
             .iter()

@@ -1,5 +1,8 @@
 //! What stands between two hops: a drive's chip, or anything that behaves like one.
 
+use std::cell::RefCell;
+use std::rc::Rc;
+
 use crate::time::Nanoseconds;
 use crate::wire::{LineError, Transmission};
 
@@ -42,6 +45,18 @@ pub trait Master {
         let _ = (now, present);
     }
 }
+
+/// An ear at the fibre of one station. It changes nothing.
+pub trait Tap {
+    /// A telegram has ended at the station's receiver, at `end`; its opening flag began at `start`. `frame` is address and data.
+    fn arrived(&mut self, start: Nanoseconds, end: Nanoseconds, frame: Result<&[u8], LineError>);
+
+    /// The station begins to send these bytes, address and data.
+    fn sent(&mut self, now: Nanoseconds, bytes: &[u8]);
+}
+
+/// An ear that its owner keeps.
+pub type SharedTap = Rc<RefCell<dyn Tap>>;
 
 impl<S: Station + ?Sized> Station for Box<S> {
     fn next_event(&self) -> Option<Nanoseconds> {

@@ -83,7 +83,10 @@ impl ScriptedMaster {
         };
         Ok(Some(match stage {
             Stage::Power { waited } => {
-                if wait("power (status bits 15..14 = 2)", waited, |word| status::readiness(word) >= POWER)? {
+                // A drive takes no edge for one of which it has not seen both sides in CP4, and one of the MDTs may be lost.
+                if waited > 1
+                    && wait("power (status bits 15..14 = 2)", waited, |word| status::readiness(word) >= POWER)?
+                {
                     Stage::Follow { waited: 0 }
                 } else {
                     stage

@@ -1,0 +1,241 @@
+//! A stop never makes the shaft faster, and it stands when the deceleration says so.
+
+use ring::Nanoseconds;
+use ring::ident::Idn;
+use ring::service_client::control;
+
+use crate::law::{Event, Law, Verdict};
+use crate::scene::Scene;
+
+/// What a loop overshoots: a share of the speed, and rad/s (5 rpm) of what is no speed yet.
+const OVERSHOOT: (f64, f64) = (0.05, 0.5);
+/// The torque of the moment goes on for so long: filter of the velocity and current loop.
+const LOOP_LAG: f64 = 2e-3;
+/// It is no overshoot that lasts longer than this.
+const LASTING: Nanoseconds = Nanoseconds::from_millis(1);
+/// The axis stands when it is slower than this in rad/s, or has this share of its speed.
+const STANDSTILL: (f64, f64) = (1.0, 0.02);
+/// Margin of the time to standstill: a share, and milliseconds for filters and the end of the loops' settling.
+const MARGIN: (f64, f64) = (0.2, 100.0);
+/// After a change of the load the shaft may do what it must for so long.
+const RECOVERY: Nanoseconds = Nanoseconds::from_millis(300);
+/// Procedure commands by which the drive moves the axis itself while bit 13 is 0.
+const MOVERS: [u16; 6] = [148, 149, 152, 0x8000 | 224, 0x8000 | 225, 0x8000 | 226];
+
+/// Follows a stop from its cause to the end of the torque, or of the stop.
+#[derive(Default)]
+pub(crate) struct Stop {
+    running: Option<Running>,
+    error: bool,
+    lost: bool,
+}
+
+struct Running {
+    cause: &'static str,
+    begun: Nanoseconds,
+    /// Until when the cause may not have reached the loops yet.
+    effect: Nanoseconds,
+    /// The highest speed that the shaft had when the stop began, in rad/s.
+    speed: f64,
+    /// What may come on top.
+    tolerance: f64,
+    /// When it has to stand, in units of a look; `None` when that is not known.
+    deadline: Option<Nanoseconds>,
+    faster: Option<Nanoseconds>,
+    stood: bool,
+}
+
+impl Stop {
+    fn begin(&mut self, cause: &'static str, scene: &Scene, effect: Nanoseconds) {
+        if !scene.sight.bridge || self.running.as_ref().is_some_and(|running| !running.stood) {
+            return;
+        }
+        let velocity = scene.sight.machine.velocity;
+        let span = scene.sight.time.saturating_sub(scene.before.time).as_seconds();
+        let acceleration = if span > 0.0 { (velocity - scene.before.machine.velocity).abs() / span } else { 0.0 };
+        let speed = velocity.abs();
+        let halt = scene.settings.signed(Idn(372)).filter(|value| cause == "HALT" && *value != 0);
+        let ramp = halt.or_else(|| scene.settings.unsigned(Idn(138)));
+        let deadline = ramp.zip(scene.units).map(|(ramp, units)| {
+            let ramp = ramp as f64 * units.acceleration;
+            let jerk = scene.settings.signed(Idn(349)).unwrap_or(0) as f64 * units.acceleration;
+            let rounded = if jerk > 0.0 { ramp / jerk } else { 0.0 };
+            let seconds = (speed / ramp + rounded) * (1.0 + MARGIN.0) + MARGIN.1 * 1e-3;
+            scene.now + effect + Nanoseconds((seconds.min(1e6) * 1e9) as u64)
+        });
+        let tolerance = OVERSHOOT.0 * speed + OVERSHOOT.1 + acceleration * LOOP_LAG;
+        let effect = scene.now + effect;
+        let (begun, faster, stood) = (scene.now, None, false);
+        self.running = Some(Running { cause, begun, effect, speed, tolerance, deadline, faster, stood });
+    }
+
+    fn watch(&mut self, scene: &Scene) -> Verdict {
+        if !scene.sight.bridge || scene.deceived {
+            self.running = None;
+            return Verdict::Silent;
+        }
+        let Some(running) = &mut self.running else { return Verdict::Silent };
+        let machine = &scene.sight.machine;
+        let speed = machine.velocity.abs();
+        if scene.now <= running.effect {
+            running.speed = running.speed.max(speed);
+            return Verdict::Silent;
+        }
+        if scene.within(scene.disturbed, RECOVERY) || machine.seized {
+            // Another load is another stop: it counts from where it leaves the shaft.
+            running.speed = running.speed.max(speed);
+            running.faster = None;
+            running.deadline = None;
+            return Verdict::Silent;
+        }
+        let driving = machine.torque * machine.velocity > 0.0;
+        if speed > running.speed + running.tolerance && driving {
+            let since = *running.faster.get_or_insert(scene.now);
+            if scene.now.saturating_sub(since) > LASTING {
+                let rpm = |speed: f64| speed * 60.0 / core::f64::consts::TAU;
+                let (cause, begun) = (running.cause, running.begun);
+                let (was, now) = (rpm(running.speed), rpm(speed));
+                return Verdict::Broken(format!(
+                    "stopped by {cause} at {begun} with {was:.1} rpm, the shaft has {now:.1} rpm"
+                ));
+            }
+        } else {
+            running.faster = None;
+        }
+        running.stood |= speed < STANDSTILL.0 + STANDSTILL.1 * running.speed;
+        if let Some(deadline) = &mut running.deadline {
+            if scene.is_at_its_limit() {
+                *deadline = *deadline + scene.sight.time.saturating_sub(scene.before.time);
+            }
+            if !running.stood && scene.now > *deadline {
+                let (cause, begun, rpm) = (running.cause, running.begun, scene.sight.rpm());
+                return Verdict::Broken(format!("stopped by {cause} at {begun}, it should stand and has {rpm:.1} rpm"));
+            }
+        }
+        Verdict::Kept
+    }
+}
+
+impl Law for Stop {
+    fn sentence(&self) -> &'static str {
+        "a stop never makes the shaft faster, and it stands when the deceleration says so"
+    }
+
+    fn judge(&mut self, event: &Event<'_>, scene: &Scene) -> Verdict {
+        let wire = &scene.wire;
+        let soon = scene.cycles(1, 500);
+        match event {
+            Event::Record if wire.phase == 4 => {
+                let switched = |bit| wire.control_before & bit != 0 && wire.control & bit == 0;
+                if wire.asks_to_follow() && !wire.has_error() && !self.lost {
+                    self.running = None;
+                } else if switched(control::ON) {
+                    self.begin("bit 15", scene, soon);
+                } else if switched(control::NO_HALT) && wire.asks_for_torque() {
+                    self.begin("HALT", scene, soon);
+                }
+            }
+            Event::Answer => {
+                if wire.has_error() && !self.error {
+                    self.begin("an error", scene, Nanoseconds::ZERO);
+                }
+                self.error = wire.has_error();
+            }
+            Event::Mst if wire.phase < 4 && wire.phase_before == 4 && wire.phase_since == scene.now => {
+                self.begin("a phase change", scene, soon);
+            }
+            Event::Look => {
+                let lost = wire.is_lost(scene.now, scene.cycle);
+                if lost && !self.lost {
+                    self.begin("a lost ring", scene, soon);
+                }
+                self.lost = lost;
+                let moves = scene.command.is_some_and(|idn| MOVERS.contains(&idn.0));
+                if moves && self.running.as_ref().is_some_and(|running| running.cause == "HALT") {
+                    self.running = None;
+                }
+                return self.watch(scene);
+            }
+            _ => {}
+        }
+        Verdict::Silent
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::laws::fake::Fake;
+    use crate::sight::Sight;
+
+    const FOLLOW: u16 = 0xE000;
+    const FOLLOWS: u16 = 0xC008;
+
+    fn at_speed(velocity: f64) -> Fake {
+        let mut fake = Fake::in_cp4(Stop::default());
+        // 400 rad/s².
+        fake.write(138, &[0x1A80, 6]);
+        fake.cycle(0, 0x8000);
+        fake.sight.bridge = true;
+        fake.sight.machine.velocity = velocity;
+        fake.run(5, FOLLOW, FOLLOWS);
+        fake
+    }
+
+    fn torque(torque: f64) -> impl FnMut(&mut Sight) {
+        move |sight| sight.machine.torque = torque
+    }
+
+    #[test]
+    fn a_stop_on_its_ramp_keeps_it() {
+        for (control, status) in [(0xC000, 0xC000), (0x6000, 0xC000), (FOLLOW, 0xE000)] {
+            let mut fake = at_speed(100.0);
+            // 250 ms.
+            for _ in 0..125 {
+                fake.turning(control, status, -400.0, torque(-60.0));
+            }
+            fake.sight.machine.velocity = 0.0;
+            fake.run(200, control, status);
+            assert_eq!(fake.broken(), None);
+            assert!(fake.armed() > 1_000);
+        }
+    }
+
+    #[test]
+    fn a_stop_that_accelerates_first_breaks_it() {
+        for (control, status) in [(0xC000, 0xC000), (0x6000, 0xC000), (FOLLOW, 0xE000)] {
+            let mut fake = at_speed(5.0);
+            for _ in 0..10 {
+                fake.turning(control, status, 400.0, torque(60.0));
+            }
+            assert!(fake.broken().is_some_and(|words| words.contains("rpm, the shaft has")), "{control:x} {status:x}");
+        }
+    }
+
+    #[test]
+    fn a_load_that_pulls_is_not_the_drives_doing() {
+        let mut fake = at_speed(5.0);
+        for _ in 0..10 {
+            fake.turning(0xC000, 0xC000, 400.0, torque(-60.0));
+        }
+        assert_eq!(fake.broken(), None);
+    }
+
+    #[test]
+    fn a_stop_without_an_end_breaks_it() {
+        let mut fake = at_speed(100.0);
+        fake.run(125 + 25, 0xC000, 0xC000);
+        assert_eq!(fake.broken(), None);
+        fake.run(70, 0xC000, 0xC000);
+        assert!(fake.broken().is_some_and(|words| words.contains("it should stand")));
+    }
+
+    #[test]
+    fn a_lost_ring_is_a_stop_too() {
+        let mut fake = at_speed(5.0);
+        fake.silence(3, 400.0, torque(60.0));
+        assert_eq!(fake.broken(), None, "the drive is not sure yet");
+        fake.silence(10, 400.0, torque(60.0));
+        assert!(fake.broken().is_some_and(|words| words.contains("a lost ring")));
+    }
+}

@@ -1,0 +1,70 @@
+//! The bridge switches on only after an edge of bits 15 and 14 seen in this CP4, with C1D = 0.
+
+use ring::service_client::status;
+
+use crate::law::{Event, Law, Verdict};
+use crate::scene::Scene;
+
+/// From the MDT that has the edge to the bridge: t3 of this cycle or the next, and what the amplifier takes to be reset.
+const PROMPT_MICROSECONDS: u64 = 2_000;
+
+/// Watches the bridge come on.
+pub(crate) struct SwitchingOn;
+
+impl Law for SwitchingOn {
+    fn sentence(&self) -> &'static str {
+        "the bridge switches on only after an edge of bits 15 and 14 seen in this CP4, with C1D = 0"
+    }
+
+    fn judge(&mut self, event: &Event<'_>, scene: &Scene) -> Verdict {
+        if !matches!(event, Event::Look) || scene.before.bridge || !scene.sight.bridge {
+            return Verdict::Silent;
+        }
+        let wire = &scene.wire;
+        // The AT before the last one may be older than S-0-0099.
+        let error = wire.status & wire.status_before & status::SHUT_DOWN != 0;
+        let fresh = wire.phase == 4 && scene.within(wire.edge, scene.cycles(2, PROMPT_MICROSECONDS));
+        Verdict::of(fresh && !error, || {
+            let (phase, control, status) = (wire.phase, wire.control, wire.status);
+            match scene.since(wire.edge) {
+                Some(since) => format!("the bridge is on {since} after the edge, status word {status:04X}H"),
+                None => format!("the bridge is on in CP{phase} without an edge, control word {control:04X}H"),
+            }
+        })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::laws::fake::Fake;
+
+    #[test]
+    fn an_edge_in_cp4_may_switch_the_bridge_on() {
+        let mut fake = Fake::in_cp4(SwitchingOn);
+        fake.cycle(0, 0x8000);
+        fake.cycle(0xE000, 0x8000);
+        fake.sight.bridge = true;
+        fake.cycle(0xE000, 0x8000);
+        assert_eq!((fake.broken(), fake.armed()), (None, 1));
+    }
+
+    #[test]
+    fn switches_left_on_from_before_may_not() {
+        let mut fake = Fake::in_cp4(SwitchingOn);
+        fake.cycle(0xE000, 0x8000);
+        fake.sight.bridge = true;
+        fake.cycle(0xE000, 0x8000);
+        assert!(fake.broken().is_some_and(|words| words.contains("without an edge")));
+    }
+
+    #[test]
+    fn an_error_that_is_still_shown_forbids_it() {
+        let mut fake = Fake::in_cp4(SwitchingOn);
+        fake.cycle(0, 0xA000);
+        fake.cycle(0xE000, 0xA000);
+        fake.sight.bridge = true;
+        fake.cycle(0xE000, 0xA000);
+        assert!(fake.broken().is_some());
+    }
+}

@@ -1,0 +1,123 @@
+//! Torque never goes without a request or an error that says why, and an error takes it when the axis stands.
+
+use ring::Nanoseconds;
+use ring::ident::Idn;
+use ring::service_client::control;
+
+use crate::law::{Event, Law, Verdict};
+use crate::scene::Scene;
+
+/// An error that has taken the torque is in the AT so much later, beside three cycles.
+const NOTICE_MICROSECONDS: u64 = 2_000;
+/// The axis stands when it is slower than this, in rad/s: 3 rpm.
+const STANDSTILL: f64 = 0.3;
+/// From standstill to the end of the torque, beside the brake: jerk-limited ends of ramps, and the brake's own test.
+const AFTERMATH: Nanoseconds = Nanoseconds::from_millis(1_000);
+
+/// Waits for the word that explains a torque that has gone, and for the torque that an error must take.
+#[derive(Default)]
+pub(crate) struct TorqueGoes {
+    /// Gone, and nothing has said why.
+    unexplained: Option<Nanoseconds>,
+    /// The error is shown, the axis stands, and the bridge is still on.
+    standing: Option<Nanoseconds>,
+}
+
+impl TorqueGoes {
+    fn is_explained(scene: &Scene) -> bool {
+        let wire = &scene.wire;
+        !scene.is_operating()
+            || wire.control & (control::ON | control::ENABLE) != control::ON | control::ENABLE
+            || wire.has_error()
+    }
+
+    fn look(&mut self, scene: &Scene) -> Verdict {
+        if scene.before.bridge && !scene.sight.bridge {
+            self.unexplained = Some(scene.now);
+        }
+        if scene.sight.bridge {
+            self.unexplained = None;
+        }
+        let error = scene.wire.has_error() && scene.is_operating();
+        if !(error && scene.sight.bridge && scene.sight.machine.velocity.abs() < STANDSTILL) {
+            self.standing = None;
+        } else if self.standing.is_none() {
+            self.standing = Some(scene.now);
+        }
+        if let Some(gone) = self.unexplained {
+            if Self::is_explained(scene) {
+                self.unexplained = None;
+                return Verdict::Kept;
+            }
+            let patience = scene.cycles(3, NOTICE_MICROSECONDS);
+            return Verdict::of(scene.now.saturating_sub(gone) <= patience, || {
+                let (control, status) = (scene.wire.control, scene.wire.status);
+                format!("the bridge went off at {gone}; control word {control:04X}H, status word {status:04X}H")
+            });
+        }
+        let Some(standing) = self.standing else { return Verdict::Silent };
+        let brake = scene.settings.unsigned(Idn(207)).unwrap_or(10_000)
+            + scene.settings.unsigned(Idn(0x8000 | 123)).unwrap_or(20);
+        let patience = AFTERMATH + Nanoseconds::from_millis(brake.unsigned_abs());
+        Verdict::of(scene.now.saturating_sub(standing) <= patience, || {
+            format!("with an error shown the axis stands since {standing}, and the bridge is on still")
+        })
+    }
+}
+
+impl Law for TorqueGoes {
+    fn sentence(&self) -> &'static str {
+        "torque never goes without a request or an error that says why, and an error takes the torque within its time"
+    }
+
+    fn judge(&mut self, event: &Event<'_>, scene: &Scene) -> Verdict {
+        match event {
+            Event::Look => self.look(scene),
+            _ => Verdict::Silent,
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::laws::fake::Fake;
+
+    fn in_operation() -> Fake {
+        let mut fake = Fake::in_cp4(TorqueGoes::default());
+        fake.cycle(0, 0x8000);
+        fake.sight.bridge = true;
+        fake.run(5, 0xE000, 0xC008);
+        fake
+    }
+
+    #[test]
+    fn a_request_or_an_error_explains_it() {
+        let mut fake = in_operation();
+        fake.sight.bridge = false;
+        fake.run(10, 0x8000, 0x8000);
+        assert_eq!((fake.broken(), fake.armed()), (None, 1));
+        let mut fake = in_operation();
+        fake.sight.bridge = false;
+        fake.run(2, 0xE000, 0xC008);
+        fake.run(10, 0xE000, 0xA000);
+        assert_eq!(fake.broken(), None);
+    }
+
+    #[test]
+    fn silence_does_not() {
+        let mut fake = in_operation();
+        fake.sight.bridge = false;
+        fake.run(10, 0xE000, 0x8000);
+        assert!(fake.broken().is_some_and(|words| words.contains("went off")));
+    }
+
+    #[test]
+    fn an_error_does_not_leave_the_torque_on() {
+        let mut fake = in_operation();
+        fake.run(100, 0xE000, 0xE000);
+        assert_eq!(fake.broken(), None);
+        fake.run(600, 0xE000, 0xE000);
+        assert!(fake.broken().is_some_and(|words| words.contains("is on still")));
+    }
+}

@@ -1,0 +1,208 @@
+//! The observer of one drive: it hears the fibre, sees the axis, and asks the laws.
+
+use std::cell::RefCell;
+use std::rc::Rc;
+
+use plant::MachineSettings;
+use ring::ident::{Element, Idn};
+use ring::wire::LineError;
+use ring::{Nanoseconds, Tap};
+
+use crate::broken::Broken;
+use crate::dialogue::{Dialogue, Heard};
+use crate::law::{Coverage, Event, Law, Verdict};
+use crate::laws;
+use crate::scene::Scene;
+use crate::settings::Settings;
+use crate::sight::Sight;
+use crate::units::Units;
+use crate::wire::{Telegram, Wire};
+
+/// An observer that the bench and a test share.
+pub type SharedObserver = Rc<RefCell<Observer>>;
+
+/// How often the axis is looked at: a period of the current loop.
+const PERIOD: Nanoseconds = Nanoseconds(62_500);
+/// Commands that change settings by themselves, and what they change.
+const CHANGERS: [(u16, &[u16]); 4] = [
+    (0x8000 | 220, &[100, 101, 104, 106, 107]),
+    (0x8000 | 224, &[0x8000 | 111, 0x8000 | 112, 0x8000 | 113]),
+    (0x8000 | 225, &[0x8000 | 114]),
+    (0x8000 | 226, &[0x8000 | 221]),
+];
+
+/// Watches one drive.
+pub struct Observer {
+    scene: Scene,
+    dialogue: Dialogue,
+    laws: Vec<(Box<dyn Law>, u64)>,
+    broken: Option<Broken>,
+    address: u8,
+}
+
+impl Observer {
+    /// Of the drive of this address, which moves this machine.
+    #[must_use]
+    pub fn new(address: u8, machine: MachineSettings) -> Self {
+        Self::with(address, machine, laws::all())
+    }
+
+    pub(crate) fn with(address: u8, machine: MachineSettings, laws: Vec<Box<dyn Law>>) -> Self {
+        let settings = Settings::default();
+        let scene = Scene {
+            now: Nanoseconds::ZERO,
+            sight: Sight::default(),
+            before: Sight::default(),
+            wire: Wire::new(address),
+            units: Units::of(&settings),
+            cycle: Nanoseconds::from_millis(2),
+            settings,
+            machine,
+            disturbed: None,
+            deceived: false,
+            pins_changed: None,
+            bridge_changed: None,
+            command: None,
+        };
+        let laws = laws.into_iter().map(|law| (law, 0)).collect();
+        Self { scene, dialogue: Dialogue::default(), laws, broken: None, address }
+    }
+
+    /// The first law that was broken.
+    #[must_use]
+    pub fn broken(&self) -> Option<&Broken> {
+        self.broken.as_ref()
+    }
+
+    /// What is seen and heard.
+    #[must_use]
+    pub const fn scene(&self) -> &Scene {
+        &self.scene
+    }
+
+    /// How often each law has had something to look at.
+    pub fn coverage(&self) -> impl Iterator<Item = Coverage> {
+        self.laws.iter().map(|(law, armed)| Coverage { law: law.sentence(), armed: *armed })
+    }
+
+    /// When the axis wants to be looked at again.
+    #[must_use]
+    pub fn next_look(&self) -> Nanoseconds {
+        self.scene.sight.time + PERIOD
+    }
+
+    /// Looks at the axis. Instants never go back.
+    pub fn look(&mut self, sight: Sight) {
+        let scene = &mut self.scene;
+        let before = std::mem::replace(&mut scene.sight, sight);
+        scene.before = if scene.now == Nanoseconds::ZERO { sight } else { before };
+        let before = scene.before;
+        scene.now = sight.time;
+        let outside = |sight: &Sight| (sight.machine.load_torque, sight.machine.seized, sight.machine.kicks);
+        if outside(&before) != outside(&sight) {
+            scene.disturbed = Some(sight.time);
+        }
+        let lies = |sight: &Sight| sight.machine.blind || sight.machine.encoder_frozen;
+        scene.deceived |= lies(&sight) || before.machine.slips != sight.machine.slips;
+        // What is switched on now has looked for its angle again, and is told the truth.
+        scene.deceived &= before.bridge || !sight.bridge || lies(&sight);
+        let pins = |sight: &Sight| (sight.main_power, sight.bridge_ready, sight.safe_torque);
+        if pins(&before) != pins(&sight) {
+            scene.pins_changed = Some(sight.time);
+        }
+        if before.bridge != sight.bridge {
+            scene.bridge_changed = Some(sight.time);
+        }
+        self.ask(&Event::Look);
+    }
+
+    fn ask(&mut self, event: &Event<'_>) {
+        if self.broken.is_some() {
+            return;
+        }
+        for (law, armed) in &mut self.laws {
+            match law.judge(event, &self.scene) {
+                Verdict::Silent => {}
+                Verdict::Kept => *armed += 1,
+                Verdict::Broken(detail) => {
+                    let (law, address, time) = (law.sentence(), self.address, self.scene.now);
+                    self.broken = Some(Broken { law, address, time, detail });
+                    return;
+                }
+            }
+        }
+    }
+
+    fn hear(&mut self, heard: &Heard) {
+        // Laws compare what is read with what was known before it.
+        self.ask(&Event::Service(heard));
+        let scene = &mut self.scene;
+        match heard {
+            Heard::Written(idn, Element::Data, words) => {
+                scene.settings.note(*idn, words.clone());
+                match words[..] {
+                    [3] => {
+                        scene.command = Some(*idn);
+                        for changed in
+                            CHANGERS.iter().filter(|(command, _)| *command == idn.0).flat_map(|(_, all)| *all)
+                        {
+                            scene.settings.forget(Idn(*changed));
+                        }
+                        if *idn == Idn(262) {
+                            scene.settings.load_defaults(scene.wire.phase < 4);
+                        }
+                    }
+                    [0] if scene.command == Some(*idn) => scene.command = None,
+                    _ => {}
+                }
+            }
+            Heard::Read(idn, Element::Data, words) => scene.settings.note(*idn, words.clone()),
+            _ => return,
+        }
+        scene.units = Units::of(&scene.settings);
+        let cycle = scene.settings.word(Idn::CYCLE).unwrap_or(2_000);
+        scene.cycle = Nanoseconds::from_microseconds(cycle.into());
+    }
+}
+
+impl Tap for Observer {
+    fn arrived(&mut self, _start: Nanoseconds, end: Nanoseconds, frame: Result<&[u8], LineError>) {
+        let Ok(bytes) = frame else { return };
+        let scene = &mut self.scene;
+        scene.now = end.max(scene.now);
+        match scene.wire.arrived(end, bytes, &scene.settings) {
+            Some(Telegram::Mst) => {
+                if scene.wire.phase == 0 {
+                    self.dialogue.reset();
+                    scene.command = None;
+                }
+                self.ask(&Event::Mst);
+            }
+            Some(Telegram::Record) => {
+                if scene.wire.phase == 1 {
+                    // Whatever comes in CP1 is where CP2 begins.
+                    self.dialogue.reset();
+                }
+                self.dialogue.record(scene.wire.request());
+                if scene.wire.phase == 4 {
+                    for (idn, value) in scene.wire.commands() {
+                        scene.settings.note_cyclic(*idn, *value);
+                    }
+                }
+                self.ask(&Event::Record);
+            }
+            None => {}
+        }
+    }
+
+    fn sent(&mut self, now: Nanoseconds, bytes: &[u8]) {
+        let scene = &mut self.scene;
+        scene.now = now.max(scene.now);
+        scene.wire.sent(now, bytes, &scene.settings);
+        let heard = self.dialogue.answer(scene.wire.reply());
+        self.ask(&Event::Answer);
+        if let Some(heard) = heard {
+            self.hear(&heard);
+        }
+    }
+}

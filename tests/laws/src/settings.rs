@@ -1,0 +1,260 @@
+//! What the drive is set to, as the service channel and the MDT have told, and from the start what IDN.md says of a new drive.
+
+use std::collections::BTreeMap;
+
+use ring::ident::Idn;
+
+/// Settings of a new drive that the laws ask for, as IDN.md has them: number and value of the operation data.
+const DEFAULTS: [(u16, i64); 46] = [
+    (1, 2_000),
+    (2, 2_000),
+    (9, 1),
+    (15, 4),
+    (32, 2),
+    (33, 0),
+    (34, 0),
+    (35, 0),
+    (38, 0),
+    (39, 0),
+    (43, 0),
+    (44, 2),
+    (45, 1),
+    (46, -4),
+    (49, 2_147_483_647),
+    (50, -2_147_483_647),
+    (52, 0),
+    (55, 0),
+    (76, 2),
+    (77, 1),
+    (78, -7),
+    (79, 3_600_000),
+    (82, 32_767),
+    (83, -32_767),
+    (85, 0),
+    (91, 30_000_000),
+    (92, 2_000),
+    (103, 3_600_000),
+    (109, 20_000),
+    (110, 20_000),
+    (111, 5_000),
+    (113, 60_000_000),
+    (121, 1),
+    (122, 1),
+    (123, 100_000),
+    (138, 1_000_000),
+    (159, 300_000),
+    (160, 2),
+    (161, 1),
+    (162, -3),
+    (206, 100),
+    (207, 100),
+    (277, 0),
+    (372, 0),
+    (0x8000 | 120, 0),
+    (0x8000 | 140, 2),
+];
+
+/// Data blocks of two bytes among those that can be configured in AT and MDT, or have a default here.
+const WORDS: [u16; 54] = [
+    1, 2, 9, 11, 12, 13, 14, 15, 32, 33, 34, 35, 43, 44, 45, 46, 55, 76, 77, 78, 80, 81, 82, 83, 84, 85, 92, 129, 134,
+    135, 144, 145, 160, 161, 162, 179, 181, 182, 206, 207, 277, 336, 338, 341, 342, 343, 346, 380, 383, 384, 390, 403,
+    0x8013, 0x80A0,
+];
+/// The same of four bytes.
+const LONGS: [u16; 49] = [
+    36, 37, 38, 39, 40, 47, 48, 49, 50, 51, 52, 53, 79, 91, 103, 109, 110, 111, 113, 121, 122, 123, 124, 125, 130, 131,
+    132, 133, 136, 137, 138, 157, 159, 189, 193, 258, 259, 260, 282, 347, 349, 359, 372, 41, 42, 57, 150, 261, 278,
+];
+/// Data blocks that stay what they are when the defaults are loaded: they belong to the ring.
+const OF_THE_RING: [u16; 11] = [1, 2, 6, 7, 8, 9, 10, 15, 16, 24, 89];
+
+/// What is known of a drive's settings.
+#[derive(Clone, Debug)]
+pub struct Settings {
+    values: BTreeMap<u16, Vec<u16>>,
+    mdt: Vec<Idn>,
+    at: Vec<Idn>,
+}
+
+impl Default for Settings {
+    fn default() -> Self {
+        let mut settings = Self { values: BTreeMap::new(), mdt: Vec::new(), at: Vec::new() };
+        settings.new_drive(|_| true);
+        settings.arrange();
+        settings
+    }
+}
+
+impl Settings {
+    fn new_drive(&mut self, concerns: impl Fn(u16) -> bool) {
+        for (number, value) in DEFAULTS {
+            if concerns(number) {
+                let words = [value as u16, (value >> 16) as u16];
+                let length = Self::bytes_of(Idn(number)).unwrap_or(2) / 2;
+                self.values.insert(number, words[..length].to_vec());
+            }
+        }
+    }
+
+    /// The words of the operation data, as they were written or read.
+    pub fn note(&mut self, idn: Idn, words: Vec<u16>) {
+        self.values.insert(idn.0, words);
+        if matches!(idn, Idn::TELEGRAM_TYPE | Idn::AT_LIST | Idn::MDT_LIST) {
+            self.arrange();
+        }
+    }
+
+    /// A value that came in the MDT.
+    pub fn note_cyclic(&mut self, idn: Idn, value: u32) {
+        let words = self.values.entry(idn.0).or_default();
+        words.clear();
+        words.push(value as u16);
+        if Self::bytes_of(idn) == Some(4) {
+            words.push((value >> 16) as u16);
+        }
+    }
+
+    /// It is no longer known.
+    pub fn forget(&mut self, idn: Idn) {
+        self.values.remove(&idn.0);
+    }
+
+    /// S-0-0262 has been executed: what can be written now has its default; without `protected`, only what no phase protects.
+    pub fn load_defaults(&mut self, protected: bool) {
+        if protected {
+            self.values.retain(|number, _| OF_THE_RING.contains(number));
+            self.new_drive(|number| !OF_THE_RING.contains(&number));
+        } else {
+            // What may change in CP4 says the drive; until it is read it is unknown.
+            self.values.retain(|number, _| OF_THE_RING.contains(number) || is_protected_in_cp4(*number));
+        }
+    }
+
+    /// Everything that is known, to be compared with what is read.
+    #[must_use]
+    pub fn words(&self, idn: Idn) -> Option<&[u16]> {
+        self.values.get(&idn.0).map(Vec::as_slice)
+    }
+
+    /// A value of two bytes.
+    #[must_use]
+    pub fn word(&self, idn: Idn) -> Option<u16> {
+        self.words(idn)?.first().copied()
+    }
+
+    /// A value of two or four bytes without sign.
+    #[must_use]
+    pub fn unsigned(&self, idn: Idn) -> Option<i64> {
+        Some(self.words(idn)?.iter().rev().fold(0, |value, word| value << 16 | i64::from(*word)))
+    }
+
+    /// A value of two or four bytes with sign.
+    #[must_use]
+    pub fn signed(&self, idn: Idn) -> Option<i64> {
+        match *self.words(idn)? {
+            [word] => Some(i64::from(word as i16)),
+            [low, high] => Some(i64::from((u32::from(high) << 16 | u32::from(low)) as i32)),
+            _ => None,
+        }
+    }
+
+    /// The operation mode of a number 0 to 7 of the control or status word.
+    #[must_use]
+    pub fn mode(&self, number: u16) -> Option<u16> {
+        let idn = if number < 4 { 32 + number } else { 280 + number };
+        self.word(Idn(idn))
+    }
+
+    /// Length of the operation data in bytes, of those that can be configured in a telegram.
+    #[must_use]
+    pub fn bytes_of(idn: Idn) -> Option<usize> {
+        if WORDS.contains(&idn.0) {
+            Some(2)
+        } else if LONGS.contains(&idn.0) {
+            Some(4)
+        } else {
+            None
+        }
+    }
+
+    /// What stands in the MDT's record behind its two words.
+    #[must_use]
+    pub fn mdt_contents(&self) -> &[Idn] {
+        &self.mdt
+    }
+
+    /// What stands in the AT behind its two words.
+    #[must_use]
+    pub fn at_contents(&self) -> &[Idn] {
+        &self.at
+    }
+
+    /// Contents of the telegrams (sercos2.md 1.8).
+    fn arrange(&mut self) {
+        let kind = self.word(Idn::TELEGRAM_TYPE).unwrap_or(0);
+        let position = if kind & 8 == 0 { Idn::POSITION_FEEDBACK } else { Idn::POSITION_FEEDBACK_2 };
+        let (mdt, at): (&[Idn], &[Idn]) = match kind & 7 {
+            1 => (&[Idn::TORQUE_COMMAND], &[]),
+            2 => (&[Idn::VELOCITY_COMMAND], &[Idn::VELOCITY_FEEDBACK]),
+            3 => (&[Idn::VELOCITY_COMMAND], &[position]),
+            4 => (&[Idn::POSITION_COMMAND], &[position]),
+            5 => (&[Idn::POSITION_COMMAND, Idn::VELOCITY_COMMAND], &[position, Idn::VELOCITY_FEEDBACK]),
+            6 => (&[Idn::VELOCITY_COMMAND], &[]),
+            7 => (&self.list(Idn::MDT_LIST), &self.list(Idn::AT_LIST)),
+            _ => (&[], &[]),
+        };
+        (self.mdt, self.at) = (mdt.to_vec(), at.to_vec());
+    }
+
+    fn list(&self, idn: Idn) -> Vec<Idn> {
+        let Some([bytes, _, items @ ..]) = self.words(idn) else { return Vec::new() };
+        items.iter().take(usize::from(*bytes / 2)).map(|item| Idn(*item)).collect()
+    }
+}
+
+/// Data blocks with a default here that IDN.md protects in CP4.
+pub(crate) fn is_protected_in_cp4(number: u16) -> bool {
+    matches!(number, 1..=24 | 32..=35 | 43..=46 | 55 | 76..=79 | 85..=90 | 103 | 109..=116 | 121..=123 | 160..=162 | 277 | 284..=287)
+        || number == 0x8000 | 120
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn every_default_has_a_length_that_holds_it() {
+        let settings = Settings::default();
+        for (number, value) in DEFAULTS {
+            let idn = Idn(number);
+            if number < 0x8000 {
+                assert!(Settings::bytes_of(idn).is_some(), "{idn}");
+            }
+            assert!(settings.signed(idn) == Some(value) || settings.unsigned(idn) == Some(value), "{idn}");
+        }
+    }
+
+    #[test]
+    fn application_telegrams_hold_their_lists() {
+        let mut settings = Settings::default();
+        settings.note(Idn::TELEGRAM_TYPE, vec![7]);
+        settings.note(Idn::AT_LIST, vec![4, 4, 51, 40]);
+        assert_eq!(settings.at_contents(), [Idn(51), Idn(40)]);
+        assert_eq!(settings.mdt_contents(), []);
+    }
+
+    #[test]
+    fn loading_defaults_leaves_the_ring_alone() {
+        let mut settings = Settings::default();
+        settings.note(Idn(2), vec![4_000]);
+        settings.note(Idn(92), vec![7]);
+        settings.note(Idn(55), vec![7]);
+        settings.load_defaults(false);
+        assert_eq!(
+            (settings.word(Idn(2)), settings.word(Idn(92)), settings.word(Idn(55))),
+            (Some(4_000), None, Some(7))
+        );
+        settings.load_defaults(true);
+        assert_eq!((settings.word(Idn(92)), settings.word(Idn(55))), (Some(2_000), Some(0)));
+    }
+}
