@@ -2,6 +2,8 @@
 
 use std::collections::BTreeMap;
 
+use sercos::data_block::Location;
+use sercos::{Phase, dictionary};
 use serde::{Deserialize, Serialize};
 
 /// What the master saw in the status words of one life.
@@ -36,10 +38,6 @@ impl Wire {
         }
     }
 
-    /// The ring went away under it.
-    pub(crate) const fn begin_again(&mut self) {
-        self.last = None;
-    }
 }
 
 impl std::fmt::Display for State {
@@ -98,5 +96,96 @@ impl Coverage {
         for ((from, to), number) in &wire.transitions {
             self.add("transition", format!("{from} -> {to}"), *number);
         }
+    }
+}
+
+/// Headings whose names are few enough to be printed one by one.
+const PRINTED: [&str; 12] = [
+    "ending",
+    "broken law",
+    "law looked",
+    "peace",
+    "action",
+    "mode followed",
+    "command started",
+    "fault",
+    "error met",
+    "refused axis",
+    "run-up refused in a life",
+    "transition",
+];
+
+impl Coverage {
+    /// Everything in words, with what was never reached at the end.
+    #[must_use]
+    pub fn report(&self) -> String {
+        let mut text = String::new();
+        for heading in PRINTED {
+            let Some(names) = self.seen.get(heading) else { continue };
+            text += &format!("{heading}:\n");
+            for (name, number) in names {
+                text += &format!("  {number:>9}  {name}\n");
+            }
+        }
+        for heading in ["write accepted", "write refused", "command refused"] {
+            let names = self.seen.get(heading);
+            let number: u64 = names.iter().flat_map(|names| names.values()).sum();
+            let blocks: std::collections::BTreeSet<&str> =
+                names.iter().flat_map(|names| names.keys()).filter_map(|name| name.split(' ').next()).collect();
+            text += &format!("{heading}: {number}, of {} data blocks\n", blocks.len());
+        }
+        text += "never reached:\n";
+        for missing in self.never() {
+            text += &format!("  {missing}\n");
+        }
+        text += &format!("{} s of simulated time", self.milliseconds / 1_000);
+        text
+    }
+
+    /// What no life has reached.
+    fn never(&self) -> Vec<String> {
+        let names = |heading: &str| self.seen.get(heading).map(|names| names.keys().cloned().collect::<Vec<_>>());
+        let has = |heading: &str, begin: &str| {
+            names(heading).unwrap_or_default().iter().any(|name| name.split(' ').next() == Some(begin))
+        };
+        let mut never = Vec::new();
+        for block in dictionary::DICTIONARY {
+            let name = ring::ident::Idn(block.idn.0).to_string();
+            let is_command = matches!(block.location, Location::Command);
+            if block.attribute.is_read_only() {
+                continue;
+            }
+            if is_command {
+                if !has("command started", &name) {
+                    never.push(format!("{name} started"));
+                }
+            } else if !has("write accepted", &name) && !has("set up", &name) && !has("write refused", &name) {
+                never.push(format!("{name} written"));
+            } else if !block.attribute.is_protected_in(Phase::Cp4)
+                && block.fixed_bytes().is_some()
+                && !has("write accepted", &name)
+            {
+                never.push(format!("{name} written in CP4 and accepted"));
+            }
+        }
+        for mode in ["1", "2", "3", "11", "19", "27"] {
+            if !has("mode followed", mode) {
+                never.push(format!("operation mode {mode} followed"));
+            }
+        }
+        for fault in crate::generate::FAULTS.iter().chain(&crate::generate::BRAKE_FAULTS) {
+            for torque in ["with torque", "without torque"] {
+                let wanted = format!("{fault:?} {torque}");
+                if !names("fault").unwrap_or_default().contains(&wanted) {
+                    never.push(format!("{fault} {torque}"));
+                }
+            }
+        }
+        for diagnosis in drive::DIAGNOSES.iter().filter(|diagnosis| diagnosis.number & 0xF000 == 0xF000) {
+            if !has("error met", &format!("{:04X}H", diagnosis.number)) {
+                never.push(format!("error {:04X}H, {}", diagnosis.number, diagnosis.text));
+            }
+        }
+        never
     }
 }

@@ -3,6 +3,9 @@
 mod axis;
 mod events;
 
+pub(crate) use axis::MODES;
+pub(crate) use events::{BRAKE_FAULTS, FAULTS};
+
 use crate::dice::Dice;
 use crate::life::Life;
 

@@ -45,9 +45,9 @@ pub struct Axis {
     pub mdt: Vec<u16>,
     /// P-0-0118 is written, so that there is no search for the commutation angle.
     pub aligned: bool,
-    /// The position command of the master stays within this modulo.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub wraps_at: Option<i64>,
+    /// The position command of the master stays within S-0-0103, if the axis has a modulo.
+    #[serde(default)]
+    pub wraps: bool,
     /// Written in CP2 in this order, beside what the machine needs.
     pub settings: Vec<(u16, i64)>,
 }

@@ -1,7 +1,7 @@
 //! The simulation of a life: machine, drive, ring and master, and the service channel asked and waited for.
 
 use bench::motor_side::SharedMotorSide;
-use bench::{DriveHandle, DriveSetup, World, ring_of_drives};
+use bench::{DriveHandle, DriveSetup, ProcessorError, World, ring_of_drives};
 use fault_matrix::{MatrixError, Mode, Target};
 use plant::ReferenceAxis;
 use ring::fibre::Fault as RingFault;
@@ -37,12 +37,34 @@ pub(crate) enum Stop {
     Refused(String),
 }
 
+impl From<ProcessorError> for Stop {
+    fn from(error: ProcessorError) -> Self {
+        match error {
+            ProcessorError::Unlawful(broken) => {
+                let time = broken.time.as_microseconds();
+                Self::Broken { law: broken.law.to_owned(), detail: format!("at {time} us: {}", broken.detail) }
+            }
+            ProcessorError::Stuck { cause, .. } => {
+                Self::Broken { law: "the drive can always go on".to_owned(), detail: cause }
+            }
+        }
+    }
+}
+
+impl From<MatrixError> for Stop {
+    fn from(error: MatrixError) -> Self {
+        match error {
+            MatrixError::Processor(error) => error.into(),
+            other => Self::Broken { law: "the drive can always go on".to_owned(), detail: other.to_string() },
+        }
+    }
+}
+
 pub(crate) struct Rig {
     pub(crate) world: World<Stubborn>,
     pub(crate) drive: DriveHandle,
     pub(crate) axis: Axis,
     pub(crate) machine: ReferenceAxis,
-    pub(crate) units: Units,
     times: Option<DriveTimes>,
     /// The fibre is sound again from this cycle on.
     pub(crate) sound_from: u64,
@@ -67,7 +89,6 @@ impl Rig {
         let rig = Self {
             world,
             drive: handles.remove(0),
-            units: Units::of(axis),
             axis: axis.clone(),
             machine,
             times: None,
@@ -85,10 +106,7 @@ impl Rig {
     }
 
     pub(crate) fn run_until(&mut self, until: Nanoseconds) -> Result<(), Stop> {
-        self.world.run_until(until.max(self.world.now())).map_err(|error| Stop::Broken {
-            law: "the drive can always go on".to_owned(),
-            detail: error.to_string(),
-        })
+        self.world.run_until(until.max(self.world.now())).map_err(Stop::from)
     }
 
     pub(crate) fn run(&mut self, span: Nanoseconds) -> Result<(), Stop> {
@@ -212,6 +230,12 @@ impl Rig {
         Ok(())
     }
 
+    /// The operation mode that the mode bits ask for.
+    pub(crate) fn chosen_mode(&self) -> i64 {
+        let idn = crate::generate::MODES.get(usize::from(self.chosen)).copied().unwrap_or(32);
+        crate::units::setting(&self.axis, idn).unwrap_or_else(|| crate::units::default_of(idn))
+    }
+
     /// Ten clean cycles of CP0, once the fibre is sound.
     pub(crate) fn fall_to_cp0(&mut self) -> Result<(), Stop> {
         self.master().phase = 0;
@@ -259,7 +283,8 @@ impl Rig {
             at: axis.at.clone(),
             mdt: axis.mdt.clone(),
         };
-        let wraps_at = axis.wraps_at;
+        let modulo = Units::of(axis).modulo.filter(|_| axis.wraps);
+        let wraps_at = modulo.map(|modulo| modulo as i64);
         self.master().set_layout(layout);
         self.master().wrap_at(wraps_at);
         Ok(slots)
@@ -388,8 +413,7 @@ impl Target for Rig {
     }
 
     fn mode(&self) -> Mode {
-        let idn = [32, 33, 34, 35, 284, 285, 286, 287].get(usize::from(self.chosen)).copied().unwrap_or(32);
-        match crate::units::setting(&self.axis, idn).unwrap_or(2) {
+        match self.chosen_mode() {
             1 => Mode::Torque,
             3 | 0x13 => Mode::Position,
             11 | 0x1B => Mode::PositionWithoutLag,

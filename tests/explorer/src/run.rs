@@ -7,7 +7,7 @@ use fault_matrix::{Fault, Target};
 use ring::Nanoseconds;
 use ring::fibre::{Effect, TelegramKind};
 use ring::ident::Element;
-use ring::service_client::Request;
+use ring::service_client::{Request, status};
 
 use crate::coverage::Coverage;
 use crate::life::{Action, Life};
@@ -54,6 +54,7 @@ pub(crate) struct Written {
 enum Pending {
     Write { idn: u16, words: usize },
     Read,
+    Diagnosis,
     Start(u16),
     Cancel,
 }
@@ -110,6 +111,9 @@ fn live_on(life: &Life) -> Outcome {
             };
             let wire = run.rig.master().wire().clone();
             run.coverage.add_wire(&wire);
+            for armed in run.rig.drive.laws.borrow().coverage() {
+                run.coverage.add("law looked", armed.law, armed.armed);
+            }
             run.coverage.milliseconds = run.rig.world.now().0 / 1_000_000;
             let angle = run.rig.angle().to_bits();
             let hash = (run.rig.master().hash() ^ run.hash ^ angle).wrapping_mul(0x0100_0000_01B3);
@@ -137,6 +141,9 @@ impl Run {
     fn whole(&mut self, life: &Life) -> Result<(), Stop> {
         self.rig.run_up(true)?;
         self.base = self.rig.world.now();
+        for (idn, _) in crate::units::writes(&self.rig.axis, &self.rig.machine) {
+            self.coverage.count("set up", ring::ident::Idn(idn).to_string());
+        }
         let mut refused = false;
         for event in &life.events {
             self.run_to(event.at)?;
@@ -175,6 +182,10 @@ impl Run {
         self.rig.run_until(until)?;
         self.hash = self.hash.wrapping_mul(0x0100_0000_01B3) ^ self.rig.angle().to_bits();
         self.harvest();
+        if self.rig.master().at().is_some_and(|at| at.status & status::FOLLOWS != 0) {
+            let mode = self.rig.chosen_mode();
+            self.coverage.count("mode followed", mode.to_string());
+        }
         Ok(())
     }
 
@@ -197,6 +208,10 @@ impl Run {
                 self.pending.push_back(Pending::Read);
             }
             Action::Start(idn) => {
+                if idn == 99 {
+                    rig.master().ask(Request::Steps(reading(390, true)));
+                    self.pending.push_back(Pending::Diagnosis);
+                }
                 rig.master().ask(Request::Steps(crate::rig::writing(idn, &[3])));
                 self.pending.push_back(Pending::Start(idn));
             }
@@ -210,8 +225,7 @@ impl Run {
             Action::DamageMdt(bit) => self.disturb(TelegramKind::Mdt, 1, Effect::FlipBit(bit.into()))?,
             Action::WrongPhase(phase) => self.disturb(TelegramKind::Mst, 1, Effect::Phase(phase))?,
             Action::Dark(cycles) => {
-                let darkened = rig.darken(cycles.into());
-                darkened.map_err(|error| broken(&error))?;
+                rig.darken(cycles.into())?;
             }
             Action::RunUp { stubborn } => {
                 if !stubborn {
@@ -255,13 +269,13 @@ impl Run {
     }
 
     fn disturb(&mut self, kind: TelegramKind, cycles: u64, effect: Effect) -> Result<(), Stop> {
-        self.rig.disturb(kind, cycles, effect).map_err(|error| broken(&error))
+        Ok(self.rig.disturb(kind, cycles, effect)?)
     }
 
     fn break_something(&mut self, fault: Fault) -> Result<(), Stop> {
         let torque = if self.rig.bridge_is_on() { "with torque" } else { "without torque" };
         self.coverage.count("fault", format!("{fault:?} {torque}"));
-        fault.inject(&mut self.rig).map_err(|error| broken(&error))?;
+        fault.inject(&mut self.rig)?;
         self.going_on = Some((fault, 0));
         Ok(())
     }
@@ -299,7 +313,7 @@ impl Run {
             match pending {
                 Pending::Write { idn, .. } => self.written.push(Written { idn, before: None }),
                 Pending::Start(idn) => self.started.push(idn),
-                Pending::Read | Pending::Cancel => {}
+                Pending::Read | Pending::Diagnosis | Pending::Cancel => {}
             }
         }
     }
@@ -339,14 +353,16 @@ impl Run {
                         }
                     }
                 }
+                Pending::Diagnosis => {
+                    let number = read_value(390, &finished.steps).unwrap_or(0) as u16;
+                    if number & 0xF000 == 0xF000 {
+                        self.coverage.count("error met", format!("{number:04X}H"));
+                    }
+                }
                 Pending::Read | Pending::Cancel => {}
             }
         }
     }
-}
-
-fn broken(error: &dyn std::fmt::Display) -> Stop {
-    Stop::Broken { law: "the drive can always go on".to_owned(), detail: error.to_string() }
 }
 
 fn name_of(action: &Action) -> String {

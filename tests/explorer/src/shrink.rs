@@ -84,7 +84,7 @@ impl Shrinker {
             |axis| axis.early_mdt = false,
             |axis| axis.increments = None,
             |axis| axis.built_for = None,
-            |axis| axis.wraps_at = None,
+            |axis| axis.wraps = false,
             |axis| axis.aligned = true,
             |axis| {
                 axis.telegram = 5;

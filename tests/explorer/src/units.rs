@@ -8,15 +8,15 @@ use crate::life::Axis;
 
 /// Increments of the axis' data for what the motor does.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Units {
+pub(crate) struct Units {
     /// Of position, for a revolution of the motor.
-    pub revolution: f64,
+    pub(crate) revolution: f64,
     /// Of velocity, for 1 rpm of the motor.
-    pub rpm: f64,
+    pub(crate) rpm: f64,
     /// Of acceleration, for 1 rad/s² of the motor.
-    pub acceleration: f64,
+    pub(crate) acceleration: f64,
     /// Of position, the modulo value; `None` without modulo.
-    pub modulo: Option<f64>,
+    pub(crate) modulo: Option<f64>,
 }
 
 const LINEAR: i64 = 1;
@@ -28,7 +28,7 @@ const MODULO: i64 = 1 << 7;
 impl Units {
     /// Those of an axis with these settings; what is not there has its default.
     #[must_use]
-    pub fn of(axis: &Axis) -> Self {
+    pub(crate) fn of(axis: &Axis) -> Self {
         let value = |idn: u16| setting(axis, idn).unwrap_or_else(|| default_of(idn));
         let number = |idn: u16| value(idn) as f64;
         let power = |idn: u16| 10f64.powi(value(idn) as i32);
@@ -51,7 +51,7 @@ impl Units {
         let rpm = match (kind & 7 == LINEAR, kind & BY_PARAMETER != 0) {
             (true, false) => metres(kind) / minutes / 1e-6,
             (true, true) => metres(kind) / minutes / (number(45) * power(46)),
-            (false, false) => revolutions(kind) / minutes / 1e-4,
+            (false, false) => revolutions(kind) / minutes / if kind & PER_SECOND != 0 { 1e-6 } else { 1e-4 },
             (false, true) => revolutions(kind) / minutes / (number(45) * power(46)),
         };
 
@@ -68,7 +68,7 @@ impl Units {
 
     /// Degrees of the motor as increments of position.
     #[must_use]
-    pub fn degrees(&self, degrees: f64) -> i64 {
+    pub(crate) fn degrees(&self, degrees: f64) -> i64 {
         (self.revolution * degrees / 360.0).round() as i64
     }
 }
@@ -92,6 +92,8 @@ pub(crate) fn writes(axis: &Axis, machine: &ReferenceAxis) -> Vec<(u16, i64)> {
         .filter_map(|(Idn(idn), value)| Some((idn, number_of(&value)?)))
         .collect();
     for (idn, value) in &mut base {
+        // The precise axis asks for a filter that the drive does not have.
+        *value = (*value).max(dictionary::find(sercos::Idn(*idn)).and_then(|block| block.minimum).unwrap_or(i64::MIN));
         if *idn == 138 {
             let acceleration = f64::from(machine.gains.acceleration_limit) * 1e-3;
             *value = (acceleration * units.acceleration).round().clamp(1.0, f64::from(i32::MAX)) as i64;
@@ -146,7 +148,7 @@ mod tests {
             at: vec![51, 40],
             mdt: vec![47, 36],
             aligned: true,
-            wraps_at: None,
+            wraps: false,
             settings: settings.to_vec(),
         }
     }

@@ -38,8 +38,8 @@ impl fmt::Display for Axis {
         if !self.aligned {
             write!(formatter, ", commutation angle not known")?;
         }
-        if let Some(modulo) = self.wraps_at {
-            write!(formatter, ", commands wrap at {modulo}")?;
+        if self.wraps && Units::of(self).modulo.is_some() {
+            write!(formatter, ", commands wrap")?;
         }
         for (idn, value) in &self.settings {
             write!(formatter, ", {} = {value}", Idn(*idn))?;

@@ -76,7 +76,7 @@ pub(super) fn any(dice: &mut Dice) -> Axis {
         at: Vec::new(),
         mdt: Vec::new(),
         aligned: dice.chance(if plant == Plant::Vertical { 100 } else { 96 }),
-        wraps_at: None,
+        wraps: dice.chance(60),
         settings: Vec::new(),
     };
     if dice.chance(15) {
@@ -192,9 +192,9 @@ fn scaling(dice: &mut Dice, axis: &mut Axis) {
         set(76, kind);
     }
     if linear || dice.chance(15) {
-        let mut kind = if linear { 1 } else { 2 } | of_load(dice) | i64::from(dice.chance(20)) << 5;
+        let mut kind = if linear { 1 } else { 2 } | of_load(dice);
         if dice.chance(40) {
-            kind |= 1 << 3;
+            kind |= 1 << 3 | i64::from(dice.chance(20)) << 5;
             set(45, dice.pick(&[1, 2, 5, 10]).unwrap_or(1));
             set(46, dice.pick(&[-3, -4, -5]).unwrap_or(-4));
         }
@@ -214,9 +214,6 @@ fn scaling(dice: &mut Dice, axis: &mut Axis) {
         let turns = dice.pick(&[1.0, 1.0, 1.0, 0.5, 2.0, 3.7, 10.0]).unwrap_or(1.0);
         let modulo = (units.revolution * turns).round().clamp(1.0, f64::from(i32::MAX)) as i64;
         axis.settings.push((103, modulo));
-        if dice.chance(60) {
-            axis.wraps_at = Some(modulo);
-        }
     }
 }
 
@@ -246,7 +243,7 @@ fn limits(dice: &mut Dice, axis: &mut Axis) {
     let long = |value: f64, least: f64| value.round().clamp(least, f64::from(i32::MAX)) as i64;
     let speed = |rpm: f64| long(rpm * units.rpm, 1.0);
     let degrees = |degrees: f64| long(degrees / 360.0 * units.revolution, 1.0);
-    let acceleration = |value: f64| long(value * units.acceleration, 1.0);
+    let acceleration = |value: f64| long(value * units.acceleration, 1_000.0);
     let ramp = f64::from(machine.gains.acceleration_limit) * 1e-3;
     let mut set = |idn: u16, value: i64| axis.settings.push((idn, value));
 
@@ -322,6 +319,9 @@ fn odds(dice: &mut Dice, axis: &mut Axis) {
     } else {
         axis.settings.push((206, dice.between(0, 20)));
         axis.settings.push((207, dice.between(0, 20)));
+    }
+    if axis.built_for == Some(Fault::BrakeOpensLate) {
+        axis.settings.push((206, 600));
     }
     if axis.built_for == Some(Fault::Overload) {
         axis.settings.push((92, 4_000));

@@ -25,7 +25,7 @@ const NEVER_WRITTEN: [u16; 24] = [
 const LIMITS: [u16; 22] =
     [91, 92, 38, 39, 82, 83, 138, 372, 136, 137, 159, 349, 49, 50, 52, 57, 124, 259, 260, 193, 200, 201];
 
-const FAULTS: [Fault; 25] = [
+pub(crate) const FAULTS: [Fault; 25] = [
     Fault::Overcurrent,
     Fault::CurrentSum,
     Fault::ConvertersStuck,
@@ -52,7 +52,7 @@ const FAULTS: [Fault; 25] = [
     Fault::OneLateCycle,
     Fault::LateCycles,
 ];
-const BRAKE_FAULTS: [Fault; 3] = [Fault::BrakeStuckClosed, Fault::BrakeStuckOpen, Fault::BrakeWorn];
+pub(crate) const BRAKE_FAULTS: [Fault; 3] = [Fault::BrakeStuckClosed, Fault::BrakeStuckOpen, Fault::BrakeWorn];
 
 struct Writer<'a> {
     dice: &'a mut Dice,
