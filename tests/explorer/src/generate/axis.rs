@@ -225,8 +225,12 @@ fn polarity(dice: &mut Dice, axis: &mut Axis) {
         if value == 8 {
             value = dice.between(0, 7);
         }
-        if idn == 55 && dice.chance(30) {
-            value |= 0x10;
+        if idn == 55 {
+            // A control whose command and feedback count against each other has no position to speak of.
+            value = if value & 1 != 0 { value | 5 } else { value & 2 };
+            if dice.chance(30) {
+                value |= 0x10;
+            }
         }
         if value != 0 {
             axis.settings.push((idn, value));
@@ -317,6 +321,10 @@ fn odds(dice: &mut Dice, axis: &mut Axis) {
         axis.settings.push((206, 60));
         axis.settings.push((207, 60));
     } else {
+        // Friction is no brake.
+        if axis.built_for.is_some() {
+            axis.settings.push((product(120), 0));
+        }
         axis.settings.push((206, dice.between(0, 20)));
         axis.settings.push((207, dice.between(0, 20)));
     }
