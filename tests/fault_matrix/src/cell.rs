@@ -37,8 +37,12 @@ struct Seen {
 /// Runs a cell.
 ///
 /// # Errors
-/// The drive does not come into the state, or does not answer afterwards.
+/// The drive does not come into the state, does not answer afterwards, or breaks a law of the axis.
 pub fn run(cell: Cell) -> Result<Outcome, MatrixError> {
+    outcome(cell).map_err(|error| MatrixError::In { cell: cell.to_string(), error: Box::new(error) })
+}
+
+fn outcome(cell: Cell) -> Result<Outcome, MatrixError> {
     let Cell { fault, state, mode } = cell;
     let mut rig = Rig::new(cell.to_string(), fault, state, mode)?;
     let had_torque = rig.bridge_is_on();

@@ -113,9 +113,17 @@ impl fmt::Display for State {
 /// The simulation did not come as far as the fault, or could not be asked afterwards.
 #[derive(Debug, Error)]
 pub enum MatrixError {
-    /// The drive could not be started.
+    /// The drive could not be started, or has broken a law of the axis.
     #[error(transparent)]
     Processor(#[from] ProcessorError),
+    /// In this cell.
+    #[error("{cell}: {error}")]
+    In {
+        /// Which cell.
+        cell: String,
+        /// What happened.
+        error: Box<MatrixError>,
+    },
     /// The drive did not come into the state.
     #[error("{cell}: {expected} expected, but the master is {master}")]
     NotReached {

@@ -5,7 +5,7 @@ use crate::scene::Scene;
 
 /// What has just happened.
 #[derive(Clone, Debug)]
-pub enum Event<'a> {
+pub(crate) enum Event<'a> {
     /// Time has passed: there is something new to see.
     Look,
     /// An MST has reached the drive.
@@ -20,7 +20,7 @@ pub enum Event<'a> {
 
 /// What a law says to it.
 #[derive(Clone, Debug, PartialEq)]
-pub enum Verdict {
+pub(crate) enum Verdict {
     /// It had nothing to look at, or does not know enough.
     Silent,
     /// It has looked, and it is kept.
@@ -30,7 +30,7 @@ pub enum Verdict {
 }
 
 /// One law. It is asked at every event, in the order of time.
-pub trait Law {
+pub(crate) trait Law {
     /// The law, as a sentence that goes on after "the law that".
     fn sentence(&self) -> &'static str;
 
@@ -49,7 +49,7 @@ pub struct Coverage {
 
 impl Verdict {
     /// Kept when it is, and otherwise broken with these words.
-    pub fn of(kept: bool, words: impl FnOnce() -> String) -> Self {
+    pub(crate) fn of(kept: bool, words: impl FnOnce() -> String) -> Self {
         if kept { Self::Kept } else { Self::Broken(words()) }
     }
 }

@@ -1,6 +1,7 @@
 //! The observer of one drive: it hears the fibre, sees the axis, and asks the laws.
 
 use std::cell::RefCell;
+use std::collections::VecDeque;
 use std::rc::Rc;
 
 use plant::MachineSettings;
@@ -30,6 +31,9 @@ const CHANGERS: [(u16, &[u16]); 4] = [
     (0x8000 | 225, &[0x8000 | 114]),
     (0x8000 | 226, &[0x8000 | 221]),
 ];
+
+/// Commands that give positions another zero, and values that give them another weight.
+const REZEROES: [u16; 17] = [44, 45, 46, 55, 76, 77, 78, 79, 103, 116, 121, 122, 123, 148, 262, 277, 447];
 
 /// Watches one drive.
 pub struct Observer {
@@ -63,6 +67,8 @@ impl Observer {
             pins_changed: None,
             bridge_changed: None,
             command: None,
+            rezeroed: None,
+            path: VecDeque::new(),
         };
         let laws = laws.into_iter().map(|law| (law, 0)).collect();
         Self { scene, dialogue: Dialogue::default(), laws, broken: None, address }
@@ -110,6 +116,11 @@ impl Observer {
         if pins(&before) != pins(&sight) {
             scene.pins_changed = Some(sight.time);
         }
+        scene.path.push_back((Nanoseconds(sight.machine.time), sight.machine.angle));
+        let old = sight.time.saturating_sub(scene.cycles(3, 0));
+        while scene.path.front().is_some_and(|(time, _)| *time < old) {
+            scene.path.pop_front();
+        }
         if before.bridge != sight.bridge {
             scene.bridge_changed = Some(sight.time);
         }
@@ -140,6 +151,9 @@ impl Observer {
         match heard {
             Heard::Written(idn, Element::Data, words) => {
                 scene.settings.note(*idn, words.clone());
+                if REZEROES.contains(&idn.0) {
+                    scene.rezeroed = Some(scene.now);
+                }
                 match words[..] {
                     [3] => {
                         scene.command = Some(*idn);
@@ -162,6 +176,17 @@ impl Observer {
         scene.units = Units::of(&scene.settings);
         let cycle = scene.settings.word(Idn::CYCLE).unwrap_or(2_000);
         scene.cycle = Nanoseconds::from_microseconds(cycle.into());
+    }
+}
+
+/// With `LAWS_COVERAGE` in the environment an observer says at its end how often each law was armed: a law that never looks is noticed.
+impl Drop for Observer {
+    fn drop(&mut self) {
+        if std::env::var_os("LAWS_COVERAGE").is_some() {
+            for Coverage { law, armed } in self.coverage() {
+                println!("{armed:>9}  drive {}: {law}", self.address);
+            }
+        }
     }
 }
 

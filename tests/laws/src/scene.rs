@@ -1,5 +1,7 @@
 //! Everything that the laws look at, at one instant.
 
+use std::collections::VecDeque;
+
 use ring::Nanoseconds;
 use ring::ident::Idn;
 
@@ -39,7 +41,14 @@ pub struct Scene {
     pub bridge_changed: Option<Nanoseconds>,
     /// The last procedure command that was started and not yet cancelled.
     pub command: Option<Idn>,
+    /// When a command or a value was last written that may give positions another zero or another weight.
+    pub rezeroed: Option<Nanoseconds>,
+    /// Where the shaft was, in revolutions, over the last cycles; the newest at the end.
+    pub path: VecDeque<(Nanoseconds, f64)>,
 }
+
+/// Operation modes 3, 4, 11 and 12: S-0-0047 is followed.
+const POSITION_MODES: [u16; 4] = [3, 4, 11, 12];
 
 impl Scene {
     /// In CP4, with the ring intact.
@@ -58,6 +67,79 @@ impl Scene {
     #[must_use]
     pub fn within(&self, then: Option<Nanoseconds>, span: Nanoseconds) -> bool {
         self.since(then).is_some_and(|since| since <= span)
+    }
+
+    /// Where the shaft was at an instant of the last cycles, in revolutions.
+    #[must_use]
+    pub fn angle_at(&self, at: Nanoseconds) -> Option<f64> {
+        let after = self.path.partition_point(|(time, _)| *time < at);
+        let (t1, a1) = *self.path.get(after)?;
+        let (t0, a0) = if after > 0 { self.path[after - 1] } else { return (t1 == at).then_some(a1) };
+        let share = at.saturating_sub(t0).as_seconds() / t1.saturating_sub(t0).as_seconds();
+        Some(a0 + (a1 - a0) * share)
+    }
+
+    /// The sign of a movement in S-0-0051 when the shaft counts up: S-0-0277 and S-0-0055 may turn it.
+    #[must_use]
+    pub fn sense(&self) -> Option<f64> {
+        let counts = self.settings.word(Idn(277))? & 8 != 0;
+        let shows = self.settings.word(Idn(55))? & 4 != 0;
+        Some(if counts == shows { 1.0 } else { -1.0 })
+    }
+
+    /// Some polarity or counting direction is not the plain one.
+    #[must_use]
+    pub fn is_turned(&self) -> bool {
+        [43, 55, 85, 277].iter().any(|idn| self.settings.word(Idn(*idn)).is_none_or(|word| word & 0xF != 0))
+    }
+
+    /// The operation mode that the control word asks for.
+    #[must_use]
+    pub fn asked_mode(&self) -> Option<u16> {
+        let control = self.wire.control;
+        self.settings.mode((control & 0x0800) >> 9 | (control & 0x0300) >> 8)
+    }
+
+    /// The operation mode in the status word.
+    #[must_use]
+    pub fn actual_mode(&self) -> Option<u16> {
+        self.settings.mode(self.wire.actual_mode())
+    }
+
+    /// S-0-0047 is what is to be followed.
+    #[must_use]
+    pub fn asks_for_position(&self) -> bool {
+        self.asked_mode().is_some_and(|mode| POSITION_MODES.contains(&mode))
+    }
+
+    /// S-0-0047 of the last MDT, if it is there and stands alone.
+    #[must_use]
+    pub fn position_command(&self) -> Option<f64> {
+        let additive =
+            self.wire.command(Idn(48)).unwrap_or_else(|| self.settings.unsigned(Idn(48)).unwrap_or(0) as u32);
+        let turned = self.settings.word(Idn(55))? & 7;
+        // Commands and feedback in one coordinate, and nothing added: else there is nothing to compare.
+        let plain = additive == 0 && matches!(turned & 5, 0 | 5);
+        self.wire.command(Idn::POSITION_COMMAND).filter(|_| plain).map(|value| f64::from(value.cast_signed()))
+    }
+
+    /// S-0-0051 of the last AT.
+    #[must_use]
+    pub fn position_feedback(&self) -> Option<f64> {
+        self.wire.feedback(Idn::POSITION_FEEDBACK).map(|value| f64::from(value.cast_signed()))
+    }
+
+    /// Position increments of a step of the encoder.
+    #[must_use]
+    pub fn quantum(&self, units: &Units) -> f64 {
+        units.increments / f64::from(self.machine.encoder.increments_per_revolution)
+    }
+
+    /// The shaft is where the motor alone has moved it: no load that changes, no sensor that lies, nothing seized.
+    #[must_use]
+    pub fn is_left_alone(&self, for_so_long: Nanoseconds) -> bool {
+        let machine = &self.sight.machine;
+        !self.within(self.disturbed, for_so_long) && !machine.seized && !machine.brake_broken && !self.deceived
     }
 
     /// Torque in Nm for 1 A across the magnet.

@@ -26,6 +26,8 @@ pub struct Wire {
     pub disordered: bool,
     /// End of the last MST.
     pub mst: Nanoseconds,
+    /// End of the MST before it.
+    pub mst_before: Nanoseconds,
     /// End of the last MDT.
     pub mdt: Nanoseconds,
     /// How many records have come since CP4 began.
@@ -53,7 +55,7 @@ pub struct Wire {
 
 /// What a telegram was.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Telegram {
+pub(crate) enum Telegram {
     /// MST.
     Mst,
     /// MDT with a record for this drive.
@@ -68,7 +70,7 @@ impl Wire {
     }
 
     /// Takes a telegram that has reached the drive without an error of the line.
-    pub fn arrived(&mut self, end: Nanoseconds, bytes: &[u8], settings: &Settings) -> Option<Telegram> {
+    pub(crate) fn arrived(&mut self, end: Nanoseconds, bytes: &[u8], settings: &Settings) -> Option<Telegram> {
         match *bytes {
             [BROADCAST, phase] => {
                 self.take_phase(end, phase);
@@ -90,6 +92,7 @@ impl Wire {
     }
 
     fn take_phase(&mut self, end: Nanoseconds, phase: u8) {
+        self.mst_before = self.mst;
         self.mst = end;
         if phase == self.phase {
             return;
@@ -126,7 +129,7 @@ impl Wire {
     }
 
     /// Takes a telegram of the drive itself.
-    pub fn sent(&mut self, now: Nanoseconds, bytes: &[u8], settings: &Settings) {
+    pub(crate) fn sent(&mut self, now: Nanoseconds, bytes: &[u8], settings: &Settings) {
         let [_, status_low, status_high, info_low, info_high, ref data @ ..] = *bytes else { return };
         self.at = now;
         self.answers += 1;
@@ -166,6 +169,12 @@ impl Wire {
     #[must_use]
     pub fn feedback(&self, idn: Idn) -> Option<u32> {
         self.feedback.iter().find(|(at, _)| *at == idn).map(|(_, value)| *value)
+    }
+
+    /// All values of the last AT.
+    #[must_use]
+    pub fn feedbacks(&self) -> &[(Idn, u32)] {
+        &self.feedback
     }
 
     /// In CP4, with the ring intact as far as the drive can know.

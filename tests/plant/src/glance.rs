@@ -3,6 +3,8 @@
 /// What is true of a machine at one instant, and what is done to it from outside.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Glance {
+    /// The instant in nanoseconds.
+    pub time: u64,
     /// Angle of the motor shaft since time zero in revolutions.
     pub angle: f64,
     /// Velocity of the motor shaft in rad/s.

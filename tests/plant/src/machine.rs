@@ -388,6 +388,7 @@ impl Machine {
         self.advance(at);
         let (state, outside, settings) = (&self.state, &self.outside, &self.settings);
         Glance {
+            time: self.timeline.time(),
             angle: state.shafts.turn.since_start(settings.encoder.increments_per_revolution),
             velocity: state.shafts.velocity,
             torque: settings.windings.torque(state.current),

@@ -44,6 +44,11 @@ impl<I, const GRID: u64> Timeline<I, GRID> {
         Some(Stretch { nanoseconds, input })
     }
 
+    /// Instant of the model's state.
+    pub(crate) const fn time(&self) -> u64 {
+        self.time
+    }
+
     /// Nanoseconds from the state's instant to `at`.
     pub(crate) fn beyond(&self, at: u64) -> u64 {
         at.saturating_sub(self.time)

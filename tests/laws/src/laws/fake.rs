@@ -81,12 +81,13 @@ impl Fake {
     fn look(&mut self, acceleration: f64, mut change: impl FnMut(&mut Sight)) {
         let dt = LOOK.as_seconds();
         for look in 0..CYCLE.0 / LOOK.0 {
+            change(&mut self.sight);
+            self.sight.time = self.time + Nanoseconds(look * LOOK.0);
+            self.sight.machine.time = self.sight.time.0;
+            self.observer.look(self.sight);
             let machine = &mut self.sight.machine;
             machine.angle += machine.velocity * dt / core::f64::consts::TAU;
             machine.velocity += acceleration * dt;
-            change(&mut self.sight);
-            self.sight.time = self.time + Nanoseconds(look * LOOK.0);
-            self.observer.look(self.sight);
         }
     }
 
@@ -109,6 +110,18 @@ impl Fake {
     /// The master writes these words and the drive takes them, within no time.
     pub(crate) fn write(&mut self, number: u16, words: &[u16]) {
         self.talk(number, words, true);
+    }
+
+    /// The master opens a data block, and this data status comes back.
+    pub(crate) fn open(&mut self, number: u16, data_status: u16) {
+        let wire = &self.observer.scene().wire;
+        let (control, status) = (wire.control & !0x3F, wire.status & !0x37);
+        self.step(Step::open(Idn(number)), data_status, control, status);
+    }
+
+    /// Where the shaft was at the beginning of the cycle that ends now, in revolutions.
+    pub(crate) fn angle_before(&self) -> f64 {
+        self.observer.scene().angle_at(self.time).unwrap_or(0.0)
     }
 
     /// The master reads, and these words come back.

@@ -1,5 +1,8 @@
 //! The laws, one file each.
 
+mod distance;
+mod feedback;
+mod service;
 mod stop;
 mod switching_on;
 mod torque_goes;
@@ -17,5 +20,10 @@ pub(crate) fn all() -> Vec<Box<dyn Law>> {
         Box::new(switching_on::SwitchingOn),
         Box::new(truth::Truth),
         Box::new(torque_goes::TorqueGoes::default()),
+        Box::new(feedback::Feedback::default()),
+        Box::new(distance::Distance::default()),
+        Box::new(service::AtAndService::default()),
+        Box::new(service::Acknowledged::default()),
+        Box::new(service::Protected::default()),
     ]
 }

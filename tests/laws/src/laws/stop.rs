@@ -60,7 +60,9 @@ impl Stop {
             let ramp = ramp as f64 * units.acceleration;
             let jerk = scene.settings.signed(Idn(349)).unwrap_or(0) as f64 * units.acceleration;
             let rounded = if jerk > 0.0 { ramp / jerk } else { 0.0 };
-            let seconds = (speed / ramp + rounded) * (1.0 + MARGIN.0) + MARGIN.1 * 1e-3;
+            // A position loop with lag comes to rest behind its ramp like any other of its order: 5 time constants are 1 %.
+            let kv = scene.settings.unsigned(Idn(104)).unwrap_or(1).max(1) as f64 / 6.0;
+            let seconds = (speed / ramp + rounded) * (1.0 + MARGIN.0) + MARGIN.1 * 1e-3 + 5.0 / kv;
             scene.now + effect + Nanoseconds((seconds.min(1e6) * 1e9) as u64)
         });
         let tolerance = OVERSHOOT.0 * speed + OVERSHOOT.1 + acceleration * LOOP_LAG;
@@ -224,6 +226,7 @@ mod tests {
     #[test]
     fn a_stop_without_an_end_breaks_it() {
         let mut fake = at_speed(100.0);
+        fake.write(104, &[6_000]);
         fake.run(125 + 25, 0xC000, 0xC000);
         assert_eq!(fake.broken(), None);
         fake.run(70, 0xC000, 0xC000);

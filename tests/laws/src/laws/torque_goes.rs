@@ -39,7 +39,10 @@ impl TorqueGoes {
             self.unexplained = None;
         }
         let error = scene.wire.has_error() && scene.is_operating();
-        if !(error && scene.sight.bridge && scene.sight.machine.velocity.abs() < STANDSTILL) {
+        // An axis whose brake does not hold is held by its torque.
+        if scene.sight.machine.brake_broken
+            || !(error && scene.sight.bridge && scene.sight.machine.velocity.abs() < STANDSTILL)
+        {
             self.standing = None;
         } else if self.standing.is_none() {
             self.standing = Some(scene.now);

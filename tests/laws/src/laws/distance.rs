@@ -1,0 +1,159 @@
+//! S-0-0047 - S-0-0051 = S-0-0189 in every coordinate, and homing makes S-0-0051 = S-0-0052.
+
+use ring::ident::{Element, Idn};
+
+use crate::dialogue::Heard;
+use crate::law::{Event, Law, Verdict};
+use crate::scene::Scene;
+
+/// A path between commands is done after so many cycles of the control unit, and so many of the ring for the way there and back.
+const SETTLED_CYCLES: i64 = 6;
+/// The shaft stands when it is slower than this in rad/s.
+const STANDSTILL: f64 = 0.05;
+
+/// Waits until a command has stood for a while.
+#[derive(Default)]
+pub(crate) struct Distance {
+    command: Option<u32>,
+    unchanged: i64,
+    /// Where the shaft stood when S-0-0447, or S-0-0148 where it stands, gave it S-0-0052.
+    zeroed: Option<Zeroed>,
+}
+
+struct Zeroed {
+    angle: f64,
+    distance: f64,
+    answers: u32,
+}
+
+impl Distance {
+    fn compare(&self, distance: u32, scene: &Scene) -> Verdict {
+        let settings = &scene.settings;
+        let unit_cycles =
+            settings.unsigned(Idn::CONTROL_UNIT_CYCLE).unwrap_or(65_000) / settings.unsigned(Idn::CYCLE).unwrap_or(500);
+        let following =
+            scene.is_operating() && scene.wire.asks_to_follow() && scene.wire.follows() && scene.asks_for_position();
+        let still = scene.sight.machine.velocity.abs() < STANDSTILL && scene.asked_mode() == scene.actual_mode();
+        if !following || !still || self.unchanged < SETTLED_CYCLES + unit_cycles {
+            return Verdict::Silent;
+        }
+        let known = scene.position_command().zip(scene.position_feedback()).zip(scene.units);
+        let Some(((command, feedback), units)) = known else { return Verdict::Silent };
+        let expected = units.way(feedback, command);
+        let shown = f64::from(distance.cast_signed());
+        let tolerance = 2.0 * scene.quantum(&units) + 3.0;
+        Verdict::of(units.way(expected, shown).abs() <= tolerance, || {
+            format!("S-0-0047 is {command}, S-0-0051 {feedback}, and S-0-0189 {shown}")
+        })
+    }
+
+    /// S-0-0447, or S-0-0148 that takes the place where the motor stands, has been executed.
+    fn homed(&mut self, idn: Idn, scene: &Scene) {
+        let here = idn == Idn(447) || scene.settings.word(Idn(147)).is_some_and(|word| word & 0xE0 == 0x60);
+        if here
+            && matches!(idn.0, 447 | 148)
+            && scene.sight.machine.velocity.abs() < STANDSTILL
+            && let Some(distance) = scene.settings.signed(Idn(52))
+        {
+            self.zeroed = Some(Zeroed { angle: scene.sight.machine.angle, distance: distance as f64, answers: 0 });
+        }
+    }
+
+    fn arrived(&mut self, scene: &Scene) -> Verdict {
+        let Some(zeroed) = &mut self.zeroed else { return Verdict::Silent };
+        zeroed.answers += 1;
+        if zeroed.answers < 4 {
+            return Verdict::Silent;
+        }
+        let Some(zeroed) = self.zeroed.take() else { return Verdict::Silent };
+        let known = scene.position_feedback().zip(scene.sense()).zip(scene.units);
+        let Some(((feedback, sense), units)) = known.filter(|_| scene.wire.phase == 4) else { return Verdict::Silent };
+        let moved = sense * (scene.sight.machine.angle - zeroed.angle) * units.increments;
+        let off = units.way(zeroed.distance + moved, feedback);
+        let tolerance = 2.0 * scene.quantum(&units) + 2.0 + moved.abs();
+        Verdict::of(off.abs() <= tolerance, || {
+            format!("S-0-0052 is {}, and S-0-0051 {feedback} after homing", zeroed.distance)
+        })
+    }
+}
+
+impl Law for Distance {
+    fn sentence(&self) -> &'static str {
+        "S-0-0047 - S-0-0051 = S-0-0189 in every coordinate, and homing makes S-0-0051 = S-0-0052"
+    }
+
+    fn judge(&mut self, event: &Event<'_>, scene: &Scene) -> Verdict {
+        match event {
+            Event::Record => {
+                let command = scene.wire.command(Idn::POSITION_COMMAND);
+                self.unchanged = if command == self.command { self.unchanged + 1 } else { 0 };
+                self.command = command;
+                if !scene.wire.asks_to_follow() {
+                    self.unchanged = 0;
+                }
+                Verdict::Silent
+            }
+            Event::Answer => match self.arrived(scene) {
+                Verdict::Silent => scene
+                    .wire
+                    .feedback(Idn::FOLLOWING_DISTANCE)
+                    .map_or(Verdict::Silent, |distance| self.compare(distance, scene)),
+                verdict => verdict,
+            },
+            Event::Service(Heard::Read(Idn::FOLLOWING_DISTANCE, Element::Data, words)) => match words[..] {
+                [low, high] => self.compare(u32::from(high) << 16 | u32::from(low), scene),
+                _ => Verdict::Silent,
+            },
+            Event::Service(Heard::Opened(idn, 3)) if scene.command == Some(*idn) => {
+                self.homed(*idn, scene);
+                Verdict::Silent
+            }
+            _ => Verdict::Silent,
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::laws::fake::Fake;
+
+    fn fake(command: i32, feedback: i32, distance: i32) -> Fake {
+        let mut fake = Fake::in_cp4(Distance::default());
+        fake.write(15, &[7]);
+        fake.write(24, &[2, 2, 47]);
+        fake.write(16, &[4, 4, 51, 189]);
+        fake.write(32, &[11]);
+        fake.data = [command.to_le_bytes().to_vec(), [feedback, distance].map(i32::to_le_bytes).concat()];
+        fake.cycle(0, 0x8000);
+        fake.run(20, 0xE000, 0xC008);
+        fake
+    }
+
+    #[test]
+    fn the_distance_is_the_difference_and_wraps_with_it() {
+        let kept = fake(1_000, 900, 100);
+        assert_eq!(kept.broken(), None);
+        assert!(kept.armed() > 5);
+        assert_eq!(fake(-2_147_483_600, 2_147_483_600, 96).broken(), None);
+        assert!(fake(1_000, 900, -100).broken().is_some());
+        assert!(fake(1_000, -900, 100).broken().is_some());
+    }
+
+    fn homed(distance: i32, feedback: i32) -> Fake {
+        let mut fake = fake(0, 0, 0);
+        fake.run(2, 0, 0x8000);
+        fake.write(52, &[distance as u16, (distance >> 16) as u16]);
+        fake.write(447, &[3]);
+        fake.open(447, 3);
+        fake.data[1] = [feedback, 0].map(i32::to_le_bytes).concat();
+        fake.run(10, 0, 0x8000);
+        fake
+    }
+
+    #[test]
+    fn homing_gives_the_reference_distance() {
+        assert_eq!(homed(100_000, 100_000).broken(), None);
+        assert!(homed(100_000, -100_000).broken().is_some());
+    }
+}
