@@ -9,7 +9,7 @@ use ring::chip::{Alternatives, TimersWithoutMst};
 use ring::fibre::{Effect, Fault, TelegramKind};
 use ring::ident::{Idn, Value};
 use ring::master::{CommandValues, DriveScript, MasterError, MasterScript, Motion, Telegram};
-use ring::service_client::Request;
+use ring::service_client::{Request, control};
 use ring::slots::MdtPlace;
 use running::{ADDRESS, Bench, script};
 
@@ -212,12 +212,14 @@ fn an_amplifier_that_reports_a_fault_is_switched_off_at_once() {
 }
 
 #[test]
-fn lost_main_power_is_an_undervoltage_and_its_return_starts_nothing() {
+fn lost_main_power_is_an_undervoltage_with_a_stop_and_its_return_starts_nothing() {
     let mut bench = Bench::running();
+    // A control that answers an error with a control word of zero would take ENABLE away.
+    bench.world.ring_mut().master_mut().hold_switches(Some(control::ON | control::ENABLE | control::NO_HALT));
     bench.drive.motor_side.borrow_mut().set_amplifier_inputs(Amplifier { main_power: false, fault: false });
-    bench.run(Nanoseconds::from_microseconds(250));
-    assert!(!bench.has_torque());
+    bench.run(Nanoseconds::from_millis(8));
     bench.drive.motor_side.borrow_mut().set_amplifier_inputs(Amplifier { main_power: true, fault: false });
+    bench.assert_stopped();
     bench.run(Nanoseconds::from_millis(100));
     assert!(!bench.has_torque());
     assert_eq!(bench.run_up_and_read(&[CLASS_1, DIAGNOSTIC_NUMBER]), [1 << 9, 0xF109]);

@@ -218,6 +218,7 @@ const fn with(word: u32, mask: u32, set: bool) -> u32 {
 mod tests {
     use super::*;
     use sercos::data_block::Selection;
+    use sercos::diagnostic::Class2;
     use sercos::dictionary;
 
     #[test]
@@ -234,6 +235,23 @@ mod tests {
         );
         for idn in targets {
             assert_ne!(target(idn, 0), 0, "{idn}");
+        }
+    }
+
+    #[test]
+    fn every_warning_has_a_data_block_of_its_own_and_stands_in_the_manual() {
+        let manual = dictionary::find(Idn::standard(12)).unwrap().documentation;
+        // A drive without a fan of its own has no cooling warning; bit 15 stands for S-0-0181.
+        for warning in Class2::all().difference(Class2::COOLING | Class2::MANUFACTURER).iter() {
+            let bit = warning.bits().trailing_zeros() as u16;
+            let idn = Idn::standard(310 + bit);
+            assert!(dictionary::find(idn).is_some_and(|block| block.is_in(Selection::BitSources)), "{idn}");
+            assert_eq!(
+                Source::from_idn(idn).unwrap().bit(0),
+                Some(SourceBit { word: Word::Class2, mask: warning.bits() })
+            );
+            let mut words = manual.split([' ', ':', ',']);
+            assert!(words.any(|word| word == std::format!("{bit}")), "bit {bit} is not in \"{manual}\"");
         }
     }
 

@@ -132,12 +132,15 @@ pub(crate) fn compute_gains(
 pub(crate) fn plan(idn: Idn, parameters: &Parameters) -> Result<Plan, Finding> {
     let peak_current = parameters.get(S(110));
     let current = parameters.get(S(111)).min(parameters.get(S(109))).min(peak_current);
+    const COMMAND_REVERSED: u32 = 1 << 0;
+    let velocity = Velocity::from_ten_thousandths_rpm(parameters.get(P(218)).cast_signed());
     let identification = IdentificationParameters {
         peak_current,
         current,
         ripple: (current / 8).max(peak_current / 256).min(current / 2),
         pole_pairs: u8::try_from(parameters.get(P(110))).unwrap_or(0),
-        velocity: Velocity::from_ten_thousandths_rpm(parameters.get(P(218)).cast_signed()),
+        // Its sign is that of velocity commands.
+        velocity: if parameters.get(S(43)) & COMMAND_REVERSED != 0 { -velocity } else { velocity },
         acceleration: Acceleration::from_milliradians_per_second_squared(parameters.get(P(219))),
         movement: Position::from_bits((i64::from(parameters.get(P(229))) << 32) / 100),
         frequency: FREQUENCY,

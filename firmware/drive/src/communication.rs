@@ -264,7 +264,7 @@ impl<B: Bus + Clone> Communication<B> {
 }
 
 /// Whole seconds of a time in us; after 136 years it stands.
-fn seconds(microseconds: u64) -> u32 {
+pub(crate) fn seconds(microseconds: u64) -> u32 {
     u32::try_from(microseconds / 1_000_000).unwrap_or(u32::MAX)
 }
 

@@ -220,7 +220,7 @@ diagnoses! {
         "The bus voltage passed P-0-0105: the braking motor gave back more than the brake chopper takes.",
         "Check the brake chopper and its resistor, mains voltage, and brake more gently (S-0-0138).";
     MAIN_POWER_LOST = 0xF109 "Main power lost", "Leistung ausgefallen",
-        "The main power went away while torque was on.",
+        "The main power went away while torque was on. The axis was stopped out of the DC link; below P-0-0104 the torque went.",
         "Check mains, contactor and the wire of the main-power input; then S-0-0099.";
     EXCESSIVE_DEVIATION = 0xF10B "Excessive following distance", "Schleppabstand zu gross",
         "The position was further from the command than S-0-0159 allows, or the command was, at switching on.",

@@ -30,6 +30,7 @@ mod announcement;
 mod bits;
 mod commissioning;
 mod communication;
+mod coordinates;
 mod current_control;
 mod diagnosis;
 mod error_memory;

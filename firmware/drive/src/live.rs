@@ -16,6 +16,7 @@ use servo::ProbeSettings;
 use crate::access::Access;
 use crate::bits::{Source, enable_bit};
 use crate::commissioning::{self, COMPUTE_GAINS, Commissioning, Finding as CommissioningFinding, is_identification};
+use crate::communication::seconds;
 use crate::diagnosis::{Diagnosis, diagnose};
 use crate::error_memory::ErrorMemory;
 use crate::hardware::{Hardware, LOOP_PERIOD_MICROSECONDS};
@@ -306,7 +307,7 @@ where
 {
     fn read(&mut self, idn: Idn, parameters: &Parameters) -> u64 {
         match idn {
-            OPERATING_TIME => return self.motion.lock(|motion| motion.operating_time()),
+            OPERATING_TIME => return seconds(self.motion.lock(|motion| motion.operating_time())).into(),
             RESET_CAUSE => return self.motion.lock(|motion| motion.reset_cause()).code().into(),
             INTERFACE_STATUS => return self.phases.interface_status().raw_value().into(),
             CHECKSUM => return parameters.checksum().into(),
@@ -597,16 +598,17 @@ const fn protocol_bit_rate(rate: sercon816::BitRate) -> sercos::duration::BitRat
 
 /// The chip's view of a checked configuration: words instead of bytes.
 ///
-/// A t3 or t4 at the very end of the cycle (legal: t3 <= tScyc) is set one microsecond earlier, because the timers start
-/// again with the MST that falls on the same instant.
+/// A t3 or t4 at the very end of the cycle (legal: t3 <= tScyc) is set one microsecond earlier, and one of 0 one later, because the timers
+/// start again with the MST that falls on the same instant: they would never come.
 fn chip_configuration(cyclic: &CyclicConfiguration) -> sercon816::CyclicConfiguration {
-    let last = cyclic.cycle_us.saturating_sub(1);
+    // S-0-0002 has a minimum.
+    let last = cyclic.cycle_us.saturating_sub(1).max(1);
     sercon816::CyclicConfiguration {
         cycle_us: cyclic.cycle_us,
         t1_us: cyclic.t1_us,
         t2_us: cyclic.t2_us,
-        t3_us: cyclic.t3_us.min(last),
-        t4_us: cyclic.t4_us.min(last),
+        t3_us: cyclic.t3_us.clamp(1, last),
+        t4_us: cyclic.t4_us.clamp(1, last),
         at_words: cyclic.at_data_bytes() / 2,
         mdt_words: cyclic.mdt_data_bytes() / 2,
         mdt_length_words: cyclic.mdt_length_bytes / 2,

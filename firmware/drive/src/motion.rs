@@ -13,13 +13,16 @@ use sercos::diagnostic::{Class1, Class2, Class3};
 use sercos::phase::PhaseError;
 use sercos::supervision::Supervision;
 use servo::{
-    Axis, AxisOutput, LOOP_TICKS_PER_SUPERVISION, Limiting, LoopClock, Mode, Position, Scope, TwiceReadEncoder,
+    Axis, AxisOutput, LOOP_TICKS_PER_SUPERVISION, Limiting, LoopClock, Mode, Position, RangeMonitor, Scope,
+    TwiceReadEncoder,
 };
 
 mod background;
 mod clock_monitor;
+mod coordinates;
 mod cycle;
 mod identifying;
+mod range;
 mod recording;
 mod supervision;
 mod travel;
@@ -39,7 +42,7 @@ use crate::motor::{Motor, Progress};
 use crate::mst::MstMonitor;
 use crate::oscilloscope::Oscilloscope;
 use crate::record::Records;
-use crate::settings::{MotionSettings, OperationMode};
+use crate::settings::{MotionSettings, OperationMode, Reaction};
 use crate::state::{DriveState, StateMachine, Switches};
 use crate::work::Work;
 
@@ -56,9 +59,9 @@ pub struct CommandValues {
     pub position: i32,
     /// S-0-0048.
     pub additive_position: i32,
-    /// S-0-0080 in 0.1 % of S-0-0111.
+    /// S-0-0080.
     pub torque: i16,
-    /// S-0-0081 in 0.1 % of S-0-0111.
+    /// S-0-0081.
     pub additive_torque: i16,
     /// S-0-0145.
     pub signal_control: u16,
@@ -109,7 +112,8 @@ pub struct Motion<B, H> {
     channels_differ: u16,
     /// Phase of the last edge of t3.
     edge_phase: u16,
-    switches: Switches,
+    /// Of the last MDT; `None` until one has come in this phase.
+    switches: Option<Switches>,
     mode: Option<OperationMode>,
     phase: Phase,
     commands: CommandValues,
@@ -143,6 +147,8 @@ pub struct Motion<B, H> {
     target: Option<(i32, Position)>,
     /// S-0-0403 bit 0.
     referenced: bool,
+    /// S-0-0049 and S-0-0050, while they are in force.
+    range_monitor: Option<RangeMonitor>,
     /// S-0-0148 holds the position until it is cancelled.
     homing: bool,
     /// Homing has just ended with torque on: the next command is looked at before it is followed.
@@ -202,7 +208,7 @@ impl<B: Bus + Clone, H: Hardware> Motion<B, H> {
             until_supervision: 1,
             channels_differ: 0,
             edge_phase: 0,
-            switches: Switches::default(),
+            switches: None,
             mode: None,
             phase: Phase::Cp0,
             commands: CommandValues::default(),
@@ -229,6 +235,7 @@ impl<B: Bus + Clone, H: Hardware> Motion<B, H> {
             probe_run: ProbeRun::default(),
             target: None,
             referenced: false,
+            range_monitor: None,
             homing: false,
             resuming: false,
             loss_shown: 0,
@@ -365,7 +372,8 @@ impl<B: Bus + Clone, H: Hardware> Motion<B, H> {
         let before = self.machine.state();
         let conditions = self.conditions();
         // A homing that is not cancelled holds the drive as HALT does.
-        let switches = Switches { run: self.switches.run && !self.homing, ..self.switches };
+        let switches = self.switches.unwrap_or_default();
+        let switches = Switches { run: switches.run && !self.homing, ..switches };
         let state = self.machine.update(switches, conditions);
         if state != DriveState::Halted {
             self.abandon_identification();
@@ -374,6 +382,7 @@ impl<B: Bus + Clone, H: Hardware> Motion<B, H> {
             (DriveState::Off | DriveState::Fault, _) => Mode::Off,
             // Without an angle there is no torque that a loop could use.
             (DriveState::SwitchingOn, _) if !self.motor.commutates() => Mode::Off,
+            (DriveState::FaultReaction, _) if self.settings.reaction == Reaction::TorqueLimit => Mode::Braking,
             (DriveState::SwitchingOff | DriveState::FaultReaction, _) => Mode::Stopping,
             (DriveState::Halted, _) if self.identification.is_some() => self.identification_mode(),
             (DriveState::Following | DriveState::Halted, _) if self.is_travelling_home() => Mode::Travel,

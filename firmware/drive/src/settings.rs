@@ -5,18 +5,21 @@ use sercos::parameters::Parameters;
 use sercos::transition::OPERATION_MODES;
 use servo::{
     AxisParameters, AxisSettings, CurrentFilterSettings, FeedrateOverride, FilterSection, FrictionParameters,
-    FrictionSettings, Gain, HomingParameters, HomingSettings, Interpolation, LoopClockSettings, MotionLimits, Position,
-    PositionScale, SettingsError, TwiceReadSettings, Velocity, VelocityLimits, VelocityScale,
+    FrictionSettings, HomingParameters, HomingSettings, Interpolation, LoopClockSettings, MotionLimits, Position,
+    PositionScale, SettingsError, TravelRange, TwiceReadSettings, Velocity, VelocityLimits, VelocityScale,
 };
 
 pub(crate) mod motor;
 mod scaling;
+mod torque;
 
 use scaling::DerivativeScale;
 
 pub use motor::MotorSettings;
+pub(crate) use torque::TorqueScale;
 
 use crate::bits::BitSettings;
+use crate::coordinates::Coordinates;
 use crate::hardware::LOOP_PERIOD_MICROSECONDS;
 use crate::motor::READ_TWICE;
 
@@ -118,14 +121,14 @@ pub struct MotionSettings {
     pub without_lag: AxisSettings,
     /// Modes of control word bits 11, 9, 8 = 000 to 111 (S-0-0032 to S-0-0035, S-0-0284 to S-0-0287).
     pub modes: [Option<OperationMode>; 8],
-    /// Position data.
+    /// Weight of position data without sign: windows and ways.
     pub position: PositionScale,
+    /// Positions of the master.
+    pub coordinates: Coordinates,
     /// Velocity data.
     pub velocity: VelocityScale,
-    /// From a fraction of the peak current (2^-15) to S-0-0084 in 0.1 % of S-0-0111.
-    pub torque: Gain,
-    /// From S-0-0080 in 0.1 % of S-0-0111 to a fraction of the peak current (2^-15).
-    pub torque_command: Gain,
+    /// Torque data.
+    pub torque: TorqueScale,
     /// S-0-0126 as a fraction of the peak current (2^-15).
     pub torque_threshold: u32,
     /// S-0-0055.
@@ -138,7 +141,7 @@ pub struct MotionSettings {
     pub encoder: TwiceReadSettings,
     /// S-0-0277 bit 3: the encoder counts against the direction of positive current.
     pub encoder_reversed: bool,
-    /// P-0-0005: S-0-0053 shows the motor encoder.
+    /// P-0-2705: S-0-0053 shows the motor encoder.
     pub has_feedback_2: bool,
     /// The loop timer's clock on the ring's clock.
     pub clock: LoopClockSettings,
@@ -157,7 +160,7 @@ pub struct MotionSettings {
     /// S-0-0124.
     pub standstill_window: Velocity,
     /// S-0-0049 and S-0-0050, while S-0-0055 bit 4 switches them on.
-    pub position_limits: Option<(Position, Position)>,
+    pub position_limits: Option<TravelRange>,
     /// S-0-0259, S-0-0260, S-0-0193, S-0-0108: movements to S-0-0258.
     pub positioning: MotionLimits,
     /// P-0-0140: what an error does to a motor that runs.
@@ -187,10 +190,11 @@ impl MotionSettings {
         let position = scaling::position_scale(parameters)?;
         let velocity = scaling::velocity_scale(parameters)?;
         let derivatives = DerivativeScale::new(parameters)?;
-        let modulo = scaling::modulo(parameters)?;
+        let coordinates = scaling::coordinates(parameters)?;
+        let velocity_polarity = Polarity::from_parameter(parameters.get_word(Idn::standard(43)));
+        let torque = TorqueScale::new(parameters)?;
         let ticks_per_cycle = ticks(parameters, 2);
-        let control_unit_cycle = if parameters.is_written(Idn::standard(1)) { 1 } else { 2 };
-        let ticks_per_command = ticks(parameters, control_unit_cycle);
+        let ticks_per_command = ticks(parameters, 1);
         let cycles_per_command =
             ticks_per_command.checked_div(ticks_per_cycle).filter(|&cycles| cycles > 0).ok_or(unsupported(1))?;
         // The ring gives one t3 event a communication cycle, whatever the control unit's own cycle is.
@@ -204,18 +208,19 @@ impl MotionSettings {
             (value != 0).then(|| velocity.to_velocity(value))
         };
         let velocity_limits = VelocityLimits::new(bipolar, one_sided(38), one_sided(39));
+        let velocity_limits = if velocity_polarity.command { velocity_limits.reversed() } else { velocity_limits };
         let ramp = (derivatives.acceleration(parameters, 136), derivatives.acceleration(parameters, 137));
         let peak_current = parameters.get(Idn::standard(110));
         let axis = AxisParameters {
             ticks_per_cycle: ticks_per_command,
-            modulo,
+            modulo: Some(coordinates.range),
             position_gain: parameters.get_word(Idn::standard(104)),
             feed_forward: 0,
             velocity_gain: parameters.get(Idn::standard(100)),
             integral_time: parameters.get_word(Idn::standard(101)),
             velocity_filter: parameters.get_word(Idn::standard(392)),
             acceleration_gain: 0,
-            friction: friction(parameters, peak_current)?,
+            friction: friction(parameters, &torque, peak_current)?,
             filter: filter(parameters)?,
             peak_current,
             velocity_limits,
@@ -236,11 +241,6 @@ impl MotionSettings {
         if feedback_type & !REVERSED != 0 {
             return Err(unsupported(277));
         }
-        let torque_ratio = u128::from(peak_current).saturating_mul(1_000);
-        let stall_current = u128::from(parameters.get(Idn::standard(111)));
-        let torque_command =
-            Gain::from_ratio(stall_current.saturating_mul(1 << 15), torque_ratio).ok_or(unsupported(110))?;
-        let torque_threshold = torque_command.apply(parameters.get(Idn::standard(126)).into());
         Ok(Self {
             with_lag: as_measured(AxisSettings::new(&axis).map_err(invalid(100))?),
             without_lag: as_measured(
@@ -254,12 +254,12 @@ impl MotionSettings {
             ),
             modes: modes(parameters)?,
             position,
+            coordinates,
             velocity,
-            torque: Gain::from_ratio(torque_ratio, stall_current.saturating_mul(1 << 15)).ok_or(unsupported(111))?,
-            torque_command,
-            torque_threshold: u32::try_from(torque_threshold).unwrap_or(u32::MAX),
+            torque,
+            torque_threshold: torque.threshold(parameters.get_word(Idn::standard(126))),
             position_polarity: Polarity::from_parameter(parameters.get_word(Idn::standard(55))),
-            velocity_polarity: Polarity::from_parameter(parameters.get_word(Idn::standard(43))),
+            velocity_polarity,
             torque_polarity: Polarity::from_parameter(parameters.get_word(Idn::standard(85))),
             encoder: TwiceReadSettings::new(increments).map_err(invalid(116))?,
             encoder_reversed: feedback_type & REVERSED != 0,
@@ -272,10 +272,10 @@ impl MotionSettings {
             velocity_window: velocity.to_velocity(signed(parameters, 157)),
             overspeed: Velocity::saturating_from_bits(i64::from(fastest.to_bits()).saturating_mul(5) / 4),
             standstill_window: velocity.to_velocity(signed(parameters, 124)),
-            position_limits: position_limits(parameters, &position),
+            position_limits: position_limits(parameters, &coordinates, increments)?,
             positioning: positioning(parameters, &velocity, derivatives, bipolar)?,
             reaction: Reaction::from_parameter(parameters.get_word(Idn::product(140))),
-            motor: MotorSettings::new(parameters, increments, fastest)?,
+            motor: MotorSettings::new(parameters, &torque, increments, fastest)?,
             monitoring_window,
             velocity_threshold: velocity.to_velocity(signed(parameters, 125)),
             velocity_monitoring_window: velocity.to_velocity(signed(parameters, 377)),
@@ -337,15 +337,19 @@ pub(crate) fn homing(
     parameters: &Parameters,
     settings: &MotionSettings,
 ) -> Result<(HomingSettings, MotionLimits), InvalidSetting> {
-    let position = |number| settings.position.to_position(signed(parameters, number));
+    const NEGATIVE: u16 = 1 << 0;
+    let place = |number| settings.coordinates.place(signed(parameters, number));
+    let way = |number| settings.position.to_position(signed(parameters, number));
     let velocity = settings.velocity.to_velocity(signed(parameters, 41));
+    // The positive direction is that of S-0-0051.
+    let direction = if settings.coordinates.reversed { NEGATIVE } else { 0 };
     let homing = HomingSettings::new(&HomingParameters {
-        homing_parameter: parameters.get_word(Idn::standard(147)),
+        homing_parameter: parameters.get_word(Idn::standard(147)) ^ direction,
         velocity,
-        reference_distance: position(52),
-        reference_offset: position(150),
-        switch_offset: position(299),
-        travel_limit: Some(position(278)).filter(|limit| *limit > Position::ZERO),
+        reference_distance: place(52),
+        reference_offset: place(150),
+        switch_offset: way(299),
+        travel_limit: Some(way(278)).filter(|limit| *limit > Position::ZERO),
         marker_limit: None,
     })
     .map_err(|_| unsupported(147))?;
@@ -357,11 +361,13 @@ pub(crate) fn homing(
 }
 
 /// S-0-0155 and P-0-0142.
-fn friction(parameters: &Parameters, peak_current: u32) -> Result<FrictionSettings, InvalidSetting> {
-    let stall = u64::from(parameters.get(Idn::standard(111)));
-    let coulomb = stall.saturating_mul(parameters.get_word(Idn::standard(155)).into()) / 1_000;
+fn friction(
+    parameters: &Parameters,
+    torque: &TorqueScale,
+    peak_current: u32,
+) -> Result<FrictionSettings, InvalidSetting> {
     FrictionSettings::new(&FrictionParameters {
-        coulomb: u32::try_from(coulomb).unwrap_or(u32::MAX),
+        coulomb: torque.milliamperes(parameters.get_word(Idn::standard(155))),
         viscous: parameters.get_word(Idn::product(142)).into(),
         band: FRICTION_BAND,
         peak_current,
@@ -383,11 +389,33 @@ fn filter(parameters: &Parameters) -> Result<CurrentFilterSettings, InvalidSetti
     settings.map_err(|reason| InvalidSetting { idn: Idn::product(170), reason: Some(reason) })
 }
 
-/// S-0-0049 and S-0-0050 as (highest, lowest), if bit 4 of S-0-0055 switches them on.
-fn position_limits(parameters: &Parameters, scale: &PositionScale) -> Option<(Position, Position)> {
+/// S-0-0049 and S-0-0050, if bit 4 of S-0-0055 switches them on. An endless axis has none.
+fn position_limits(
+    parameters: &Parameters,
+    coordinates: &Coordinates,
+    encoder_increments: u32,
+) -> Result<Option<TravelRange>, InvalidSetting> {
     const LIMITS_ON: u16 = 1 << 4;
-    let on = parameters.get_word(Idn::standard(55)) & LIMITS_ON != 0;
-    on.then(|| (scale.to_position(signed(parameters, 49)), scale.to_position(signed(parameters, 50))))
+    if parameters.get_word(Idn::standard(55)) & LIMITS_ON == 0 {
+        return Ok(None);
+    }
+    if coordinates.modulo.is_some() {
+        return Err(unsupported(55));
+    }
+    let (positive, negative) = (signed(parameters, 49), signed(parameters, 50));
+    if positive < negative {
+        return Err(unsupported(49));
+    }
+    let (one, other) = (coordinates.place(positive), coordinates.place(negative));
+    let increment = coordinates.scale.to_position(1);
+    let of_encoder = (1_i64 << 32).checked_div(encoder_increments.into()).unwrap_or(0);
+    Ok(Some(TravelRange {
+        lowest: one.min(other),
+        highest: one.max(other),
+        rounding: Position::from_bits(increment.to_bits() / 2),
+        // What is read of a standing encoder swings by one of its increments to either side, and by the rounding to data.
+        swing: increment + Position::from_bits(of_encoder.saturating_mul(2)),
+    }))
 }
 
 fn modes(parameters: &Parameters) -> Result<[Option<OperationMode>; 8], InvalidSetting> {
@@ -410,6 +438,7 @@ const fn as_measured(settings: AxisSettings) -> AxisSettings {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use servo::CurrentFraction;
 
     const TIMER: u16 = 10_500;
 
@@ -465,17 +494,17 @@ mod tests {
     fn a_torque_command_is_the_inverse_of_the_torque_feedback() {
         let settings = MotionSettings::new(&Parameters::new(), TIMER).unwrap();
         for command in [-4_000_i64, -1, 0, 1, 1_000, 4_000] {
-            let fraction = settings.torque_command.apply(command);
-            assert!((settings.torque.apply(fraction) - command).abs() <= 1, "{command}");
+            let current = settings.torque.to_current(command);
+            assert!((settings.torque.from_current(current) - command).abs() <= 1, "{command}");
         }
-        assert_eq!(settings.torque_command.apply(1_000), 1 << 13, "100 % of 5 A is a quarter of 20 A");
+        assert_eq!(settings.torque.to_current(1_000).to_bits(), 1 << 13, "100 % of 5 A is a quarter of 20 A");
     }
 
     #[test]
     fn torque_feedback_is_in_tenths_of_a_per_cent_of_the_stall_current() {
         // Full peak current 20 A is 400.0 % of 5 A.
         let settings = MotionSettings::new(&Parameters::new(), TIMER).unwrap();
-        assert_eq!(settings.torque.apply(1 << 15), 4_000);
-        assert_eq!(settings.torque.apply(-(1 << 14)), -2_000);
+        assert_eq!(settings.torque.from_current(CurrentFraction::MAX), 4_000);
+        assert_eq!(settings.torque.from_current(CurrentFraction::from_bits(-(1 << 14))), -2_000);
     }
 }

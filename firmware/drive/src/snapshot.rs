@@ -35,6 +35,6 @@ pub struct Snapshot {
     pub mst_errors: u16,
     /// S-0-0029.
     pub mdt_errors: u16,
-    /// P-0-0006: time since the processor was started, in us.
+    /// Time since the processor was started, in us.
     pub operating_time: u64,
 }

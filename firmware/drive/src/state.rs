@@ -62,10 +62,13 @@ impl Switches {
 /// What the state machine has to know of the rest of the drive.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Conditions {
-    /// CP4: command values are valid and torque is allowed.
+    /// CP4: command values are valid, torque is allowed, and the switches are those of an MDT of this CP4.
     pub operating_phase: bool,
-    /// Main power is applied and the amplifier reports no fault of its own.
+    /// Main power is applied and the amplifier reports no fault of its own: torque may come.
     pub power: bool,
+    /// The DC link is above P-0-0104, the amplifier is sound and safe torque off permits torque: torque that is there may stay. Without main
+    /// power it is for a stop alone.
+    pub sustained: bool,
     /// A class 1 diagnostic is present.
     pub fault: bool,
     /// The fault forbids a controlled stop: torque off at once (feedback lost, amplifier tripped).
@@ -80,12 +83,14 @@ pub struct Conditions {
 
 /// The state machine of sercos2.md 6.3.
 ///
-/// Torque comes on only at a rising edge of ON and ENABLE together, seen in CP4 with power and without fault: a switch that
-/// was left on through a fault, a loss of power or a run-up never starts a motor.
+/// Torque comes on only at a rising edge of ON and ENABLE together, both sides of it seen in CP4, with power and without fault: a switch
+/// that was left on through a fault, a loss of power or a run-up never starts a motor. Torque that is on goes on without main power for as
+/// long as the DC link carries it: the error that the loss is, or the control, makes a stop of it.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct StateMachine {
     state: DriveState,
-    request_before: bool,
+    /// The last look was at a request of 0 in CP4: the next one may be an edge.
+    armed: bool,
 }
 
 impl StateMachine {
@@ -101,7 +106,7 @@ impl StateMachine {
     /// `conditions` are asked for only if it depends on them.
     #[inline]
     pub fn would_switch_on(&self, switches: Switches, conditions: impl FnOnce() -> Conditions) -> bool {
-        if self.state != DriveState::Off || self.request_before || !switches.on || !switches.enable {
+        if self.state != DriveState::Off || !self.armed || !switches.on || !switches.enable {
             return false;
         }
         let conditions = conditions();
@@ -111,12 +116,13 @@ impl StateMachine {
     /// Takes one look at switches and conditions and returns the new state. Called every loop tick; costs a few compares.
     pub fn update(&mut self, switches: Switches, conditions: Conditions) -> DriveState {
         let request = switches.on && switches.enable && conditions.operating_phase;
-        let rising = request && !self.request_before;
-        self.request_before = request;
-        let torque_forbidden = !conditions.power || conditions.fatal;
+        let rising = request && self.armed;
+        self.armed = conditions.operating_phase && !request;
+        let torque_forbidden = !conditions.sustained || conditions.fatal;
+        let may_come = rising && conditions.power;
         self.state = match self.state {
             DriveState::Off if conditions.fault => DriveState::Fault,
-            DriveState::Off if rising && !torque_forbidden => DriveState::SwitchingOn,
+            DriveState::Off if may_come && !torque_forbidden => DriveState::SwitchingOn,
             DriveState::Off => DriveState::Off,
             DriveState::Fault if conditions.fault => DriveState::Fault,
             DriveState::Fault => DriveState::Off,
@@ -124,7 +130,7 @@ impl StateMachine {
             // ENABLE goes past every ramp: torque off at once (sercos2.md 6.3). A lost ring has no switches to obey.
             _ if conditions.operating_phase && !switches.enable => Self::stopped(conditions),
             DriveState::Engaging if conditions.torque_off => Self::stopped(conditions),
-            DriveState::Engaging if rising && !conditions.fault => DriveState::SwitchingOn,
+            DriveState::Engaging if may_come && !conditions.fault => DriveState::SwitchingOn,
             DriveState::Engaging => DriveState::Engaging,
             // Nothing moves yet: there is nothing to decelerate.
             DriveState::SwitchingOn if conditions.fault || !request => DriveState::Engaging,
@@ -133,7 +139,7 @@ impl StateMachine {
             DriveState::FaultReaction if conditions.standstill => DriveState::Engaging,
             DriveState::FaultReaction => DriveState::FaultReaction,
             _ if conditions.fault => DriveState::FaultReaction,
-            DriveState::SwitchingOff if rising => Self::running(switches),
+            DriveState::SwitchingOff if may_come => Self::running(switches),
             DriveState::SwitchingOff if conditions.standstill => DriveState::Engaging,
             DriveState::SwitchingOff => DriveState::SwitchingOff,
             DriveState::Following | DriveState::Halted if !request => DriveState::SwitchingOff,
@@ -156,7 +162,8 @@ impl StateMachine {
 pub const fn status_bits(state: DriveState, conditions: Conditions) -> u16 {
     let ready = match state {
         _ if state.is_in_operation() => 0xC000,
-        _ if conditions.power => 0x8000,
+        // A brake that closes, or opens, does it under torque: what the DC link carries is power.
+        _ if conditions.power || (state.has_torque() && conditions.sustained) => 0x8000,
         _ => 0x4000,
     };
     let error = if conditions.fault { 0x2000 } else { 0 };
@@ -167,6 +174,7 @@ pub const fn status_bits(state: DriveState, conditions: Conditions) -> u16 {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use proptest::prelude::*;
 
     const FOLLOW: Switches = Switches { on: true, enable: true, run: true };
     const HALT: Switches = Switches { on: true, enable: true, run: false };
@@ -175,6 +183,7 @@ mod tests {
     const READY: Conditions = Conditions {
         operating_phase: true,
         power: true,
+        sustained: true,
         fault: false,
         fatal: false,
         standstill: false,
@@ -187,6 +196,8 @@ mod tests {
     #[test]
     fn only_an_edge_that_would_bring_torque_counts_as_switching_on() {
         let mut machine = StateMachine::default();
+        assert!(!machine.would_switch_on(FOLLOW, || READY), "nothing has been seen yet");
+        let _ = machine.update(NONE, READY);
         assert!(machine.would_switch_on(FOLLOW, || READY));
         for conditions in [FAULT, Conditions { power: false, ..READY }, Conditions { operating_phase: false, ..READY }]
         {
@@ -214,7 +225,10 @@ mod tests {
         let mut machine = StateMachine::default();
         let no_power = Conditions { power: false, ..READY };
         let cp3 = Conditions { operating_phase: false, ..READY };
-        assert_eq!(machine.update(FOLLOW, cp3), DriveState::Off);
+        assert_eq!(machine.update(FOLLOW, READY), DriveState::Off, "no request of 0 was seen in CP4");
+        assert_eq!(machine.update(NONE, cp3), DriveState::Off);
+        assert_eq!(machine.update(FOLLOW, READY), DriveState::Off, "that of CP3 is none");
+        assert_eq!(machine.update(NONE, no_power), DriveState::Off);
         assert_eq!(machine.update(FOLLOW, no_power), DriveState::Off);
         assert_eq!(machine.update(FOLLOW, READY), DriveState::Off, "power came under a request that was already there");
         let _ = machine.update(ENABLED, READY);
@@ -249,13 +263,48 @@ mod tests {
     }
 
     #[test]
-    fn enable_and_lost_power_take_the_torque_away_at_once() {
+    fn enable_and_an_empty_dc_link_take_the_torque_away_at_once() {
         let mut machine = following();
         assert_eq!(machine.update(Switches { enable: false, ..FOLLOW }, READY), DriveState::Off);
         let mut machine = following();
-        assert_eq!(machine.update(FOLLOW, Conditions { power: false, ..READY }), DriveState::Off);
+        let empty = Conditions { power: false, sustained: false, ..READY };
+        assert_eq!(machine.update(FOLLOW, empty), DriveState::Off);
         let mut machine = following();
         assert_eq!(machine.update(FOLLOW, Conditions { fatal: true, ..FAULT }), DriveState::Fault);
+    }
+
+    const WITHOUT_MAINS: Conditions = Conditions { power: false, ..READY };
+
+    #[test]
+    fn a_stop_is_finished_without_main_power_as_long_as_the_dc_link_carries_it() {
+        let mut machine = following();
+        let lost = Conditions { fault: true, ..WITHOUT_MAINS };
+        assert_eq!(machine.update(FOLLOW, lost), DriveState::FaultReaction);
+        assert_eq!(status_bits(machine.state(), lost), 0xE000);
+        assert_eq!(machine.update(FOLLOW, Conditions { standstill: true, ..lost }), DriveState::Engaging);
+        let closing = Conditions { torque_off: false, ..lost };
+        assert_eq!(machine.update(FOLLOW, closing), DriveState::Engaging, "the brake closes under torque");
+        assert_eq!(status_bits(machine.state(), closing), 0xA000);
+        assert_eq!(machine.update(FOLLOW, lost), DriveState::Fault);
+        assert_eq!(status_bits(machine.state(), lost), 0x6000);
+        let mut machine = following();
+        assert_eq!(machine.update(ENABLED, READY), DriveState::SwitchingOff);
+        assert_eq!(machine.update(ENABLED, WITHOUT_MAINS), DriveState::SwitchingOff);
+        let empty = Conditions { sustained: false, fault: true, ..WITHOUT_MAINS };
+        assert_eq!(machine.update(ENABLED, empty), DriveState::Fault);
+    }
+
+    #[test]
+    fn an_edge_without_main_power_takes_up_no_stopped_axis_again() {
+        let mut machine = following();
+        let _ = machine.update(ENABLED, READY);
+        assert_eq!(machine.update(FOLLOW, WITHOUT_MAINS), DriveState::SwitchingOff);
+        assert_eq!(machine.update(FOLLOW, READY), DriveState::SwitchingOff, "the edge was another one");
+        let closing = Conditions { standstill: true, torque_off: false, ..WITHOUT_MAINS };
+        assert_eq!(machine.update(ENABLED, closing), DriveState::Engaging);
+        assert_eq!(machine.update(FOLLOW, closing), DriveState::Engaging);
+        assert_eq!(machine.update(FOLLOW, WITHOUT_MAINS), DriveState::Off);
+        assert_eq!(machine.update(FOLLOW, READY), DriveState::Off);
     }
 
     #[test]
@@ -298,5 +347,53 @@ mod tests {
         assert_eq!(status_bits(DriveState::Halted, READY), 0xC000);
         assert_eq!(status_bits(DriveState::FaultReaction, FAULT), 0xE000);
         assert_eq!(status_bits(DriveState::Fault, Conditions { power: false, ..FAULT }), 0x6000);
+    }
+
+    /// One look: switches and conditions as they may come.
+    fn look() -> impl Strategy<Value = (Switches, Conditions)> {
+        let switches = (prop::bool::weighted(0.7), prop::bool::weighted(0.8), any::<bool>());
+        let conditions = (
+            (
+                prop::bool::weighted(0.8),
+                prop::bool::weighted(0.9),
+                prop::bool::weighted(0.9),
+                prop::bool::weighted(0.1),
+            ),
+            (prop::bool::weighted(0.3), any::<bool>(), any::<bool>(), any::<bool>()),
+        );
+        (switches, conditions).prop_map(|((on, enable, run), (outside, inside))| {
+            let (operating_phase, sustained, mains, fault) = outside;
+            let (grave, standstill, released, torque_off) = inside;
+            let fatal = fault && grave;
+            let power = sustained && mains;
+            let conditions =
+                Conditions { operating_phase, power, sustained, fault, fatal, standstill, released, torque_off };
+            (Switches { on, enable, run }, conditions)
+        })
+    }
+
+    proptest! {
+        #[test]
+        fn torque_comes_and_a_stop_ends_only_at_a_request_of_0_and_then_1_in_cp4_with_power_and_without_fault(
+            looks in prop::collection::vec(look(), 1..200),
+        ) {
+            let mut machine = StateMachine::default();
+            let mut seen_0 = false;
+            for (switches, conditions) in looks {
+                let before = machine.state();
+                let state = machine.update(switches, conditions);
+                let request = switches.on && switches.enable;
+                let edge = seen_0 && request && conditions.operating_phase && conditions.power && !conditions.fault;
+                let wants = |state| matches!(
+                    state,
+                    DriveState::SwitchingOn | DriveState::Following | DriveState::Halted
+                );
+                prop_assert!(wants(before) || !wants(state) || edge, "{before:?} to {state:?}: {switches:?}, {conditions:?}");
+                prop_assert!(before.has_torque() || !state.has_torque() || edge, "{before:?} to {state:?}");
+                // And it does come: the law is not kept by a drive that never starts.
+                prop_assert!(!edge || before != DriveState::Off || state == DriveState::SwitchingOn);
+                seen_0 = conditions.operating_phase && !request;
+            }
+        }
     }
 }

@@ -8,7 +8,8 @@ use bitbybit::{bitenum, bitfield};
 #[bitfield(u32, default = 0x0000_0001)]
 #[derive(PartialEq, Eq, Debug)]
 pub struct Attribute {
-    /// Bits 15 to 0: conversion factor, 1 in every data block of this drive.
+    /// Bits 15 to 0: conversion factor, what the number is multiplied with to be read with its decimal places; 1 but for a scaling factor
+    /// that is not 1.
     #[bits(0..=15, rw)]
     conversion_factor: u16,
     /// Bits 18 to 16: length.

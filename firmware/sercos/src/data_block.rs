@@ -2,6 +2,9 @@
 
 use crate::attribute::{Attribute, Format};
 use crate::idn::Idn;
+use crate::parameters::Parameters;
+use crate::weighting::{Unit, Weight};
+use arbitrary_int::u4;
 
 /// A data block: everything about one IDN that does not change at run time.
 #[derive(Clone, Copy, Debug)]
@@ -10,9 +13,9 @@ pub struct DataBlock {
     pub idn: Idn,
     /// Element 2.
     pub name: &'static str,
-    /// Element 4; empty: the data block has no unit.
-    pub unit: &'static str,
-    /// Element 3.
+    /// Element 4, or what it follows from; see [`DataBlock::scaled_unit`].
+    pub unit: Unit,
+    /// Element 3, with the decimal places of the default scaling; see [`DataBlock::scaled_attribute`].
     pub attribute: Attribute,
     /// Element 5, in units of the operation data; `None`: no minimum. Only for data of fixed length.
     pub minimum: Option<i64>,
@@ -127,6 +130,26 @@ impl DataBlock {
             Selection::Backup => self.stored,
             Selection::BitSources => !matches!(self.bits, Bits::Never),
             Selection::BitTargets => matches!(self.bits, Bits::Target),
+        }
+    }
+
+    /// Element 4 under the scaling of these parameters; empty: there is none.
+    pub fn scaled_unit(&self, parameters: &Parameters) -> &'static str {
+        match self.unit {
+            Unit::Fixed(unit) => unit,
+            Unit::Scaled(dimension) => Weight::of(dimension, parameters).unit,
+        }
+    }
+
+    /// Element 3 under the scaling of these parameters.
+    pub fn scaled_attribute(&self, parameters: &Parameters) -> Attribute {
+        match self.unit {
+            Unit::Fixed(_) => self.attribute,
+            Unit::Scaled(dimension) => {
+                let weight = Weight::of(dimension, parameters);
+                let decimals = u4::new(weight.decimals & 0xF);
+                self.attribute.with_decimal_places(decimals).with_conversion_factor(weight.factor)
+            }
         }
     }
 

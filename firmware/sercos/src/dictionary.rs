@@ -8,6 +8,7 @@ use crate::attribute::Attribute;
 use crate::data_block::Location::{Command, Dictionary, Live, Parameter};
 use crate::data_block::{Bits, Cyclic, DataBlock, NeededFor, Selection};
 use crate::idn::Idn;
+use crate::weighting::{Dimension, Unit};
 
 /// The data block of an IDN.
 pub fn find(idn: Idn) -> Option<&'static DataBlock> {
@@ -85,8 +86,6 @@ const I16: u32 = 0x0021_0001;
 const HEX: u32 = 0x0031_0001;
 const U32: u32 = 0x0012_0001;
 const HEX32: u32 = 0x0032_0001;
-const U64: u32 = 0x0013_0001;
-const HEX64: u32 = 0x0033_0001;
 const I32: u32 = 0x0022_0001;
 const TEXT: u32 = 0x0044_0001;
 const IDNS: u32 = 0x0055_0001;
@@ -104,6 +103,27 @@ const IN_CP2_CP3: u32 = 0x4000_0000;
 const IN_CP4: u32 = 0x3000_0000;
 const NEVER: u32 = 0x7000_0000;
 
+macro_rules! unit {
+    (position) => {
+        Unit::Scaled(Dimension::Position)
+    };
+    (velocity) => {
+        Unit::Scaled(Dimension::Velocity)
+    };
+    (acceleration) => {
+        Unit::Scaled(Dimension::Acceleration)
+    };
+    (jerk) => {
+        Unit::Scaled(Dimension::Jerk)
+    };
+    (torque) => {
+        Unit::Scaled(Dimension::Torque)
+    };
+    ($unit:literal) => {
+        Unit::Fixed($unit)
+    };
+}
+
 macro_rules! limits {
     () => {
         (None::<i64>, None::<i64>)
@@ -113,13 +133,13 @@ macro_rules! limits {
     };
 }
 
-/// One row: documentation; set and number, name, unit; format with decimal places, phases in which the master may
-/// write; limits; default; location and further properties.
+/// One row: documentation; set and number, name, unit or what the data measure in the increments of their scaling; format, with decimal
+/// places for a unit; phases in which the master may write; limits; default; location and further properties.
 macro_rules! dictionary {
     ($(
         $(#[doc = $documentation:literal])+
-        $set:ident $number:literal $name:literal [$unit:literal]
-        $format:ident / $decimals:literal written $phases:ident
+        $set:ident $number:literal $name:literal [$unit:tt]
+        $format:ident $(/ $decimals:literal)? written $phases:ident
         ($($minimum:literal to $maximum:literal)?) = $default:literal
         => $location:expr $(, $property:ident)*;
     )+) => {
@@ -127,8 +147,10 @@ macro_rules! dictionary {
             DataBlock {
                 idn: idn!($set $number),
                 name: $name,
-                unit: $unit,
-                attribute: Attribute::new_with_raw_value($format | $phases | ($decimals << 24)),
+                unit: unit!($unit),
+                attribute: Attribute::new_with_raw_value(
+                    $format | $phases | ((unit!($unit).preferred_decimals(0 $(+ $decimals)?) as u32) << 24)
+                ),
                 minimum: limits!($($minimum $maximum)?).0,
                 maximum: limits!($($minimum $maximum)?).1,
                 default: $default,
@@ -164,18 +186,18 @@ static DATA_BLOCKS: [DataBlock; ROWS.len()] = match ROWS.first_chunk() {
 };
 
 dictionary! {
-    /// Interval of new command values; a multiple of S-0-0002, and equal to it if the master never writes it.
-    S 1 "Control unit cycle time (tNcyc)" ["us"] U16/0 written IN_CP2 (500 to 65_000) = 2_000 => Parameter, needed_for_cp3;
-    /// Distance of two MSTs from CP3 on; a multiple of 250 us.
-    S 2 "Communication cycle time (tScyc)" ["us"] U16/0 written IN_CP2 (500 to 65_000) = 2_000 => Parameter, needed_for_cp3;
+    /// Interval of new command values; a multiple of S-0-0002, which it follows unless the master writes it. Like that a multiple of 250 us (7008H).
+    S 1 "Control unit cycle time (tNcyc)" ["us"] U16/0 written IN_CP2 (500 to 65_000) = 2_000 => Parameter, needed_for_cp3, restricted;
+    /// Distance of two MSTs from CP3 on; a multiple of 250 us (7008H).
+    S 2 "Communication cycle time (tScyc)" ["us"] U16/0 written IN_CP2 (500 to 65_000) = 2_000 => Parameter, needed_for_cp3, restricted;
     /// End of the MST to the earliest AT of this drive.
     S 3 "Shortest AT transmission starting time (t1min)" ["us"] U16/0 written NEVER () = 12 => Parameter;
     /// End of the own AT to the earliest start of the MDT.
     S 4 "Transmit/receive transition time (tATMT)" ["us"] U16/0 written NEVER () = 10 => Parameter;
     /// Feedback capture (t4) to the end of the MST before the AT that carries the value.
     S 5 "Minimum feedback processing time (t5)" ["us"] U16/0 written NEVER () = 30 => Parameter;
-    /// End of the MST to the start of this drive's AT, from CP3 on.
-    S 6 "AT transmission starting time (t1)" ["us"] U16/0 written IN_CP2 (0 to 65_000) = 0 => Parameter, needed_for_cp3;
+    /// End of the MST to the start of this drive's AT, from CP3 on; S-0-0003 at least.
+    S 6 "AT transmission starting time (t1)" ["us"] U16/0 written IN_CP2 (12 to 65_000) = 12 => Parameter, needed_for_cp3;
     /// End of the MST to the instant at which all drives capture their feedback.
     S 7 "Feedback acquisition capture point (t4)" ["us"] U16/0 written IN_CP2 (0 to 65_000) = 0 => Parameter, needed_for_cp3;
     /// End of the MST to the instant at which all drives make their command values valid.
@@ -186,14 +208,14 @@ dictionary! {
     S 10 "Length of MDT" [""] U16/0 written IN_CP2 (4 to 65_534) = 4 => Parameter, needed_for_cp3;
     /// Errors that shut the drive down, until S-0-0099 clears them.
     S 11 "Class 1 diagnostic (C1D)" [""] BITS/0 written NEVER () = 0 => Live, in_at, bit_source;
-    /// Warnings: bit 9 switched on without main power, 11 velocity deviation (S-0-0377), 15 see S-0-0181. Reading it over the service channel clears bit 12 of the status word.
+    /// Warnings: bit 0 load of motor or amplifier, 1 amplifier temperature (S-0-0200), 2 motor temperature (S-0-0201), 9 switched on without main power, 11 velocity deviation (S-0-0377), 15 see S-0-0181. Reading it over the service channel clears bit 12 of the status word.
     S 12 "Class 2 diagnostic (C2D)" [""] BITS/0 written NEVER () = 0 => Live, in_at, bit_source;
     /// Operation status. Reading it over the service channel clears bit 11 of the status word.
     S 13 "Class 3 diagnostic (C3D)" [""] BITS/0 written NEVER () = 0 => Live, in_at, bit_source;
     /// Phase in bits 2 to 0; communication errors in bits 3 to 9 (10, duplicate address, cannot be seen by a slave), until S-0-0099 clears them.
     S 14 "Interface status" [""] BITS/0 written NEVER () = 0 => Live, in_at, bit_source;
     /// 0 to 7: contents of the cyclic telegrams; 7 takes them from S-0-0016 and S-0-0024. 11 to 13: as 3 to 5 with S-0-0053.
-    S 15 "Telegram type parameter" [""] BITS/0 written IN_CP2 () = 4 => Parameter, needed_for_cp3;
+    S 15 "Telegram type parameter" [""] BITS/0 written IN_CP2 () = 2 => Parameter, needed_for_cp3;
     /// IDNs in the AT if the telegram type is 7, in this order.
     S 16 "Configuration list of AT" [""] IDNS/0 written IN_CP2 () = 0 => Parameter, needed_for_cp3, restricted;
     /// Every IDN of the drive.
@@ -233,19 +255,19 @@ dictionary! {
     /// Operation mode of control word bits 11, 9, 8 = 011; 0: none.
     S 35 "Secondary operation mode 3" [""] BITS/0 written IN_CP2_CP3 () = 0 => Parameter, stored, needed_for_cp4;
     /// Velocity command of the control unit.
-    S 36 "Velocity command value" ["rpm"] I32/4 written ALWAYS (-2_147_483_648 to 2_147_483_647) = 0 => Live, in_mdt;
+    S 36 "Velocity command value" [velocity] I32 written ALWAYS (-2_147_483_648 to 2_147_483_647) = 0 => Live, in_mdt;
     /// Added to S-0-0036.
-    S 37 "Additive velocity command value" ["rpm"] I32/4 written ALWAYS (-2_147_483_648 to 2_147_483_647) = 0 => Live, in_mdt;
+    S 37 "Additive velocity command value" [velocity] I32 written ALWAYS (-2_147_483_648 to 2_147_483_647) = 0 => Live, in_mdt;
     /// Highest velocity command; 0: only S-0-0091 counts.
-    S 38 "Positive velocity limit value" ["rpm"] I32/4 written ALWAYS (0 to 2_147_483_647) = 0 => Parameter, stored;
+    S 38 "Positive velocity limit value" [velocity] I32 written ALWAYS (0 to 2_147_483_647) = 0 => Parameter, stored;
     /// Lowest velocity command; 0: only S-0-0091 counts.
-    S 39 "Negative velocity limit value" ["rpm"] I32/4 written ALWAYS (-2_147_483_648 to 0) = 0 => Parameter, stored;
+    S 39 "Negative velocity limit value" [velocity] I32 written ALWAYS (-2_147_483_648 to 0) = 0 => Parameter, stored;
     /// Velocity of the motor encoder.
-    S 40 "Velocity feedback value 1" ["rpm"] I32/4 written NEVER () = 0 => Live, in_at;
+    S 40 "Velocity feedback value 1" [velocity] I32 written NEVER () = 0 => Live, in_at;
     /// Speed of homing.
-    S 41 "Homing velocity" ["rpm"] I32/4 written ALWAYS (1 to 2_147_483_647) = 1_000_000 => Parameter, stored;
+    S 41 "Homing velocity" [velocity] I32 written ALWAYS (1 to 2_147_483_647) = 1_000_000 => Parameter, stored;
     /// Acceleration of homing.
-    S 42 "Homing acceleration" ["rad/s^2"] I32/3 written ALWAYS (1_000 to 2_147_483_647) = 100_000 => Parameter, stored;
+    S 42 "Homing acceleration" [acceleration] I32 written ALWAYS (1_000 to 2_147_483_647) = 100_000 => Parameter, stored;
     /// Bit 0 inverts the velocity command, bit 1 the additive one, bit 2 the velocity feedback.
     S 43 "Velocity polarity parameter" [""] BITS/0 written IN_CP2_CP3 () = 0 => Parameter, stored, needed_for_cp4;
     /// Bits 2 to 0: 1 linear, 2 rotary; bit 3: by S-0-0045 and S-0-0046 instead of 0.0001 rpm or 1 um/min; bit 5: per second;
@@ -256,23 +278,23 @@ dictionary! {
     /// Power of ten of S-0-0045.
     S 46 "Velocity data scaling exponent" [""] I16/0 written IN_CP2_CP3 (-32 to 32) = -4 => Parameter, stored, needed_for_cp4;
     /// Position command of the control unit.
-    S 47 "Position command value" ["deg"] I32/4 written ALWAYS (-2_147_483_648 to 2_147_483_647) = 0 => Live, in_mdt;
+    S 47 "Position command value" [position] I32 written ALWAYS (-2_147_483_648 to 2_147_483_647) = 0 => Live, in_mdt;
     /// Added to S-0-0047: the angle of this axis against the line shaft.
-    S 48 "Additive position command value" ["deg"] I32/4 written ALWAYS (-2_147_483_648 to 2_147_483_647) = 0 => Live, in_mdt;
+    S 48 "Additive position command value" [position] I32 written ALWAYS (-2_147_483_648 to 2_147_483_647) = 0 => Live, in_mdt;
     /// Highest position, while bit 4 of S-0-0055 is set and the axis is homed.
-    S 49 "Positive position limit value" ["deg"] I32/4 written ALWAYS (-2_147_483_648 to 2_147_483_647) = 2_147_483_647 => Parameter, stored;
+    S 49 "Positive position limit value" [position] I32 written ALWAYS (-2_147_483_648 to 2_147_483_647) = 2_147_483_647 => Parameter, stored;
     /// Lowest position, while bit 4 of S-0-0055 is set and the axis is homed.
-    S 50 "Negative position limit value" ["deg"] I32/4 written ALWAYS (-2_147_483_648 to 2_147_483_647) = -2_147_483_647 => Parameter, stored;
+    S 50 "Negative position limit value" [position] I32 written ALWAYS (-2_147_483_648 to 2_147_483_647) = -2_147_483_647 => Parameter, stored;
     /// Position of the motor encoder, captured at t4.
-    S 51 "Position feedback value 1 (motor feedback)" ["deg"] I32/4 written NEVER () = 0 => Live, in_at;
+    S 51 "Position feedback value 1 (motor feedback)" [position] I32 written NEVER () = 0 => Live, in_at;
     /// Position that S-0-0148 and S-0-0447 give to the place where the motor stands. Not while S-0-0148 is set (700CH).
-    S 52 "Reference distance 1" ["deg"] I32/4 written ALWAYS (-2_147_483_648 to 2_147_483_647) = 0 => Parameter, stored, restricted;
-    /// Position of the second encoder; where it comes from says P-0-0005.
-    S 53 "Position feedback value 2 (external feedback)" ["deg"] I32/4 written NEVER () = 0 => Live, in_at;
+    S 52 "Reference distance 1" [position] I32 written ALWAYS (-2_147_483_648 to 2_147_483_647) = 0 => Parameter, stored, restricted;
+    /// Position of the second encoder; where it comes from says P-0-2705.
+    S 53 "Position feedback value 2 (external feedback)" [position] I32 written NEVER () = 0 => Live, in_at;
     /// Bit 0 inverts the position command, bit 1 the additive one, bit 2 the position feedback.
     S 55 "Position polarity parameter" [""] BITS/0 written IN_CP2_CP3 () = 0 => Parameter, stored, needed_for_cp4;
     /// Following distance below which C3D bit 6 (in position) is set.
-    S 57 "Position window" ["deg"] I32/4 written ALWAYS (0 to 2_147_483_647) = 10_000 => Parameter, stored;
+    S 57 "Position window" [position] I32 written ALWAYS (0 to 2_147_483_647) = 10_000 => Parameter, stored;
     /// Bits 2 to 0: 1 linear, 2 rotary; bit 3: by S-0-0077 and S-0-0078 instead of 0.1 um, or by S-0-0079 instead of 0.0001 deg;
     /// bit 6: of the load; bit 7: modulo.
     S 76 "Position data scaling type" [""] BITS/0 written IN_CP2_CP3 () = 2 => Parameter, stored, needed_for_cp4;
@@ -282,18 +304,21 @@ dictionary! {
     S 78 "Linear position data scaling exponent" [""] I16/0 written IN_CP2_CP3 (-32 to 32) = -7 => Parameter, stored, needed_for_cp4;
     /// Position increments of one revolution of the motor or the load, if bit 3 of a rotary S-0-0076 is set.
     S 79 "Rotational position resolution" [""] U32/0 written IN_CP2_CP3 (1 to 4_294_967_295) = 3_600_000 => Parameter, stored, needed_for_cp4;
-    /// Torque command of the control unit, in per cent of S-0-0111.
-    S 80 "Torque command value" ["%"] I16/1 written ALWAYS (-32_768 to 32_767) = 0 => Live, in_mdt;
+    /// Torque command of the control unit.
+    S 80 "Torque command value" [torque] I16 written ALWAYS (-32_768 to 32_767) = 0 => Live, in_mdt;
     /// Added to S-0-0080.
-    S 81 "Additive torque command value" ["%"] I16/1 written ALWAYS (-32_768 to 32_767) = 0 => Live, in_mdt;
-    /// Highest torque, in per cent of S-0-0111.
-    S 82 "Positive torque limit value" ["%"] I16/1 written ALWAYS (0 to 32_767) = 32_767 => Parameter, stored;
-    /// Lowest torque, in per cent of S-0-0111.
-    S 83 "Negative torque limit value" ["%"] I16/1 written ALWAYS (-32_768 to 0) = -32_767 => Parameter, stored;
-    /// Torque-producing current in per cent of S-0-0111.
-    S 84 "Torque feedback value" ["%"] I16/1 written NEVER () = 0 => Live, in_at;
+    S 81 "Additive torque command value" [torque] I16 written ALWAYS (-32_768 to 32_767) = 0 => Live, in_mdt;
+    /// Highest torque.
+    S 82 "Positive torque limit value" [torque] I16 written ALWAYS (0 to 32_767) = 32_767 => Parameter, stored;
+    /// Lowest torque.
+    S 83 "Negative torque limit value" [torque] I16 written ALWAYS (-32_768 to 0) = -32_767 => Parameter, stored;
+    /// Torque that the measured current makes.
+    S 84 "Torque feedback value" [torque] I16 written NEVER () = 0 => Live, in_at;
     /// Bit 0 inverts the torque command, bit 1 the additive one, bit 2 the torque feedback.
     S 85 "Torque polarity parameter" [""] BITS/0 written IN_CP2_CP3 () = 0 => Parameter, stored, needed_for_cp4;
+    /// 0: per cent of S-0-0111, 0.1 % an increment. Bits 2 to 0: 1 linear, 2 rotary; bit 3: by S-0-0093 and S-0-0094 instead of 1 N or
+    /// 0.01 Nm; bit 6: of the load. Newton metres are made of P-0-0110 and P-0-0114.
+    S 86 "Torque data scaling type" [""] BITS/0 written IN_CP2_CP3 () = 0 => Parameter, stored, needed_for_cp4;
     /// Recovery time between two ATs of the same slave; this slave sends one.
     S 87 "Transmit/transmit recovery time (tATAT)" ["us"] U16/0 written NEVER () = 0 => Parameter;
     /// End of the MDT to the start of the next MST.
@@ -303,9 +328,13 @@ dictionary! {
     /// End of the MDT to the earliest t3.
     S 90 "Command value proceeding time (tMTSG)" ["us"] U16/0 written NEVER () = 2 => Parameter;
     /// Largest velocity that the drive commands in either direction.
-    S 91 "Bipolar velocity limit value" ["rpm"] U32/4 written ALWAYS (1 to 2_147_483_647) = 30_000_000 => Parameter, stored, needed_for_cp4;
-    /// Largest torque in either direction, in per cent of S-0-0111.
-    S 92 "Bipolar torque limit value" ["%"] U16/1 written ALWAYS (0 to 65_535) = 2_000 => Parameter, stored, needed_for_cp4;
+    S 91 "Bipolar velocity limit value" [velocity] U32 written ALWAYS (1 to 2_147_483_647) = 30_000_000 => Parameter, stored, needed_for_cp4;
+    /// Largest torque in either direction.
+    S 92 "Bipolar torque limit value" [torque] U16 written ALWAYS (0 to 65_535) = 2_000 => Parameter, stored, needed_for_cp4;
+    /// Weight of one torque increment in N or Nm, with the exponent of S-0-0094.
+    S 93 "Torque data scaling factor" [""] U16/0 written IN_CP2_CP3 (1 to 65_535) = 1 => Parameter, stored, needed_for_cp4;
+    /// Power of ten of S-0-0093.
+    S 94 "Torque data scaling exponent" [""] I16/0 written IN_CP2_CP3 (-32 to 32) = -1 => Parameter, stored, needed_for_cp4;
     /// State or error of the drive in plain words; belongs to S-0-0390.
     S 95 "Diagnostic message" [""] TEXT/0 written NEVER () = 0 => Live;
     /// Both bytes are the drive address: one drive in this slave.
@@ -321,7 +350,7 @@ dictionary! {
     /// Time in which the integral part reaches the proportional part; 0 switches the integral part off.
     S 101 "Velocity loop integral action time" ["ms"] U16/1 written ALWAYS (0 to 65_535) = 100 => Parameter, stored;
     /// Position range if bit 7 of S-0-0076 is set.
-    S 103 "Modulo value" ["deg"] I32/4 written IN_CP2_CP3 (0 to 2_147_483_647) = 3_600_000 => Parameter, stored, needed_for_cp4;
+    S 103 "Modulo value" [position] I32 written IN_CP2_CP3 (0 to 2_147_483_647) = 3_600_000 => Parameter, stored, needed_for_cp4;
     /// Velocity for one unit of following distance.
     S 104 "Position loop Kv-factor" ["1000/min"] U16/2 written ALWAYS (1 to 65_535) = 100 => Parameter, stored;
     /// Voltage for one ampere of current difference in the d and q axis.
@@ -334,7 +363,7 @@ dictionary! {
     S 109 "Motor peak current" ["A"] U32/3 written IN_CP2_CP3 (1 to 500_000) = 20_000 => Parameter, stored, needed_for_cp4;
     /// Current at full scale of the amplifier's command input; writable, because the amplifier is chosen by the builder.
     S 110 "Amplifier peak current" ["A"] U32/3 written IN_CP2_CP3 (1 to 500_000) = 20_000 => Parameter, stored, needed_for_cp4;
-    /// Current of the motor at its continuous stall torque: 100 % of all torque data.
+    /// Current of the motor at its continuous stall torque: 100 % of torque data, see S-0-0086.
     S 111 "Motor continuous stall current" ["A"] U32/3 written IN_CP2_CP3 (1 to 500_000) = 5_000 => Parameter, stored, needed_for_cp4;
     /// Current that the bridge carries for ever; from it and S-0-0110 the amplifier's thermal model is made.
     S 112 "Amplifier rated current" ["A"] U32/3 written IN_CP2_CP3 (1 to 500_000) = 10_000 => Parameter, stored, needed_for_cp4;
@@ -351,35 +380,35 @@ dictionary! {
     /// What one revolution moves, for linear data: of the load behind the gear, or of the motor with linear data of the motor.
     S 123 "Feed constant" ["mm/rev"] I32/4 written IN_CP2_CP3 (1 to 2_147_483_647) = 100_000 => Parameter, stored, needed_for_cp4;
     /// Velocity below which C3D bit 1 (standstill) is set.
-    S 124 "Standstill window" ["rpm"] I32/4 written ALWAYS (1 to 2_147_483_647) = 100_000 => Parameter, stored;
+    S 124 "Standstill window" [velocity] I32 written ALWAYS (1 to 2_147_483_647) = 100_000 => Parameter, stored;
     /// Velocity below which C3D bit 2 is set.
-    S 125 "Velocity threshold (nx)" ["rpm"] I32/4 written ALWAYS (1 to 2_147_483_647) = 1_000_000 => Parameter, stored;
-    /// Torque from which C3D bit 3 is set, in per cent of S-0-0111.
-    S 126 "Torque threshold (Tx)" ["%"] U16/1 written ALWAYS (0 to 65_535) = 1_000 => Parameter, stored;
+    S 125 "Velocity threshold (nx)" [velocity] I32 written ALWAYS (1 to 2_147_483_647) = 1_000_000 => Parameter, stored;
+    /// Torque from which C3D bit 3 is set.
+    S 126 "Torque threshold (Tx)" [torque] U16 written ALWAYS (0 to 65_535) = 1_000 => Parameter, stored;
     /// Checks everything that CP3 needs; findings in S-0-0021.
     S 127 "CP3 transition check" [""] COMMAND/0 written IN_CP2 () = 0 => Command;
     /// Checks everything that CP4 needs; findings in S-0-0022.
     S 128 "CP4 transition check" [""] COMMAND/0 written IN_CP3 () = 0 => Command;
-    /// The errors behind C1D bit 15: bit 0 amplifier fault.
+    /// The errors behind C1D bit 15: bit 0 amplifier fault, 1 current sensor, 2 current loop too late, 3 brake, 4 safe torque off, 5 its channels contradict each other, 6 overspeed, 7 loops lost the ring, 8 temperature sensor, 9 to 11 search for the commutation angle.
     S 129 "Manufacturer class 1 diagnostic" [""] BITS/0 written NEVER () = 0 => Live, in_at, bit_source;
     /// Position at the last positive edge of probe 1 that S-0-0170 took.
-    S 130 "Probe value 1 positive edge" ["deg"] I32/4 written NEVER () = 0 => Live, in_at;
+    S 130 "Probe value 1 positive edge" [position] I32 written NEVER () = 0 => Live, in_at;
     /// Position at the last negative edge of probe 1 that S-0-0170 took.
-    S 131 "Probe value 1 negative edge" ["deg"] I32/4 written NEVER () = 0 => Live, in_at;
+    S 131 "Probe value 1 negative edge" [position] I32 written NEVER () = 0 => Live, in_at;
     /// Position at the last positive edge of probe 2 that S-0-0170 took.
-    S 132 "Probe value 2 positive edge" ["deg"] I32/4 written NEVER () = 0 => Live, in_at;
+    S 132 "Probe value 2 positive edge" [position] I32 written NEVER () = 0 => Live, in_at;
     /// Position at the last negative edge of probe 2 that S-0-0170 took.
-    S 133 "Probe value 2 negative edge" ["deg"] I32/4 written NEVER () = 0 => Live, in_at;
+    S 133 "Probe value 2 negative edge" [position] I32 written NEVER () = 0 => Live, in_at;
     /// The control word of the last MDT.
     S 134 "Master control word" [""] BITS/0 written NEVER () = 0 => Live, bit_source;
     /// The status word of the last AT.
     S 135 "Drive status word" [""] BITS/0 written NEVER () = 0 => Live, bit_source;
     /// Largest acceleration of velocity commands away from standstill; 0 with S-0-0137 also 0: they are followed as they come.
-    S 136 "Positive acceleration limit value" ["rad/s^2"] I32/3 written ALWAYS (0 to 2_147_483_647) = 0 => Parameter, stored;
+    S 136 "Positive acceleration limit value" [acceleration] I32 written ALWAYS (0 to 2_147_483_647) = 0 => Parameter, stored;
     /// Largest acceleration of velocity commands towards standstill; see S-0-0136.
-    S 137 "Negative acceleration limit value" ["rad/s^2"] I32/3 written ALWAYS (0 to 2_147_483_647) = 0 => Parameter, stored;
+    S 137 "Negative acceleration limit value" [acceleration] I32 written ALWAYS (0 to 2_147_483_647) = 0 => Parameter, stored;
     /// Ramp of halt and of stopping after an error or Drive OFF.
-    S 138 "Bipolar acceleration limit value" ["rad/s^2"] I32/3 written ALWAYS (1 to 2_147_483_647) = 1_000_000 => Parameter, stored;
+    S 138 "Bipolar acceleration limit value" [acceleration] I32 written ALWAYS (1 to 2_147_483_647) = 1_000_000 => Parameter, stored;
     /// Takes the axis out: no torque until it is cancelled or the next run-up passes CP2.
     S 139 "Park axis" [""] COMMAND/0 written IN_CP2 () = 0 => Command;
     /// Type of the drive.
@@ -399,13 +428,13 @@ dictionary! {
     /// Finds the reference point in the way of S-0-0147, gives it the position S-0-0052, and sets S-0-0403 bit 0. What it fails of says P-0-0003.
     S 148 "Drive controlled homing procedure command" [""] COMMAND/0 written IN_CP4 () = 0 => Command;
     /// From the marker, or the edge of the switch, to the reference point.
-    S 150 "Reference offset 1" ["deg"] I32/4 written ALWAYS (-2_147_483_648 to 2_147_483_647) = 0 => Parameter, stored;
-    /// Coulomb friction that the velocity loop is helped with, in per cent of S-0-0111.
-    S 155 "Friction compensation" ["%"] U16/1 written ALWAYS (0 to 1_000) = 0 => Parameter, stored;
+    S 150 "Reference offset 1" [position] I32 written ALWAYS (-2_147_483_648 to 2_147_483_647) = 0 => Parameter, stored;
+    /// Coulomb friction that the velocity loop is helped with.
+    S 155 "Friction compensation" [torque] U16 written ALWAYS (0 to 1_000) = 0 => Parameter, stored;
     /// Velocity difference below which C3D bit 0 (n_feedback = n_command) is set.
-    S 157 "Velocity window" ["rpm"] I32/4 written ALWAYS (1 to 2_147_483_647) = 100_000 => Parameter, stored;
+    S 157 "Velocity window" [velocity] I32 written ALWAYS (1 to 2_147_483_647) = 100_000 => Parameter, stored;
     /// Following distance above which the drive shuts down with C1D bit 11; 0: not monitored.
-    S 159 "Monitoring window" ["deg"] I32/4 written ALWAYS (0 to 2_147_483_647) = 300_000 => Parameter, stored;
+    S 159 "Monitoring window" [position] I32 written ALWAYS (0 to 2_147_483_647) = 300_000 => Parameter, stored;
     /// Bits 2 to 0: 1 linear, 2 rotary; bit 3: by S-0-0161 and S-0-0162 instead of 1 um/s^2 or 0.001 rad/s^2; bit 6: of the load.
     /// Jerks have the same increments a second.
     S 160 "Acceleration data scaling type" [""] BITS/0 written IN_CP2_CP3 () = 2 => Parameter, stored, needed_for_cp4;
@@ -419,7 +448,7 @@ dictionary! {
     S 170 "Probing cycle procedure command" [""] COMMAND/0 written IN_CP4 () = 0 => Command;
     /// Bits 0 to 3: positive and negative edge of probe 1 and of probe 2 taken since they were armed.
     S 179 "Probe status" [""] BITS/0 written NEVER () = 0 => Live, in_at, bit_source;
-    /// The warnings behind C2D bit 15: bit 0 loops not locked to the ring in CP4, 1 telegram lost within the last second, 2 amplifier fault without torque.
+    /// The warnings behind C2D bit 15: bit 0 loops not locked to the ring in CP4, 1 telegram lost within the last second, 2 amplifier fault without torque, 3 zero of the current sensors not known.
     S 181 "Manufacturer class 2 diagnostic" [""] BITS/0 written NEVER () = 0 => Live, in_at, bit_source;
     /// The states behind C3D bit 15: bit 0 loops locked to the ring, 1 axis parked, 2 parameters locked by the password.
     S 182 "Manufacturer class 3 diagnostic" [""] BITS/0 written NEVER () = 0 => Live, in_at, bit_source;
@@ -432,13 +461,13 @@ dictionary! {
     /// IDNs that S-0-0024 may name.
     S 188 "IDN list of configurable data in the MDT" [""] IDNS/0 written NEVER () = 0 => Dictionary(Selection::ConfigurableInMdt);
     /// Position command minus position feedback.
-    S 189 "Following distance" ["deg"] I32/4 written NEVER () = 0 => Live, in_at;
+    S 189 "Following distance" [position] I32 written NEVER () = 0 => Live, in_at;
     /// Takes S-0-0403 bit 0 away.
     S 191 "Cancel reference point procedure command" [""] COMMAND/0 written ALWAYS () = 0 => Command;
     /// IDNs that a control saves and restores.
     S 192 "IDN list of backup operation data" [""] IDNS/0 written NEVER () = 0 => Dictionary(Selection::Backup);
     /// Jerk of positioning; 0: not limited.
-    S 193 "Positioning jerk" ["rad/s^3"] I32/3 written ALWAYS (0 to 2_147_483_647) = 0 => Parameter, stored;
+    S 193 "Positioning jerk" [jerk] I32 written ALWAYS (0 to 2_147_483_647) = 0 => Parameter, stored;
     /// Heat sink temperature from which C2D bit 1 warns.
     S 200 "Amplifier warning temperature" ["C"] U16/1 written ALWAYS (1 to 2_000) = 800 => Parameter, stored, needed_for_cp4;
     /// Motor temperature from which C2D bit 2 warns.
@@ -451,16 +480,16 @@ dictionary! {
     S 206 "Drive on delay time" ["ms"] U16/0 written ALWAYS (0 to 10_000) = 100 => Parameter, stored;
     /// From the end of the brake's current to its holding: torque stays so long.
     S 207 "Drive off delay time" ["ms"] U16/0 written ALWAYS (0 to 10_000) = 100 => Parameter, stored;
-    /// Bit 0: 0 degrees Celsius.
-    S 208 "Temperature data scaling type" [""] BITS/0 written NEVER () = 0 => Parameter;
+    /// Bit 0: 0 degrees Celsius, which is all that this drive has.
+    S 208 "Temperature data scaling type" [""] BITS/0 written ALWAYS (0 to 0) = 0 => Parameter;
     /// Increments of one line of the motor encoder.
     S 256 "Multiplication 1" [""] U32/0 written NEVER () = 4 => Parameter;
     /// Where the drive goes by itself in the modes 0013H and 001BH; a modulo axis the shortest way.
-    S 258 "Target position" ["deg"] I32/4 written ALWAYS (-2_147_483_648 to 2_147_483_647) = 0 => Live, in_mdt;
+    S 258 "Target position" [position] I32 written ALWAYS (-2_147_483_648 to 2_147_483_647) = 0 => Live, in_mdt;
     /// Speed of positioning, within S-0-0091.
-    S 259 "Positioning velocity" ["rpm"] I32/4 written ALWAYS (1 to 2_147_483_647) = 1_000_000 => Parameter, stored, needed_for_cp4;
+    S 259 "Positioning velocity" [velocity] I32 written ALWAYS (1 to 2_147_483_647) = 1_000_000 => Parameter, stored, needed_for_cp4;
     /// Acceleration of positioning.
-    S 260 "Positioning acceleration" ["rad/s^2"] I32/3 written ALWAYS (1_000 to 2_147_483_647) = 1_000_000 => Parameter, stored;
+    S 260 "Positioning acceleration" [acceleration] I32 written ALWAYS (1_000 to 2_147_483_647) = 1_000_000 => Parameter, stored;
     /// Gives everything in S-0-0192 its default. Not while torque is on.
     S 262 "Load defaults procedure command" [""] COMMAND/0 written ALWAYS () = 0 => Command;
     /// Language of S-0-0095, P-0-0003, P-0-0010 and P-0-0011: 0 German (S-0-0095 only, the others stay English), 1 English.
@@ -470,13 +499,13 @@ dictionary! {
     /// Locks S-0-0279: 3 to 10 characters lock with them as password, the password unlocks, an empty text forgets it. Reads *** while locked.
     S 267 "Password" [""] TEXT/0 written ALWAYS () = 0 => Live, restricted;
     /// 1: operation data live in RAM and are lost with the supply. This drive has no other mode.
-    S 269 "Storage mode" [""] BITS/0 written NEVER () = 1 => Parameter;
+    S 269 "Storage mode" [""] BITS/0 written ALWAYS (1 to 1) = 1 => Parameter;
     /// Time after which an axis that does not come to a standstill is braked all the same; 0: never.
     S 273 "Maximum drive off delay time" ["ms"] U16/0 written ALWAYS (0 to 65_535) = 0 => Parameter, stored;
     /// Bit 3: the encoder counts the other way round. Rotary, incremental, at the motor: all other bits 0.
     S 277 "Position feedback 1 type" [""] BITS/0 written IN_CP2_CP3 () = 0 => Parameter, stored, needed_for_cp4;
     /// Longest way to the home switch; 0: not limited.
-    S 278 "Maximum travel range" ["deg"] I32/4 written IN_CP2_CP3 (0 to 2_147_483_647) = 0 => Parameter, stored, needed_for_cp4;
+    S 278 "Maximum travel range" [position] I32 written IN_CP2_CP3 (0 to 2_147_483_647) = 0 => Parameter, stored, needed_for_cp4;
     /// What S-0-0267 locks.
     S 279 "IDN list of password-protected operation data" [""] IDNS/0 written NEVER () = 0 => Dictionary(Selection::Backup);
     /// Operation mode of control word bits 11, 9, 8 = 100; 0: none.
@@ -492,7 +521,7 @@ dictionary! {
     /// Part of the commanded velocity that goes past the position loop in modes without lag; 100 % leaves no lag.
     S 296 "Velocity feed-forward gain" ["%"] U16/1 written ALWAYS (0 to 1_000) = 1_000 => Parameter, stored;
     /// From the edge of the home switch to where the marker counts, at most a revolution of the motor.
-    S 299 "Home switch offset 1" ["deg"] I32/4 written ALWAYS (0 to 2_147_483_647) = 0 => Parameter, stored;
+    S 299 "Home switch offset 1" [position] I32 written ALWAYS (0 to 2_147_483_647) = 0 => Parameter, stored;
     /// Bit 0 is control word bit 6 of the last MDT.
     S 300 "Real-time control bit 1" [""] BITS/0 written NEVER () = 0 => Live, bit_source;
     /// IDN of S-0-0399 whose bit S-0-0413 follows control word bit 6; 0: none.
@@ -509,6 +538,12 @@ dictionary! {
     S 306 "Real-time status bit 2" [""] BITS/0 written NEVER () = 0 => Live;
     /// IDN of S-0-0398 whose bit S-0-0416 status word bit 7 shows; 0: none.
     S 307 "Allocation of real-time status bit 2" [""] U16/0 written ALWAYS (0 to 65_535) = 0 => Parameter, stored, restricted;
+    /// Bit 0 is C2D bit 0: load of motor or amplifier.
+    S 310 "Overload warning" [""] BITS/0 written NEVER () = 0 => Live, bit_source;
+    /// Bit 0 is C2D bit 1: heat sink warmer than S-0-0200.
+    S 311 "Amplifier overtemperature warning" [""] BITS/0 written NEVER () = 0 => Live, bit_source;
+    /// Bit 0 is C2D bit 2: motor warmer than S-0-0201.
+    S 312 "Motor overtemperature warning" [""] BITS/0 written NEVER () = 0 => Live, bit_source;
     /// Bit 0 is C2D bit 9: switched on without main power.
     S 319 "Undervoltage warning" [""] BITS/0 written NEVER () = 0 => Live, bit_source;
     /// Bit 0 is C2D bit 11: velocity deviation beyond S-0-0377.
@@ -536,17 +571,17 @@ dictionary! {
     /// Bit 0 is C3D bit 6.
     S 336 "Status in position" [""] BITS/0 written NEVER () = 0 => Live, bit_source;
     /// Velocity command minus velocity feedback.
-    S 347 "Velocity error" ["rpm"] I32/4 written NEVER () = 0 => Live, in_at;
+    S 347 "Velocity error" [velocity] I32 written NEVER () = 0 => Live, in_at;
     /// Current for one unit of commanded acceleration at the motor, in mode 11.
     S 348 "Acceleration feed-forward gain" ["mAs^2/rad"] U16/1 written ALWAYS (0 to 65_535) = 0 => Parameter, stored;
     /// Jerk of halt and of the ramps of velocity commands; 0: not limited.
-    S 349 "Bipolar jerk limit value" ["rad/s^3"] I32/3 written ALWAYS (0 to 2_147_483_647) = 0 => Parameter, stored;
+    S 349 "Bipolar jerk limit value" [jerk] I32 written ALWAYS (0 to 2_147_483_647) = 0 => Parameter, stored;
     /// Ramp of halt; 0: as S-0-0138.
-    S 372 "Drive halt acceleration bipolar" ["rad/s^2"] I32/3 written ALWAYS (0 to 2_147_483_647) = 0 => Parameter, stored;
+    S 372 "Drive halt acceleration bipolar" [acceleration] I32 written ALWAYS (0 to 2_147_483_647) = 0 => Parameter, stored;
     /// S-0-0390 of the last 32 errors since the supply came on, the newest first; their times are in P-0-0004.
     S 375 "List of diagnostic numbers" [""] HEXES/0 written NEVER () = 0 => Live;
     /// Velocity deviation above which C2D bit 11 warns; 0: not monitored.
-    S 377 "Velocity feedback monitoring window" ["rpm"] I32/4 written ALWAYS (0 to 2_147_483_647) = 0 => Parameter, stored;
+    S 377 "Velocity feedback monitoring window" [velocity] I32 written ALWAYS (0 to 2_147_483_647) = 0 => Parameter, stored;
     /// Filtered voltage of the DC link.
     S 380 "DC bus voltage" ["V"] U16/0 written NEVER () = 0 => Live, in_at;
     /// From the sensor in the motor.
@@ -603,14 +638,12 @@ dictionary! {
     P 3 "Finding of the last transition check" [""] TEXT/0 written NEVER () = 0 => Live;
     /// When each error of S-0-0375 came, in seconds since the supply came on.
     P 4 "Times of the last errors" ["s"] LONGS/0 written NEVER () = 0 => Live;
-    /// 0: there is no second encoder, telegram types 11 to 13 and S-0-0053 are refused; 1: the motor encoder stands in for it.
-    P 5 "Source of position feedback 2" [""] U16/0 written IN_CP2_CP3 (0 to 1) = 0 => Parameter, stored;
     /// Time since the processor was started.
-    P 6 "Operating time" ["us"] U64/0 written NEVER () = 0 => Live;
+    P 6 "Operating time" ["s"] U32/0 written NEVER () = 0 => Live;
     /// Up to eight numbers of the control's own choice.
     P 7 "Application data" [""] LONGS/0 written ALWAYS () = 0 => Parameter, stored;
-    /// A number of the control's own choice, as the serial number of the machine.
-    P 8 "Application identifier" [""] HEX64/0 written ALWAYS () = 0 => Parameter, stored;
+    /// A text of the control's own choice, as the serial number of the machine; up to 40 characters.
+    P 8 "Application identifier" [""] TEXT/0 written ALWAYS () = 0 => Parameter, stored;
     /// Why the processor was started: 1 supply, 2 reset pin, 3 watchdog, 4 software, 5 low power, 0 unknown.
     P 9 "Reset cause" [""] U16/0 written NEVER () = 0 => Live;
     /// What led to the state or error in S-0-0095.
@@ -627,7 +660,7 @@ dictionary! {
     P 102 "Dead time of the bridge" ["ns"] U16/0 written NEVER () = 1_000 => Parameter;
     /// Phase current up to which the dead time is compensated in proportion, 0.2 % of S-0-0110 at least; 0: no compensation.
     P 103 "Band of the dead-time compensation" ["A"] U16/3 written ALWAYS (0 to 65_535) = 200 => Parameter, stored;
-    /// Bus voltage below which there is no main power, and an error with torque on (C1D bit 9).
+    /// Bus voltage below which the torque goes (C1D bit 9). An eighth above it main power is there; below a sixteenth above it, it is gone, and an axis in operation is stopped out of the rest.
     P 104 "Undervoltage threshold" ["V"] U16/0 written ALWAYS (1 to 4_000) = 150 => Parameter, stored, needed_for_cp4;
     /// Bus voltage above which the bridge is switched off (C1D bit 8).
     P 105 "Overvoltage threshold" ["V"] U16/0 written ALWAYS (1 to 4_000) = 440 => Parameter, stored, needed_for_cp4;
@@ -759,6 +792,8 @@ dictionary! {
     P 228 "Finding of the identification" [""] TEXT/0 written NEVER () = 0 => Live;
     /// How far P-0-0225 and P-0-0226 may turn the motor from where it stands; they fail and HALT stops the motor when it is further.
     P 229 "Movement of the identification" ["rev"] U32/2 written ALWAYS (1 to 104_857_600) = 1_500 => Parameter, stored;
+    /// 0: there is no second encoder, telegram types 11 to 13 and S-0-0053 are refused; 1: the motor encoder stands in for it.
+    P 2705 "Source of position feedback 2" [""] U16/0 written IN_CP2_CP3 (0 to 1) = 0 => Parameter, stored;
 }
 
 const fn is_ascending(rows: &[DataBlock]) -> bool {

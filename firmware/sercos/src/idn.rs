@@ -22,6 +22,10 @@ impl Idn {
 
     // Those that the protocol itself acts on.
 
+    /// S-0-0001: interval of new command values.
+    pub const CONTROL_UNIT_CYCLE: Self = Self::standard(1);
+    /// S-0-0002: distance of two MSTs.
+    pub const CYCLE: Self = Self::standard(2);
     /// S-0-0015.
     pub const TELEGRAM_TYPE: Self = Self::standard(15);
     /// S-0-0016.
@@ -62,8 +66,9 @@ impl Idn {
     pub const REAL_TIME_STATUS_BIT_1: Self = Self::standard(305);
     /// S-0-0307: what status word bit 7 shows.
     pub const REAL_TIME_STATUS_BIT_2: Self = Self::standard(307);
-    /// P-0-0005: where position feedback 2 comes from; 0: there is none.
-    pub const POSITION_FEEDBACK_2_SOURCE: Self = Self::product(5);
+    /// P-0-2705: where position feedback 2 comes from; 0: there is none. The number is far from those that controls write to every drive
+    /// of another maker (P-0-0005 is the language there).
+    pub const POSITION_FEEDBACK_2_SOURCE: Self = Self::product(2705);
 
     /// Data block number, 0..=4095.
     pub const fn number(self) -> u16 {

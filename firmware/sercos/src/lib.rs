@@ -43,6 +43,7 @@ pub mod supervision;
 pub mod telegram;
 pub mod telegram_type;
 pub mod transition;
+pub mod weighting;
 pub mod word;
 
 pub use idn::Idn;

@@ -75,21 +75,6 @@ impl Parameters {
         (self.get(idn) & 0xFFFF) as u16
     }
 
-    /// A parameter of fixed length, eight bytes included, as it is transmitted; otherwise like [`Parameters::get`].
-    pub fn get_long(&self, idn: Idn) -> u64 {
-        let cell = |index: usize| self.cells.get(index).copied().map(u64::from);
-        let value = match storage_of(idn) {
-            Storage::Cell(index) => cell(usize::from(index)),
-            Storage::TwoCells(index) => {
-                let index = usize::from(index);
-                cell(index).zip(cell(index.saturating_add(1))).map(|(low, high)| low | high << 32)
-            }
-            _ => None,
-        };
-        debug_assert!(value.is_some(), "{idn} is not a parameter of fixed length");
-        value.unwrap_or(0)
-    }
-
     /// A list of IDNs; empty for an IDN that is none (debug builds panic).
     pub fn list(&self, idn: Idn) -> &[Idn] {
         let list = match storage_of(idn) {
@@ -131,11 +116,12 @@ impl Parameters {
     }
 
     /// Sets a parameter of fixed length on behalf of the drive (stored values, automatic choices); does not count as
-    /// written by the master, and ignores write protection.
+    /// written by the master, and ignores write protection. S-0-0001 follows S-0-0002 until the master writes it.
     ///
     /// # Errors
     /// [`ServiceError::BelowMinimum`], [`ServiceError::AboveMaximum`]; for an allocation of a real-time bit
-    /// [`ServiceError::IdnNotAvailable`] or [`ServiceError::InvalidData`] (sercos2.md 6.1);
+    /// [`ServiceError::IdnNotAvailable`] or [`ServiceError::InvalidData`] (sercos2.md 6.1), which a cycle time has too that is none
+    /// (sercos2.md 5.5);
     /// [`ServiceError::IdnNotAvailable`] for an IDN that is no such parameter. Nothing is changed then.
     pub fn set(&mut self, idn: Idn, raw: u64) -> Result<(), ServiceError> {
         let block = dictionary::find(idn).ok_or(ServiceError::IdnNotAvailable)?;
@@ -144,13 +130,12 @@ impl Parameters {
         match storage_of(idn) {
             Storage::Cell(index) => {
                 check_allocation(idn, Idn((raw & 0xFFFF) as u16))?;
+                check_cycle(idn, (raw & 0xFFFF) as u16)?;
                 let cell = self.cells.get_mut(usize::from(index)).ok_or(ServiceError::IdnNotAvailable)?;
                 *cell = if block.fixed_bytes() == Some(2) { low & 0xFFFF } else { low };
-            }
-            Storage::TwoCells(index) => {
-                let index = usize::from(index);
-                let cells = self.cells.get_mut(index..index.saturating_add(2)).ok_or(ServiceError::IdnNotAvailable)?;
-                cells.copy_from_slice(&[low, (raw >> 32) as u32]);
+                if idn == Idn::CYCLE {
+                    self.follow_cycle();
+                }
             }
             _ => return Err(ServiceError::IdnNotAvailable),
         }
@@ -235,7 +220,7 @@ impl Parameters {
             // A default within its limits is never refused; lists and texts are empty.
             let _ = match storage_of(block.idn) {
                 Storage::None => Ok(()),
-                Storage::Cell(_) | Storage::TwoCells(_) => self.set(block.idn, storage::default_of(block)),
+                Storage::Cell(_) => self.set(block.idn, storage::default_of(block)),
                 Storage::Idns(_) => self.set_list(block.idn, &[]),
                 Storage::Words(_) => self.set_words(block.idn, &[]),
                 Storage::Longs(_) => self.set_longs(block.idn, &[]),
@@ -254,10 +239,6 @@ impl Parameters {
             match storage {
                 Storage::None => {}
                 Storage::Cell(index) => sum.add(cell(index)),
-                Storage::TwoCells(index) => {
-                    sum.add(cell(index));
-                    sum.add(cell(index.saturating_add(1)));
-                }
                 Storage::Idns(_) => self.list(block.idn).iter().for_each(|entry| sum.add(entry.0.into())),
                 Storage::Words(_) => self.words(block.idn).iter().for_each(|&entry| sum.add(entry.into())),
                 Storage::Longs(_) => self.longs(block.idn).iter().for_each(|&entry| sum.add(entry)),
@@ -275,6 +256,15 @@ impl Parameters {
     /// To be called on entering CP2: S-0-0127 wants certain data to be written anew.
     pub fn forget_written(&mut self) {
         self.written.fill(0);
+        self.follow_cycle();
+    }
+
+    /// S-0-0001 is S-0-0002 as long as the master has not written it.
+    fn follow_cycle(&mut self) {
+        if !self.is_written(Idn::CONTROL_UNIT_CYCLE) {
+            // They have the same limits.
+            let _ = self.set(Idn::CONTROL_UNIT_CYCLE, self.get(Idn::CYCLE).into());
+        }
     }
 
     pub(crate) fn mark_written(&mut self, idn: Idn) {
@@ -331,6 +321,13 @@ fn check_allocation(bit: Idn, idn: Idn) -> Result<(), ServiceError> {
     }
     let block = dictionary::find(idn).ok_or(ServiceError::IdnNotAvailable)?;
     if block.is_in(selection) { Ok(()) } else { Err(ServiceError::InvalidData) }
+}
+
+/// Cycle times are multiples of 250 us (sercos2.md 5.5).
+fn check_cycle(idn: Idn, microseconds: u16) -> Result<(), ServiceError> {
+    const STEP: u16 = 250;
+    let is_cycle = matches!(idn, Idn::CONTROL_UNIT_CYCLE | Idn::CYCLE);
+    if is_cycle && microseconds.checked_rem(STEP) != Some(0) { Err(ServiceError::InvalidData) } else { Ok(()) }
 }
 
 fn written_bit(idn: Idn) -> Option<(usize, u32)> {

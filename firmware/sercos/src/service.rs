@@ -179,7 +179,7 @@ impl Server {
                 self.close();
                 Ok(Reply::Accept { info: 0 })
             }
-            Some(Element::Idn) => self.open(step),
+            Some(Element::Idn) if step.write => self.open(step),
             Some(element) => self.transfer(element, step, parameters, live),
         };
         result.unwrap_or_else(Reply::Error)
@@ -222,7 +222,7 @@ impl Server {
 
     fn open(&mut self, step: Step) -> Result<Reply, ServiceError> {
         self.transfer = None;
-        if !(step.write && step.end) {
+        if !step.end {
             return Err(ServiceError::InvalidIdnAccess);
         }
         self.open = dictionary::find(Idn(step.info));
@@ -327,11 +327,13 @@ impl Server {
             _ => Err(ServiceError::NotAvailable(element)),
         };
         match element {
-            Element::Idn => return Err(ServiceError::InvalidIdnAccess),
+            Element::Idn => transfer::stage_fixed(staging, 2, block.idn.0.into()),
             Element::Name => return Ok(Source::Text(block.name)),
             Element::Unit if block.unit.is_empty() => return Err(ServiceError::NotAvailable(element)),
-            Element::Unit => return Ok(Source::Text(block.unit)),
-            Element::Attribute => transfer::stage_fixed(staging, 4, block.attribute.raw_value().into()),
+            Element::Unit => return Ok(Source::Text(block.scaled_unit(parameters))),
+            Element::Attribute => {
+                transfer::stage_fixed(staging, 4, block.scaled_attribute(parameters).raw_value().into());
+            }
             Element::Minimum | Element::Maximum => {
                 let (bytes, raw) = limit(if element == Element::Minimum { block.minimum } else { block.maximum })?;
                 transfer::stage_fixed(staging, bytes, raw);
@@ -342,7 +344,7 @@ impl Server {
                     transfer::stage_fixed(staging, 2, u64::from(self.commands.status(block.idn) as u16));
                 }
                 (Location::Parameter, Some(bytes)) => {
-                    transfer::stage_fixed(staging, bytes, parameters.get_long(block.idn));
+                    transfer::stage_fixed(staging, bytes, parameters.get(block.idn).into());
                 }
                 (Location::Live, Some(bytes)) => {
                     transfer::stage_fixed(staging, bytes, live.read(block.idn, parameters));

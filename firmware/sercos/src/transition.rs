@@ -12,6 +12,7 @@ use crate::idn::Idn;
 use crate::parameters::{self, LIST_ENTRIES, Parameters};
 use crate::phase::{ReadyForCp3, ReadyForCp4};
 use crate::telegram_type::TelegramType;
+use crate::weighting::{Dimension, Weighting};
 use heapless::Vec;
 
 pub use finding::{FINDINGS, Invalid, InvalidData, Reason};
@@ -30,7 +31,7 @@ pub struct Capabilities {
 pub struct CyclicConfiguration {
     /// S-0-0002.
     pub cycle_us: u16,
-    /// S-0-0001; equal to `cycle_us` if the master has not written it.
+    /// S-0-0001.
     pub control_unit_cycle_us: u16,
     /// S-0-0006, AT start.
     pub t1_us: u16,
@@ -74,12 +75,6 @@ impl CyclicConfiguration {
     }
 }
 
-/// Cycle times are multiples of this (sercos2.md 5.5).
-const CYCLE_STEP_US: u16 = 250;
-
-const CONTROL_UNIT_CYCLE: Idn = Idn::standard(1);
-const CYCLE: Idn = Idn::standard(2);
-const T1_MIN: Idn = Idn::standard(3);
 const T_ATMT: Idn = Idn::standard(4);
 const T5: Idn = Idn::standard(5);
 const T1: Idn = Idn::standard(6);
@@ -90,6 +85,7 @@ const MDT_LENGTH: Idn = Idn::standard(10);
 const T_MTSY: Idn = Idn::standard(88);
 const T2: Idn = Idn::standard(89);
 const T_MTSG: Idn = Idn::standard(90);
+const POSITION_POLARITY: Idn = Idn::standard(55);
 const AT_MAXIMUM: Idn = Idn::standard(185);
 const MDT_MAXIMUM: Idn = Idn::standard(186);
 
@@ -104,23 +100,17 @@ pub fn check_cp3(
 ) -> Result<(CyclicConfiguration, ReadyForCp3), InvalidData> {
     let mut invalid = InvalidData::default();
     // The least that masters write (sercos2.md 2.3); the others have usable defaults.
-    for idn in [CYCLE, T1, RECORD_POSITION, MDT_LENGTH, T2] {
+    for idn in [Idn::CYCLE, T1, RECORD_POSITION, MDT_LENGTH, T2] {
         if !parameters.is_written(idn) {
             invalid.add(idn, Reason::NeverWritten);
         }
     }
     check_ranges(parameters, NeededFor::Cp3, &mut invalid);
 
-    let cycle_us = parameters.get_word(CYCLE);
-    if cycle_us.checked_rem(CYCLE_STEP_US) != Some(0) {
-        invalid.add(CYCLE, Reason::NotSupported);
-    }
-    let control_unit_cycle_us = match parameters.is_written(CONTROL_UNIT_CYCLE) {
-        true => parameters.get_word(CONTROL_UNIT_CYCLE),
-        false => cycle_us,
-    };
-    if control_unit_cycle_us == 0 || control_unit_cycle_us.checked_rem(cycle_us) != Some(0) {
-        invalid.add(CONTROL_UNIT_CYCLE, Reason::NotAMultiple);
+    let cycle_us = parameters.get_word(Idn::CYCLE);
+    let control_unit_cycle_us = parameters.get_word(Idn::CONTROL_UNIT_CYCLE);
+    if control_unit_cycle_us.checked_rem(cycle_us) != Some(0) {
+        invalid.add(Idn::CONTROL_UNIT_CYCLE, Reason::NotAMultiple);
     }
 
     let telegram_type = parameters.telegram_type();
@@ -191,23 +181,49 @@ pub fn check_cp4(
             invalid.add(idn, Reason::CommandValueMissing(command));
         }
     }
-    // Rotary or linear data of the motor or the load; preferred or parameter scaling, absolute or modulo, per minute or
-    // per second (sercos2.md 6.5). Inches and what is reserved are not there, nor a preferred linear scaling per second.
-    let velocity_scaling = Idn::standard(44);
-    let velocity_type = parameters.get_word(velocity_scaling);
-    if !matches!(velocity_type & !0b0110_1000, 0b001 | 0b010) || velocity_type & !0b0100_0000 == 0b0010_0001 {
-        invalid.add(velocity_scaling, Reason::NotSupported);
-    }
-    let position_scaling = Idn::standard(76);
-    let position_type = parameters.get_word(position_scaling);
-    if !matches!(position_type & !0b1100_1000, 0b001 | 0b010) {
-        invalid.add(position_scaling, Reason::NotSupported);
+    for dimension in [Dimension::Position, Dimension::Velocity, Dimension::Torque, Dimension::Acceleration] {
+        if let Err(scaling_type) = Weighting::of(dimension, parameters) {
+            invalid.add(scaling_type, Reason::NotSupported);
+        }
     }
     let modulo = Idn::standard(103);
-    if position_type & 0b1000_0000 != 0 && parameters.get(modulo) == 0 {
+    let is_modulo = Weighting::of(Dimension::Position, parameters).is_ok_and(|weighting| weighting.modulo);
+    if is_modulo && parameters.get(modulo) == 0 {
         invalid.add(modulo, Reason::OutOfRange);
     }
+    check_polarities(parameters, &mut invalid);
+    check_position_limits(parameters, &mut invalid);
     if invalid.is_empty() { Ok(ReadyForCp4::new()) } else { Err(invalid) }
+}
+
+/// S-0-0043, S-0-0055, S-0-0085. Each bit of velocities and torques turns its own value round. Positions have one direction.
+fn check_polarities(parameters: &Parameters, invalid: &mut InvalidData) {
+    // Command, additive command, feedback 1 and 2; limits on.
+    for (number, bits) in [(43, 0b0_1111_u16), (55, 0b1_1111), (85, 0b0_0111)] {
+        let polarity = Idn::standard(number);
+        if parameters.get_word(polarity) & !bits != 0 {
+            invalid.add(polarity, Reason::NotSupported);
+        }
+    }
+    let polarity = parameters.get_word(POSITION_POLARITY);
+    if (polarity ^ polarity >> 2) & 1 != 0 {
+        invalid.add(POSITION_POLARITY, Reason::MixedPolarity);
+    }
+}
+
+/// S-0-0049 and S-0-0050: an endless axis has no end that it could pass, and the highest position is not below the lowest.
+fn check_position_limits(parameters: &Parameters, invalid: &mut InvalidData) {
+    const LIMITS_ON: u16 = 1 << 4;
+    const MODULO: u16 = 1 << 7;
+    let (highest, lowest) = (Idn::standard(49), Idn::standard(50));
+    if parameters.get_signed(highest) < parameters.get_signed(lowest) {
+        invalid.add(highest, Reason::Contradicts(lowest));
+    }
+    let position_scaling = Idn::standard(76);
+    let on = parameters.get_word(POSITION_POLARITY) & LIMITS_ON != 0;
+    if on && parameters.get_word(position_scaling) & MODULO != 0 {
+        invalid.add(POSITION_POLARITY, Reason::Contradicts(position_scaling));
+    }
 }
 
 /// The operation mode parameters in the order of control word bits 11, 9, 8: S-0-0032 to S-0-0035, S-0-0284 to S-0-0287.
@@ -244,7 +260,7 @@ fn has_feedback_2(parameters: &Parameters) -> bool {
 fn check_ranges(parameters: &Parameters, needed_for: NeededFor, invalid: &mut InvalidData) {
     let needed = dictionary::DICTIONARY.iter().filter(|block| block.needed_for == needed_for);
     for block in needed.filter(|block| block.fixed_bytes().is_some()) {
-        if parameters::check_limits(block, parameters.get_long(block.idn)).is_err() {
+        if parameters::check_limits(block, parameters.get(block.idn).into()).is_err() {
             invalid.add(block.idn, Reason::OutOfRange);
         }
     }
@@ -301,9 +317,6 @@ fn check_slots(
     let at_duration = bit_rate.longest_nanoseconds(duration::at_bytes(configuration.at_data_bytes()));
     let mdt_duration = bit_rate.longest_nanoseconds(duration::mdt_bytes(configuration.mdt_length_bytes));
 
-    if t1 < own(T1_MIN) {
-        invalid.add(T1, Reason::TooEarly { earliest_ns: own(T1_MIN) });
-    }
     let at_over = t1.saturating_add(at_duration).saturating_add(own(T_ATMT));
     if t2 < at_over {
         invalid.add(T2, Reason::TooEarly { earliest_ns: at_over });

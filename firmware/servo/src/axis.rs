@@ -20,6 +20,8 @@ pub enum Mode {
     Position,
     /// Best possible deceleration: the velocity command goes to zero at S-0-0138, the velocity loop stays closed, at zero too.
     Stopping,
+    /// The velocity command is zero at once: the axis stops at its torque limit (P-0-0140 = 0).
+    Braking,
     /// Drive halt (control word bit 13): brakes at S-0-0372 or S-0-0138 on a position ramp and holds the position where it ends.
     Halt,
     /// A movement that the drive makes by itself (positioning, homing): follows [`Axis::travel`].
@@ -43,7 +45,8 @@ pub enum Travel {
 pub struct AxisOutput {
     /// Torque-producing current command, zero in [`Mode::Off`].
     pub current: CurrentFraction,
-    /// Commanded less measured position (S-0-0189); zero while no position is commanded (`Off`, `Torque`, `Velocity`, `Stopping`).
+    /// Commanded less measured position (S-0-0189); zero while no position is commanded (`Off`, `Torque`, `Velocity`,
+    /// `Stopping`, `Braking`).
     pub following_error: Position,
     /// Measured velocity for S-0-0040 and the monitoring, filtered with 2 ms.
     pub velocity: Velocity,
@@ -179,23 +182,14 @@ impl Axis {
         self.mode
     }
 
-    /// Changes the mode without a bump: the new mode starts from the velocity command of the last tick and, with position control, from
-    /// a setpoint ahead of the measured position by the lag that belongs to that velocity. The integral part of the velocity loop is kept.
+    /// Changes the mode without a bump: the new mode starts at the shaft, with the velocity command of the last tick as far as the shaft
+    /// turns that fast, see [`Axis::hand_over`], and with position control from a setpoint ahead by the lag that belongs to that velocity.
+    /// The integral part of the velocity loop is kept: it holds the load.
     pub fn set_mode(&mut self, mode: Mode) {
         if mode == self.mode {
             return;
         }
-        let positioned = matches!(self.mode, Mode::Position | Mode::Halt | Mode::Travel);
-        let setpoint = match self.mode {
-            Mode::Position => self.interpolator.setpoint(),
-            Mode::Halt | Mode::Travel => self.trajectory.setpoint(),
-            Mode::Off | Mode::Torque | Mode::Velocity | Mode::Stopping => Setpoint::moving(
-                self.measured
-                    + self.settings.moved_since_measured(self.velocity_command)
-                    + self.settings.position_loop.lag(self.velocity_command),
-                self.velocity_command,
-            ),
-        };
+        let setpoint = self.hand_over();
         match mode {
             Mode::Off => {
                 self.velocity_loop.reset();
@@ -204,12 +198,11 @@ impl Axis {
             }
             Mode::Torque => self.torque_command = CurrentFraction::ZERO,
             Mode::Velocity => {
-                self.velocity_interpolator = VelocityInterpolator::new(self.velocity_command);
+                self.velocity_interpolator = VelocityInterpolator::new(setpoint.velocity);
                 self.trajectory = Trajectory::start(setpoint);
             }
-            Mode::Stopping => {
-                self.ramp = Ramp::new(Setpoint::moving(self.measured, self.velocity_command));
-            }
+            Mode::Stopping => self.ramp = Ramp::new(setpoint),
+            Mode::Braking => {}
             Mode::Position => {
                 self.interpolator.start(&self.settings.interpolator, setpoint.position, setpoint.velocity, self.ranges);
             }
@@ -220,12 +213,24 @@ impl Axis {
                 self.travel_limits = self.settings.halt;
             }
         }
-        if !positioned {
-            self.position_loop = PositionLoop::new(&self.settings.position_loop, setpoint);
-            self.setpoint_velocity = setpoint.velocity;
-            self.expected_velocity = FilteredVelocity::new(setpoint.velocity);
-        }
+        self.position_loop = PositionLoop::new(&self.settings.position_loop, setpoint);
+        self.setpoint_velocity = setpoint.velocity;
+        self.expected_velocity = FilteredVelocity::new(setpoint.velocity);
         self.mode = mode;
+    }
+
+    /// What the next mode starts from: the shaft, and a velocity between standstill and that of the shaft.
+    ///
+    /// A command that is ahead of the shaft (it accelerates, or it is held back) must not be reached only to be braked from: a stop never
+    /// makes the shaft faster. A command behind it, down to zero, brakes the shaft already: that is not let go. On an axis that follows its
+    /// command the two are the same, and nothing bumps.
+    fn hand_over(&self) -> Setpoint {
+        let measured = self.velocity.velocity();
+        let (slowest, fastest) =
+            if measured < Velocity::ZERO { (measured, Velocity::ZERO) } else { (Velocity::ZERO, measured) };
+        let velocity = self.velocity_command.max(slowest).min(fastest);
+        let ahead = self.settings.moved_since_measured(velocity) + self.settings.position_loop.lag(velocity);
+        Setpoint::moving(self.measured + ahead, velocity)
     }
 
     /// Takes a position command valid at t3: within `0 ..` modulo value, or absolute. Ignored outside [`Mode::Position`].
@@ -321,6 +326,7 @@ impl Axis {
                 output.standstill &= self.ramp.is_finished();
                 output
             }
+            Mode::Braking => self.turn(Setpoint::moving(self.measured, Velocity::ZERO), moved, limits),
             Mode::Halt => {
                 let setpoint = self.trajectory.tick_velocity(&settings.halt, Velocity::ZERO);
                 let mut output = self.follow(setpoint, moved, limits);

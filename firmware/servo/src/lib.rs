@@ -72,6 +72,7 @@ mod share;
 mod stopping;
 mod temperature;
 mod trajectory;
+mod travel_range;
 mod trigonometry;
 mod tuning;
 mod twice_read;
@@ -105,7 +106,9 @@ pub use homing::{
     HomingSettingsError, HomingState, Reference,
 };
 pub use interpolation::{CommandSource, Interpolation, Interpolator, InterpolatorSettings, Setpoint};
-pub use limits::{Limiting, TorqueLimitParameters, TorqueLimitSettings, TorqueLimits, VelocityLimits};
+pub use limits::{
+    CommandedTorqueLimits, Limiting, TorqueLimitParameters, TorqueLimitSettings, TorqueLimits, VelocityLimits,
+};
 pub use load_model::{LoadModel, LoadOutput, LoadParameters, LoadSettings};
 pub use modulo::{Modulo, ModuloCounter};
 pub use motion_limits::{FeedrateOverride, MotionLimits};
@@ -119,6 +122,7 @@ pub use scope::{
 pub use settings::{AxisParameters, AxisSettings, SettingsError};
 pub use temperature::{Temperature, TemperatureError, TemperatureOutput, TemperatureParameters, TemperatureSettings};
 pub use trajectory::Trajectory;
+pub use travel_range::{Commanded, RangeEnd, RangeMonitor, TravelRange};
 pub use trigonometry::Rotation;
 pub use tuning::{CurrentGains, VelocityGains, current_gains, position_gain, velocity_gains};
 pub use twice_read::{TwiceReadEncoder, TwiceReadSettings};

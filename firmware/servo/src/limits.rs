@@ -54,27 +54,34 @@ impl defmt::Format for Limiting {
     }
 }
 
+/// The torque limits that a control sets, as the currents that make them.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
+pub struct CommandedTorqueLimits {
+    /// Positive torque limit S-0-0082; negative counts as zero.
+    pub positive: CurrentFraction,
+    /// Negative torque limit S-0-0083; positive counts as zero.
+    pub negative: CurrentFraction,
+    /// Bipolar torque limit S-0-0092; negative counts as zero.
+    pub bipolar: CurrentFraction,
+}
+
 /// Limits of the torque, as the IDNs carry them.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct TorqueLimitParameters {
-    /// Positive torque limit S-0-0082 in 0.1 % of S-0-0111; negative counts as zero.
-    pub positive: i16,
-    /// Negative torque limit S-0-0083 in 0.1 % of S-0-0111; positive counts as zero.
-    pub negative: i16,
-    /// Bipolar torque limit S-0-0092 in 0.1 % of S-0-0111.
-    pub bipolar: u16,
+    /// S-0-0082, S-0-0083, S-0-0092.
+    pub commanded: CommandedTorqueLimits,
     /// Motor peak current S-0-0109 in mA.
     pub motor_peak: u32,
     /// Amplifier peak current S-0-0110 in mA: the unit of [`CurrentFraction`].
     pub amplifier_peak: u32,
-    /// Motor continuous stall current S-0-0111 in mA.
-    pub motor_continuous: u32,
 }
 
 /// The limits that only change with parameters, combined: the smallest for each sign, and which one it is.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub struct TorqueLimitSettings {
+    peak: Bound,
     positive: Bound,
     negative: Bound,
 }
@@ -101,27 +108,31 @@ impl TorqueLimitSettings {
     /// Of equal limits the amplifier's is named, then the motor's, then the bipolar one: the one that is hardest to change.
     ///
     /// # Errors
-    /// [`SettingsError::OutOfRange`] without an amplifier peak current or a motor continuous current.
+    /// [`SettingsError::OutOfRange`] without an amplifier peak current.
     pub fn new(parameters: &TorqueLimitParameters) -> Result<Self, SettingsError> {
         let amplifier_peak = in_range("amplifier peak current S-0-0110", parameters.amplifier_peak, 1, u32::MAX)?;
-        in_range("motor continuous stall current S-0-0111", parameters.motor_continuous, 1, u32::MAX)?;
-        let of_peak = |numerator: u128, unit: u128| {
-            let denominator = u128::from(amplifier_peak).saturating_mul(unit);
-            let bits = (numerator << 15).checked_div(denominator).unwrap_or(0);
-            i16::try_from(bits).unwrap_or(i16::MAX)
-        };
-        let of_continuous = |per_mille: u16| {
-            of_peak(u128::from(per_mille).saturating_mul(u128::from(parameters.motor_continuous)), 1_000)
-        };
-        let common = Bound { magnitude: i16::MAX, cause: Limiting::AMPLIFIER_PEAK }
-            .or_smaller(of_peak(u128::from(parameters.motor_peak), 1), Limiting::MOTOR_PEAK)
-            .or_smaller(of_continuous(parameters.bipolar), Limiting::TORQUE_BIPOLAR);
-        let positive = of_continuous(parameters.positive.max(0).unsigned_abs());
-        let negative = of_continuous(parameters.negative.min(0).unsigned_abs());
-        Ok(Self {
-            positive: common.or_smaller(positive, Limiting::TORQUE_POSITIVE),
-            negative: common.or_smaller(negative, Limiting::TORQUE_NEGATIVE),
-        })
+        let motor_peak = (u64::from(parameters.motor_peak) << 15).checked_div(amplifier_peak.into()).unwrap_or(0);
+        let peak = Bound { magnitude: i16::MAX, cause: Limiting::AMPLIFIER_PEAK }
+            .or_smaller(i16::try_from(motor_peak).unwrap_or(i16::MAX), Limiting::MOTOR_PEAK);
+        Ok(Self { peak, positive: peak, negative: peak }.with_commanded(&parameters.commanded))
+    }
+
+    /// The same peak currents with other limits of the control. Does not divide: for every cycle.
+    #[inline]
+    #[must_use]
+    pub fn with_commanded(self, commanded: &CommandedTorqueLimits) -> Self {
+        let common = self.peak.or_smaller(commanded.bipolar.to_bits(), Limiting::TORQUE_BIPOLAR);
+        Self {
+            peak: self.peak,
+            positive: common.or_smaller(commanded.positive.to_bits(), Limiting::TORQUE_POSITIVE),
+            negative: common.or_smaller(commanded.negative.saturating_neg().to_bits(), Limiting::TORQUE_NEGATIVE),
+        }
+    }
+
+    /// The same limits for torque data that count against the motor: each end limits the other direction, and keeps its name.
+    #[must_use]
+    pub const fn reversed(self) -> Self {
+        Self { positive: self.negative, negative: self.positive, ..self }
     }
 
     /// The limits of this tick: those of the settings and what the thermal models allow ([`crate::LoadOutput::allowed`]).
@@ -238,6 +249,17 @@ impl VelocityLimits {
         }
     }
 
+    /// The same limits for velocity data that count against the motor: each end limits the other direction, and keeps its name.
+    #[must_use]
+    pub fn reversed(self) -> Self {
+        Self {
+            positive: -self.negative,
+            negative: -self.positive,
+            positive_cause: self.negative_cause,
+            negative_cause: self.positive_cause,
+        }
+    }
+
     /// `velocity` within the limits.
     #[inline]
     #[must_use]
@@ -291,15 +313,21 @@ mod tests {
     use super::*;
     use proptest::prelude::*;
 
-    /// Motor of 5 A and 15 A, amplifier of 20 A: 300 % are 15 A.
+    /// Amplifier and motor of 20 A.
     const PARAMETERS: TorqueLimitParameters = TorqueLimitParameters {
-        positive: 4_000,
-        negative: -4_000,
-        bipolar: 5_000,
+        commanded: CommandedTorqueLimits {
+            positive: CurrentFraction::MAX,
+            negative: CurrentFraction::MIN,
+            bipolar: CurrentFraction::MAX,
+        },
         motor_peak: 20_000,
         amplifier_peak: 20_000,
-        motor_continuous: 5_000,
     };
+
+    fn with(positive: f64, negative: f64, bipolar: f64) -> TorqueLimitParameters {
+        let [positive, negative, bipolar] = [positive, negative, bipolar].map(CurrentFraction::saturating_from_num);
+        TorqueLimitParameters { commanded: CommandedTorqueLimits { positive, negative, bipolar }, ..PARAMETERS }
+    }
 
     fn limits(parameters: TorqueLimitParameters) -> TorqueLimits {
         TorqueLimitSettings::new(&parameters).unwrap().combine(CurrentFraction::MAX, CurrentFraction::MAX)
@@ -320,34 +348,17 @@ mod tests {
                 -0.75,
                 Limiting::MOTOR_PEAK,
             ),
+            (with(1.0, -1.0, 0.5), 0.5, Limiting::TORQUE_BIPOLAR, -0.5, Limiting::TORQUE_BIPOLAR),
+            (with(0.25, -1.0, 1.0), 0.25, Limiting::TORQUE_POSITIVE, -1.0, Limiting::AMPLIFIER_PEAK),
             (
-                TorqueLimitParameters { bipolar: 2_000, ..PARAMETERS },
-                0.5,
-                Limiting::TORQUE_BIPOLAR,
-                -0.5,
-                Limiting::TORQUE_BIPOLAR,
-            ),
-            (
-                TorqueLimitParameters { positive: 1_000, ..PARAMETERS },
-                0.25,
-                Limiting::TORQUE_POSITIVE,
-                -1.0,
-                Limiting::AMPLIFIER_PEAK,
-            ),
-            (
-                TorqueLimitParameters { negative: -600, motor_peak: 15_000, ..PARAMETERS },
+                TorqueLimitParameters { motor_peak: 15_000, ..with(1.0, -0.15, 1.0) },
                 0.75,
                 Limiting::MOTOR_PEAK,
                 -0.15,
                 Limiting::TORQUE_NEGATIVE,
             ),
-            (
-                TorqueLimitParameters { positive: -5, negative: 5, ..PARAMETERS },
-                0.0,
-                Limiting::TORQUE_POSITIVE,
-                0.0,
-                Limiting::TORQUE_NEGATIVE,
-            ),
+            (with(-0.1, 0.1, 1.0), 0.0, Limiting::TORQUE_POSITIVE, 0.0, Limiting::TORQUE_NEGATIVE),
+            (with(1.0, -1.0, -0.1), 0.0, Limiting::TORQUE_BIPOLAR, 0.0, Limiting::TORQUE_BIPOLAR),
         ] {
             let limits = limits(parameters);
             assert!(near(limits.positive, positive) && near(limits.negative, negative), "{limits:?}");
@@ -356,8 +367,15 @@ mod tests {
     }
 
     #[test]
+    fn other_limits_of_the_control_replace_those_before_them_and_leave_the_peak_currents() {
+        let narrow = TorqueLimitSettings::new(&TorqueLimitParameters { motor_peak: 15_000, ..with(0.1, -0.1, 0.1) });
+        let wide = TorqueLimitSettings::new(&TorqueLimitParameters { motor_peak: 15_000, ..PARAMETERS }).unwrap();
+        assert_eq!(narrow.unwrap().with_commanded(&PARAMETERS.commanded), wide);
+    }
+
+    #[test]
     fn the_foldback_of_motor_and_amplifier_limits_both_signs_and_is_named() {
-        let settings = TorqueLimitSettings::new(&TorqueLimitParameters { positive: 1_000, ..PARAMETERS }).unwrap();
+        let settings = TorqueLimitSettings::new(&with(0.25, -1.0, 1.0)).unwrap();
         let (half, fifth) = (CurrentFraction::from_num(0.5), CurrentFraction::from_num(0.2));
         let motor = settings.combine(half, CurrentFraction::MAX);
         assert_eq!((motor.negative, motor.negative_cause), (-half, Limiting::MOTOR_LOAD));
@@ -369,7 +387,7 @@ mod tests {
 
     #[test]
     fn a_current_within_the_limits_passes_and_names_none() {
-        let limits = limits(TorqueLimitParameters { bipolar: 2_000, negative: -600, ..PARAMETERS });
+        let limits = limits(with(1.0, -0.15, 0.5));
         let apply = |current: f64| limits.apply(CurrentFraction::from_num(current));
         assert_eq!(apply(0.49), (CurrentFraction::from_num(0.49), Limiting::empty()));
         assert_eq!(apply(-0.14), (CurrentFraction::from_num(-0.14), Limiting::empty()));
@@ -380,7 +398,6 @@ mod tests {
     #[test]
     fn impossible_settings_are_refused() {
         assert!(TorqueLimitSettings::new(&TorqueLimitParameters { amplifier_peak: 0, ..PARAMETERS }).is_err());
-        assert!(TorqueLimitSettings::new(&TorqueLimitParameters { motor_continuous: 0, ..PARAMETERS }).is_err());
         assert!(TorqueLimitSettings::new(&TorqueLimitParameters { motor_peak: 0, ..PARAMETERS }).is_ok(), "no torque");
     }
 
@@ -393,28 +410,46 @@ mod tests {
     proptest! {
         #[test]
         fn the_limits_are_the_smallest_of_all(
-            positive in any::<i16>(), negative in any::<i16>(), bipolar in any::<u16>(), motor_peak in 0_u32..500_000,
-            amplifier_peak in 1_u32..500_000, motor_continuous in 1_u32..500_000, motor in 0_i16.., amplifier in 0_i16..,
-            command in any::<i16>(),
+            positive in any::<i16>(), negative in any::<i16>(), bipolar in any::<i16>(), motor_peak in 0_u32..500_000,
+            amplifier_peak in 1_u32..500_000, motor in 0_i16.., amplifier in 0_i16.., command in any::<i16>(),
         ) {
-            let parameters = TorqueLimitParameters { positive, negative, bipolar, motor_peak, amplifier_peak, motor_continuous };
-            let settings = TorqueLimitSettings::new(&parameters).unwrap();
+            let [commanded_positive, commanded_negative, commanded_bipolar] =
+                [positive, negative, bipolar].map(CurrentFraction::from_bits);
+            let commanded = CommandedTorqueLimits {
+                positive: commanded_positive, negative: commanded_negative, bipolar: commanded_bipolar,
+            };
+            let settings =
+                TorqueLimitSettings::new(&TorqueLimitParameters { commanded, motor_peak, amplifier_peak }).unwrap();
             let limits = settings.combine(CurrentFraction::from_bits(motor), CurrentFraction::from_bits(amplifier));
-            let peak = f64::from(amplifier_peak);
-            let continuous = f64::from(motor_continuous) / 1_000.0 / peak;
+            let of_peak = |bits: i16| f64::from(bits.max(0)) / 32_768.0;
             let common = [
-                1.0, f64::from(motor_peak) / peak, f64::from(bipolar) * continuous,
-                f64::from(motor) / 32_768.0, f64::from(amplifier) / 32_768.0,
+                f64::from(motor_peak) / f64::from(amplifier_peak), of_peak(bipolar), of_peak(motor), of_peak(amplifier),
             ].into_iter().fold(1.0, f64::min);
-            let expected = common.min(f64::from(positive.max(0)) * continuous);
+            let expected = common.min(of_peak(positive));
             prop_assert!(near(limits.positive, expected), "{:?} {}", limits, expected);
-            let expected = common.min(-f64::from(negative.min(0)) * continuous);
+            let expected = common.min(of_peak(negative.saturating_neg()));
             prop_assert!(near(limits.negative, -expected), "{:?} {}", limits, expected);
 
             let (current, limiting) = limits.apply(CurrentFraction::from_bits(command));
             prop_assert!(limits.negative <= current && current <= limits.positive);
             prop_assert_eq!(limiting.is_empty(), current.to_bits() == command);
         }
+    }
+
+    #[test]
+    fn a_reversed_limit_keeps_its_name_and_changes_its_direction() {
+        let rpm = |value: i32| Velocity::from_ten_thousandths_rpm(value * 10_000);
+        let limits = VelocityLimits::new(rpm(3_000), Some(rpm(1_000)), None).reversed();
+        assert_eq!(limits.apply(rpm(-2_000)), (rpm(-1_000), Limiting::VELOCITY_POSITIVE));
+        assert_eq!(limits.apply(rpm(4_000)), (rpm(3_000), Limiting::VELOCITY_BIPOLAR));
+        assert_eq!(limits.reversed(), VelocityLimits::new(rpm(3_000), Some(rpm(1_000)), None));
+
+        let parameters = TorqueLimitParameters { positive: 500, ..PARAMETERS };
+        let most = CurrentFraction::MAX;
+        let plain = TorqueLimitSettings::new(&parameters).unwrap().combine(most, most);
+        let reversed = TorqueLimitSettings::new(&parameters).unwrap().reversed().combine(most, most);
+        assert_eq!((reversed.negative, reversed.negative_cause), (-plain.positive, Limiting::TORQUE_POSITIVE));
+        assert_eq!((reversed.positive, reversed.positive_cause), (-plain.negative, plain.negative_cause));
     }
 
     #[test]

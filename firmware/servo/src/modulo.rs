@@ -31,6 +31,24 @@ impl Modulo {
         Ok(Self { whole: (steps >> 32) as i64, fraction: steps as u32 })
     }
 
+    /// The range of absolute position data of 32 bits, with `numerator / denominator` increments per revolution of the motor: behind the
+    /// highest of their 2^32 values comes the lowest. The same ratios as for [`crate::PositionScale`].
+    ///
+    /// # Errors
+    /// [`SettingsError::Zero`], or [`SettingsError::PositionScaleOutOfRange`] beyond the range.
+    pub fn of_all_data(numerator: u64, denominator: u64) -> Result<Self, SettingsError> {
+        // Position steps of 2^32 increments, and what is left in 2^-32 of a step.
+        let (steps, numerator) = (u128::from(denominator) << 64, u128::from(numerator));
+        let zero = SettingsError::Zero { parameter: "position scale" };
+        let whole = steps.checked_div(numerator).filter(|whole| *whole != 0).ok_or(zero)?;
+        let rest = steps.checked_rem(numerator).ok_or(zero)? << 32;
+        if !(1_u128 << 33..=1_u128 << 62).contains(&whole) {
+            return Err(SettingsError::PositionScaleOutOfRange);
+        }
+        // Range checked; the remainder is below the divisor.
+        Ok(Self { whole: whole as i64, fraction: rest.checked_div(numerator).unwrap_or(0) as u32 })
+    }
+
     /// Any position brought into `0 ..` modulo value, for values that come from outside. At most 63 shifts and subtractions, no division;
     /// two compares for a position that is within one range of it.
     #[must_use]
@@ -55,6 +73,14 @@ impl Modulo {
             }
         }
         Position::from_bits(if negative && rest != 0 { modulo.wrapping_sub(rest) } else { rest })
+    }
+
+    /// A position of the range `0 ..` modulo value as one of the range around zero: the upper half becomes negative.
+    #[inline]
+    #[must_use]
+    pub const fn around_zero(self, within: Position) -> Position {
+        let bits = within.to_bits();
+        Position::from_bits(if bits > self.whole >> 1 { bits.wrapping_sub(self.whole) } else { bits })
     }
 
     /// The modulo value, cut to whole position steps.
@@ -148,6 +174,29 @@ mod tests {
             let expected = position.max(-i64::MAX).rem_euclid(modulo.value().to_bits());
             prop_assert_eq!(reduced, expected);
         }
+    }
+
+    #[test]
+    fn absolute_data_have_the_range_of_their_32_bits_in_every_scaling() {
+        assert_eq!(Modulo::of_all_data(1 << 20, 1).unwrap(), Modulo::from_ratio(1 << 12, 1).unwrap());
+        assert_eq!(Modulo::of_all_data(3_600_000, 1).unwrap(), Modulo::from_ratio(1 << 32, 3_600_000).unwrap());
+        assert_eq!(Modulo::of_all_data(360, 7).unwrap(), Modulo::from_ratio(7 << 32, 360).unwrap());
+        assert_eq!(Modulo::of_all_data(4, 1).unwrap().value().to_bits(), 1 << 62);
+        for (numerator, denominator) in [(3, 1), (1 << 32, 1)] {
+            let out_of_range = Err(SettingsError::PositionScaleOutOfRange);
+            assert_eq!(Modulo::of_all_data(numerator, denominator), out_of_range, "{numerator} / {denominator}");
+        }
+        for (numerator, denominator) in [(0, 1), (1, 0)] {
+            assert!(matches!(Modulo::of_all_data(numerator, denominator), Err(SettingsError::Zero { .. })));
+        }
+    }
+
+    #[test]
+    fn the_upper_half_of_a_range_is_below_zero() {
+        let modulo = Modulo::from_ratio(1, 1).unwrap();
+        let around_zero = |bits| modulo.around_zero(Position::from_bits(bits)).to_bits();
+        assert_eq!([around_zero(0), around_zero(1 << 31), around_zero((1 << 31) + 1)], [0, 1 << 31, 1 - (1 << 31)]);
+        assert_eq!(around_zero((1 << 32) - 1), -1);
     }
 
     #[test]

@@ -15,7 +15,7 @@ pub struct PositionScale {
 }
 
 impl PositionScale {
-    /// `numerator / denominator` increments per revolution of the motor, 2 to 2^31.
+    /// `numerator / denominator` increments per revolution of the motor, 4 to 2^31: the 2^32 values of the data are 2^30 revolutions at most.
     ///
     /// # Errors
     /// [`SettingsError::Zero`], or [`SettingsError::PositionScaleOutOfRange`] beyond the range.
@@ -26,7 +26,7 @@ impl PositionScale {
         let increments =
             (numerator << 32).checked_add(denominator >> 1).and_then(|n| n.checked_div(denominator)).ok_or(zero)?;
         let steps = (denominator << 64).checked_div(numerator).ok_or(zero)?;
-        if !(1_u128 << 33..=1_u128 << 63).contains(&increments) {
+        if !(1_u128 << 34..=1_u128 << 63).contains(&increments) {
             return Err(SettingsError::PositionScaleOutOfRange);
         }
         // Range checked.
@@ -140,8 +140,9 @@ mod tests {
         assert_eq!(PositionScale::new(0, 1), Err(SettingsError::Zero { parameter: "position scale" }));
         assert_eq!(PositionScale::new(1, 0), Err(SettingsError::Zero { parameter: "position scale" }));
         assert_eq!(PositionScale::new(1, 1), Err(SettingsError::PositionScaleOutOfRange));
+        assert_eq!(PositionScale::new(3, 1), Err(SettingsError::PositionScaleOutOfRange));
         assert_eq!(PositionScale::new(1 << 32, 1), Err(SettingsError::PositionScaleOutOfRange));
-        assert!(PositionScale::new(2, 1).is_ok() && PositionScale::new(1 << 31, 1).is_ok());
+        assert!(PositionScale::new(4, 1).is_ok() && PositionScale::new(1 << 31, 1).is_ok());
         assert_eq!(VelocityScale::new(0, 1), Err(SettingsError::Zero { parameter: "velocity scale" }));
         assert_eq!(VelocityScale::new(1_000, 1), Err(SettingsError::VelocityScaleOutOfRange));
         assert_eq!(VelocityScale::new(1, 1 << 60), Err(SettingsError::VelocityScaleOutOfRange));
@@ -159,14 +160,14 @@ mod tests {
         }
 
         #[test]
-        fn position_data_read_back(numerator in 2_u64..1 << 31, value in any::<i32>()) {
+        fn position_data_read_back(numerator in 4_u64..1 << 31, value in any::<i32>()) {
             let scale = PositionScale::new(numerator, 1).unwrap();
             prop_assert_eq!(scale.from_position(scale.to_position(value)), value);
         }
 
         #[test]
         fn data_of_positions_far_away_wrap_like_the_increments_they_count(
-            numerator in 2_u64..1 << 31, revolutions in any::<i32>(), angle in any::<u32>(),
+            numerator in 4_u64..1 << 31, revolutions in any::<i32>(), angle in any::<u32>(),
         ) {
             let scale = PositionScale::new(numerator, 1).unwrap();
             let bits = (i128::from(revolutions) << 32) + i128::from(angle);

@@ -34,10 +34,12 @@ pub enum SettingsError {
     },
     /// The modulo value must be 1/16 to 2^30 revolutions of the motor.
     ModuloOutOfRange,
-    /// The position data must have 2 to 2^31 increments per revolution of the motor.
+    /// The position data must have 4 to 2^31 increments per revolution of the motor.
     PositionScaleOutOfRange,
     /// An increment of the velocity data must be 10^-9 to 100 rpm.
     VelocityScaleOutOfRange,
+    /// An increment of the torque data must be at most the peak current, and 32 767 of them at least 2^-15 of it.
+    TorqueScaleOutOfRange,
     /// The measuring range of the phase currents must be 1 to 8 times the peak current.
     MeasuringRange {
         /// In mA.
@@ -105,10 +107,13 @@ impl fmt::Display for SettingsError {
                 formatter.write_str("modulo value is not within 1/16 to 2^30 revolutions of the motor")
             }
             Self::PositionScaleOutOfRange => {
-                formatter.write_str("position scaling is not within 2 to 2^31 increments per revolution")
+                formatter.write_str("position scaling is not within 4 to 2^31 increments per revolution")
             }
             Self::VelocityScaleOutOfRange => {
                 formatter.write_str("velocity scaling is not within 10^-9 to 100 rpm per increment")
+            }
+            Self::TorqueScaleOutOfRange => {
+                formatter.write_str("torque scaling is not within 10^-9 to 1 of the peak current per increment")
             }
             Self::MeasuringRange { actual, peak } => {
                 write!(formatter, "measuring range of {actual} mA, expected 1 to 8 times the peak current of {peak} mA")
@@ -157,7 +162,8 @@ pub(crate) const fn in_range(
 pub struct AxisParameters {
     /// Loop ticks of 125 us per control unit cycle (S-0-0001), 4 ..= 520.
     pub ticks_per_cycle: u16,
-    /// Modulo value S-0-0103, `None` for absolute position data.
+    /// Modulo value S-0-0103, or the range of the position data where they are absolute ([`Modulo::of_all_data`]); `None`: commands are
+    /// unbounded positions.
     pub modulo: Option<Modulo>,
     /// Position loop Kv-factor S-0-0104 in 0.01 * 1000/min (1/6 1/s), 1 ..= 65 535.
     pub position_gain: u16,

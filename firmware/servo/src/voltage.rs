@@ -142,6 +142,8 @@ pub struct VoltageOutput {
     pub reciprocal: Reciprocal,
     /// Main power is present (status word bits 15, 14 not 01).
     pub main_power: bool,
+    /// The bus is not below the undervoltage threshold: a stop can be finished out of it, with or without main power.
+    pub sustains: bool,
     /// Stands as long as its cause. A drive without main power has undervoltage: it only matters with torque on.
     pub error: Option<VoltageError>,
 }
@@ -201,7 +203,8 @@ impl BusVoltage {
         } else {
             None
         };
-        VoltageOutput { voltage, reciprocal: self.reciprocal, main_power: self.main_power, error }
+        let sustains = filtered >= settings.undervoltage;
+        VoltageOutput { voltage, reciprocal: self.reciprocal, main_power: self.main_power, sustains, error }
     }
 }
 

@@ -81,12 +81,13 @@ fn read(slave: &mut Slave, block: &DataBlock, phase: Phase, report: &mut WalkRep
         }
     };
     slave.open(idn.0)?;
-    compare("element 1", slave.words(1, 1)?, Err(0x1009));
+    compare("element 1", slave.words(1, 1)?, Ok(vec![idn.0]));
     slave.open(idn.0)?;
     compare("name", slave.list(2)?, Ok(text(block.name)));
+    // Element by element as under the default scaling, which no step of this walk leaves.
     let attribute = block.attribute.raw_value();
     compare("attribute", slave.words(3, 2)?, Ok(words_of(attribute.into(), 2)));
-    let unit = if block.unit.is_empty() { Err(0x4001) } else { Ok(text(block.unit)) };
+    let unit = if block.unit.is_empty() { Err(0x4001) } else { Ok(text(block.unit.preferred())) };
     compare("unit", slave.list(4)?, unit);
     for (element, limit) in [(5_u8, block.minimum), (6, block.maximum)] {
         let words = usize::from(block.fixed_bytes().unwrap_or(2) / 2);

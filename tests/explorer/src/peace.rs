@@ -23,6 +23,8 @@ const COMMUTATION_STATE: u16 = 0x8000 | 119;
 const LOAD_DEFAULTS: u16 = 262;
 /// Data blocks that follow from what the axis does; nobody restores them.
 const COMMANDS_AND_BITS: [u16; 12] = [36, 37, 47, 48, 80, 81, 145, 258, 400, 405, 406, 407];
+/// What every run-up writes anyway.
+const TELEGRAMS: [u16; 9] = [1, 2, 6, 7, 8, 9, 10, 15, 89];
 
 /// Makes peace, and holds the axis to the law.
 pub(crate) fn make(run: &mut Run) -> Result<(), Stop> {
@@ -71,7 +73,7 @@ fn restore(run: &mut Run) -> Result<bool, Stop> {
         }
     }
     while let Some(written) = run.written.pop() {
-        if COMMANDS_AND_BITS.contains(&written.idn) {
+        if COMMANDS_AND_BITS.contains(&written.idn) || TELEGRAMS.contains(&written.idn) {
             continue;
         }
         let value = written.before.unwrap_or_else(|| original(run, written.idn));
@@ -97,7 +99,7 @@ fn run_up(run: &mut Run) -> Result<(), Stop> {
     let mut written: Vec<u16> = run.written.drain(..).map(|written| written.idn).collect();
     written.sort_unstable();
     written.dedup();
-    written.retain(|idn| !COMMANDS_AND_BITS.contains(idn));
+    written.retain(|idn| !COMMANDS_AND_BITS.contains(idn) && !TELEGRAMS.contains(idn));
     let originals: Vec<(u16, i64)> = written.iter().map(|&idn| (idn, original(run, idn))).collect();
     let before = run.rig.axis.settings.clone();
     for (idn, value) in originals {

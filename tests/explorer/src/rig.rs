@@ -421,6 +421,10 @@ impl Target for Rig {
         }
     }
 
+    fn take_bit_15_away(&mut self) {
+        self.world.ring_mut().master_mut().take_bit_15_back();
+    }
+
     fn next_cycles(&self) -> u64 {
         self.world.ring().cycle().map_or(2, |cycle| cycle + 2)
     }

@@ -97,14 +97,12 @@ fn watch(rig: &mut Rig, fault: Fault, had_torque: bool) -> Result<Seen, MatrixEr
     Ok(seen)
 }
 
-/// The status word tells it where the ring was there to carry it; else the speed at which the torque went.
+/// The status word tells of a stop under torque where the ring was there to carry it, and the speed at which the torque went of its end.
 fn how_it_ended(seen: &Seen, state: State) -> Reaction {
     let turning = matches!(state, State::AtSpeed | State::Stopping);
-    let stopped = match seen.status {
-        Some(word) => status::readiness(word) == 3,
-        None => seen.rpm_then < 0.1 * f64::from(SPEED),
-    };
-    if turning && stopped { Reaction::Ramp } else { Reaction::TorqueOff }
+    let under_torque = seen.status.is_none_or(|word| status::readiness(word) == 3);
+    let stopped = seen.rpm_then < 0.1 * f64::from(SPEED);
+    if turning && under_torque && stopped { Reaction::Ramp } else { Reaction::TorqueOff }
 }
 
 fn recover(rig: &mut Rig, fault: Fault) -> Result<Afterwards, MatrixError> {

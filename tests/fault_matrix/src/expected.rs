@@ -78,10 +78,19 @@ pub(crate) const fn note(fault: Fault) -> Option<&'static str> {
         Fault::AxisBlocked => {
             "An axis that does not move in spite of command and current looks the same with a dead encoder. In torque mode no movement is asked for."
         }
-        Fault::MainPowerLost => {
-            "The supervision looks every 500 us, here just behind the fault: at another moment it takes up to 0.5 ms more."
+        Fault::EmergencyStop => {
+            "The drive sees its input up to a cycle before bit 15, and takes the loss for an error."
         }
-        Fault::MainsFailure => "In torque mode the axis stands against the load and takes nothing out of the bus.",
+        Fault::MainPowerLostVertical | Fault::EmergencyStopVertical => {
+            "3600 degrees are 100 mm. The brake closes under torque, which the DC link carries."
+        }
+        Fault::MainPowerLost => {
+            "The DC link carries the stop. A stop that is under way already is finished, and the contactor is none of an error then."
+        }
+        Fault::MainsFailure => {
+            "In torque mode the axis stands against the load and takes nothing out of the bus. Else the stop begins a sixteenth above P-0-0104; \
+             here the load brakes harder than the ramp, so that it feeds nothing back, and the torque goes when the link is empty."
+        }
         Fault::BrakeStuckOpen | Fault::BrakeWorn => {
             "The load is held until the control unit takes ENABLE back; S-0-0099 is refused while there is torque."
         }
@@ -119,6 +128,7 @@ const IN_OPERATION: Places = &[
     (Halted, Position),
 ];
 const HELD: Places = &[(Standstill, Velocity), (Halted, Position)];
+const UPRIGHT: Places = &[(Standstill, PositionWithoutLag), (Halted, Position)];
 const WHEN_OFF: Places = &[(Off, Velocity)];
 const WHEN_SWITCHING_ON: Places = &[(SwitchingOn, Velocity)];
 const WHEN_STOPPING: Places = &[(Stopping, Velocity)];
@@ -131,6 +141,9 @@ const NEXT_SUPERVISION: Time = Some((60, 760));
 const RAMP: Time = Some((62_000, 70_000));
 /// What is left of the ramp 5 ms after its beginning.
 const REST_OF_RAMP: Time = Some((48_000, 57_000));
+
+/// 60 ms of S-0-0207, the hold test, and a ramp of 12 ms from 600 rpm.
+const CLOSING: Time = Some((60_000, 300_000));
 
 /// The filter's 2 s, and 0.2 s for which it has to last.
 const HOT: Time = Some((1_000_000, 2_500_000));
@@ -161,7 +174,20 @@ const TABLE: &[Row] = &[
     row(Fault::MainsFailure, &[(AtSpeed, Torque)], GoesOn, None, 0, NoError),
     row(Fault::MainsFailure, LOOPS, TorqueOff, Some((50_000, 400_000)), 0xF109, RunsAgain),
     row(Fault::MainPowerLost, WHEN_OFF, GoesOn, None, 0, NoError),
-    row(Fault::MainPowerLost, WITH_TORQUE, TorqueOff, NEXT_SUPERVISION, 0xF109, RunsAgain),
+    row(Fault::MainPowerLost, STANDING, TorqueOff, NEXT_SUPERVISION, 0xF109, RunsAgain),
+    row(Fault::MainPowerLost, EVERY_MODE, Ramp, RAMP, 0xF109, RunsAgain),
+    row(Fault::MainPowerLost, WHEN_STOPPING, GoesOn, REST_OF_RAMP, 0, NoError),
+    row(Fault::MainPowerLostVertical, WHEN_SWITCHING_ON, TorqueOff, CLOSING, 0xF109, RunsAgain),
+    row(Fault::MainPowerLostVertical, UPRIGHT, TorqueOff, CLOSING, 0xF109, RunsAgain),
+    row(Fault::MainPowerLostVertical, POSITIONED, Ramp, CLOSING, 0xF109, RunsAgain),
+    row(Fault::MainPowerLostVertical, WHEN_STOPPING, GoesOn, CLOSING, 0, NoError),
+    row(Fault::EmergencyStop, WHEN_OFF, GoesOn, None, 0, NoError),
+    row(Fault::EmergencyStop, STANDING, TorqueOff, NEXT_SUPERVISION, 0xF109, RunsAgain),
+    row(Fault::EmergencyStop, EVERY_MODE, Ramp, RAMP, 0xF109, RunsAgain),
+    row(Fault::EmergencyStop, WHEN_STOPPING, GoesOn, REST_OF_RAMP, 0, NoError),
+    row(Fault::EmergencyStopVertical, UPRIGHT, TorqueOff, CLOSING, 0xF109, RunsAgain),
+    row(Fault::EmergencyStopVertical, POSITIONED, Ramp, CLOSING, 0xF109, RunsAgain),
+    row(Fault::EmergencyStopVertical, WHEN_STOPPING, GoesOn, CLOSING, 0, NoError),
     row(Fault::GateDriver, WHEN_OFF, Warning, None, 0xE003, NoError),
     row(Fault::GateDriver, WITH_TORQUE, TorqueOff, AT_ONCE, 0xF10F, RunsAgain),
     row(Fault::EncoderFrozen, WHEN_SWITCHING_ON, TorqueOff, Some((250_000, 500_000)), 0xF118, RunsAgain),
@@ -172,15 +198,7 @@ const TABLE: &[Row] = &[
     row(Fault::EncoderJump, WHEN_OFF, GoesOn, None, 0, NoError),
     row(Fault::EncoderJump, WITH_TORQUE, TorqueOff, AT_ONCE, 0xF105, RunsAgain),
     row(Fault::CommutationDisturbed, STANDING, TorqueOff, Some((400, 900)), 0xF105, RunsAgain),
-    row(
-        Fault::CommutationDisturbed,
-        &[(AtSpeed, Torque), (AtSpeed, Velocity)],
-        TorqueOff,
-        Some((10_000, 110_000)),
-        0xF105,
-        RunsAgain,
-    ),
-    row(Fault::CommutationDisturbed, POSITIONED, Ramp, Some((10_000, 110_000)), 0xF105, RunsAgain),
+    row(Fault::CommutationDisturbed, EVERY_MODE, TorqueOff, Some((10_000, 110_000)), 0xF105, RunsAgain),
     row(Fault::MotorWarm, EVERY_MODE, Warning, None, 0xE012, NoError),
     row(Fault::MotorHot, WHEN_OFF, Error, None, 0xF102, RunsAgain),
     row(Fault::MotorHot, EVERY_MODE, Ramp, HOT, 0xF102, RunsAgain),
@@ -275,14 +293,14 @@ mod tests {
     fn whatever_is_not_as_expected_is_told() {
         let cells = cells();
         let expected =
-            cells.iter().find(|expected| expected.cell.fault == Fault::MainPowerLost && expected.cell.state == AtSpeed);
+            cells.iter().find(|expected| expected.cell.fault == Fault::SafeTorqueOff && expected.cell.state == AtSpeed);
         let expected = expected.unwrap();
         let right = Outcome {
             reaction: TorqueOff,
             torque_off: Some(Nanoseconds(125_000)),
             turned: Some(377.0),
-            number: 0xF109,
-            class_1: 1 << 9,
+            number: 0xF113,
+            class_1: 1 << 15,
             brake_closed: None,
             afterwards: RunsAgain,
         };

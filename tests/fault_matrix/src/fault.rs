@@ -38,6 +38,12 @@ pub enum Fault {
     MainsFailure,
     /// The main power input goes away, and the mains with it.
     MainPowerLost,
+    /// The same on a vertical axis.
+    MainPowerLostVertical,
+    /// An emergency stop circuit: the main contactor opens, and the control takes bit 15 away.
+    EmergencyStop,
+    /// The same on a vertical axis.
+    EmergencyStopVertical,
     /// The gate drivers report a fault; the break input takes the bridge off.
     GateDriver,
     /// The encoder's tracks stand still, whatever the axis does.
@@ -99,7 +105,15 @@ pub enum Fault {
 impl Fault {
     /// The axis is the vertical one with a brake.
     pub const fn needs_brake(self) -> bool {
-        matches!(self, Self::BrakeStuckClosed | Self::BrakeOpensLate | Self::BrakeStuckOpen | Self::BrakeWorn)
+        matches!(
+            self,
+            Self::BrakeStuckClosed
+                | Self::BrakeOpensLate
+                | Self::BrakeStuckOpen
+                | Self::BrakeWorn
+                | Self::MainPowerLostVertical
+                | Self::EmergencyStopVertical
+        )
     }
 
     /// Friction comes with the fault.
@@ -187,8 +201,10 @@ impl Fault {
                 machine.set_supply(0.0, now);
                 machine.fail_brake(None, now);
             }),
-            Self::MainPowerLost => {
-                rig.motor_side().borrow_mut().change_inputs(|inputs| inputs.main_power = false)
+            Self::MainPowerLost | Self::MainPowerLostVertical => open_the_contactor(rig),
+            Self::EmergencyStop | Self::EmergencyStopVertical => {
+                open_the_contactor(rig);
+                rig.take_bit_15_away();
             }
             Self::GateDriver => rig.motor_side().borrow_mut().change_inputs(|inputs| inputs.bridge_ready = false),
             Self::EncoderFrozen => rig.machine(|machine, now| machine.freeze_encoder(true, now)),
@@ -271,6 +287,10 @@ impl Fault {
     }
 }
 
+fn open_the_contactor(rig: &impl Target) {
+    rig.motor_side().borrow_mut().change_inputs(|inputs| inputs.main_power = false);
+}
+
 impl fmt::Display for Fault {
     fn fmt(&self, formatter: &mut fmt::Formatter<'_>) -> fmt::Result {
         formatter.pad(match self {
@@ -280,6 +300,9 @@ impl fmt::Display for Fault {
             Self::Overvoltage => "mains at 150 %",
             Self::MainsFailure => "mains fails under 4 Nm, contactor closed",
             Self::MainPowerLost => "main power switched off",
+            Self::MainPowerLostVertical => "main power switched off, vertical axis",
+            Self::EmergencyStop => "main power and bit 15 off at once",
+            Self::EmergencyStopVertical => "main power and bit 15 off at once, vertical axis",
             Self::GateDriver => "gate driver fault",
             Self::EncoderFrozen => "encoder tracks frozen",
             Self::EncoderSlip => "encoder slips by 20 counts",

@@ -374,6 +374,10 @@ impl Target for Rig {
         self.mode
     }
 
+    fn take_bit_15_away(&mut self) {
+        self.master_mut().hold_switches(Some(control::ENABLE | control::NO_HALT));
+    }
+
     fn next_cycles(&self) -> u64 {
         self.world.ring().cycle().map_or(2, |cycle| cycle + 2)
     }

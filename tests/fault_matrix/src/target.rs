@@ -18,6 +18,9 @@ pub trait Target {
     /// What the drive follows.
     fn mode(&self) -> Mode;
 
+    /// The control unit takes bit 15 of the control word back, in one cycle with what happens now.
+    fn take_bit_15_away(&mut self);
+
     /// The first cycle that can still be disturbed.
     fn next_cycles(&self) -> u64;
 

@@ -13,7 +13,6 @@ use crate::motion::clock_monitor::{ClockMonitor, PHASE_ERROR_CLASSES};
 use crate::record::{Command, Feedback, Records};
 use crate::settings::MotionSettings;
 use crate::snapshot::Snapshot;
-use crate::state::Switches;
 
 /// A value of [`Motion::motor_value`].
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -65,7 +64,7 @@ impl<B: Bus + Clone, H: Hardware> Motion<B, H> {
     /// command values away: a motor that runs is stopped.
     pub fn enter_phase(&mut self, phase: Phase) {
         self.phase = phase;
-        self.switches = Switches::default();
+        self.switches = None;
         self.commands = CommandValues::default();
         self.uninitialised_mode = false;
         self.homing = false;
@@ -180,7 +179,7 @@ impl<B: Bus + Clone, H: Hardware> Motion<B, H> {
             manufacturer_3: self.manufacturer_3,
             homing: self.homing,
             status_word: self.status_word(),
-            commands: self.commands,
+            commands: CommandValues { position: self.position_command_data(), ..self.commands },
             mst_errors: self.supervision.mst_errors(),
             mdt_errors: self.supervision.mdt_errors(),
             operating_time: self.operating_time(),
@@ -192,7 +191,7 @@ impl<B: Bus + Clone, H: Hardware> Motion<B, H> {
         self.identified.is_some() || self.has_homing_result()
     }
 
-    /// P-0-0006: time since the processor was started, in us.
+    /// Time since the processor was started, in us.
     pub(crate) fn operating_time(&self) -> u64 {
         self.supervisions.wrapping_mul(SUPERVISION_PERIOD_MICROSECONDS.into())
     }
@@ -259,12 +258,6 @@ impl<B: Bus + Clone, H: Hardware> Motion<B, H> {
         self.output.standstill
     }
 
-    /// The place where the motor stands is the position `value`, in the weight of S-0-0052, from now on. Divides.
-    pub fn set_reference(&mut self, value: i32) {
-        self.shift_zero(self.settings.position.to_position(value) - self.encoder.position());
-        self.referenced = true;
-    }
-
     /// S-0-0191.
     pub fn cancel_reference(&mut self) {
         self.referenced = false;
@@ -273,6 +266,10 @@ impl<B: Bus + Clone, H: Hardware> Motion<B, H> {
     /// S-0-0148 holds the position, or is cancelled. A command that is far off then is a fault, as at switching on.
     pub fn hold_for_homing(&mut self, hold: bool) {
         self.resuming = self.homing && !hold && self.has_torque();
+        if !hold {
+            // Where S-0-0047 is not cyclic nobody else brings it into the new coordinates.
+            self.commands.position = self.position_command_data();
+        }
         self.homing = hold;
         self.abandon_homing();
         self.update_state();

@@ -17,9 +17,6 @@ use crate::work::Work;
 /// So long a lost telegram is a warning, in ticks of the supervision: one second.
 const LOSS_SHOWN_TICKS: u16 = 2_000;
 
-/// Largest current fraction, in 2^-15.
-const MOST_CURRENT: i64 = i16::MAX as i64;
-
 impl<B: Bus + Clone, H: Hardware> Motion<B, H> {
     /// A t3 event that is overdue by a quarter of a cycle (at least two ticks) is stood in for, so that supervision and
     /// extrapolation go on at the ring's rhythm whatever the chip does without an MST (G28).
@@ -66,7 +63,8 @@ impl<B: Bus + Clone, H: Hardware> Motion<B, H> {
         self.commands.control_word = self.command_port.control_word();
         self.take_record();
         self.controlled = self.settings.bits.apply_control_word(self.controlled, self.commands.control_word);
-        self.switches = Switches::from_control_word(self.commands.control_word);
+        let switches = Switches::from_control_word(self.commands.control_word);
+        self.switches = Some(switches);
         let selected = self.selected_mode();
         let mode = self.settings.modes.get(usize::from(selected)).copied().flatten();
         if mode.is_none() && !self.uninitialised_mode {
@@ -75,7 +73,7 @@ impl<B: Bus + Clone, H: Hardware> Motion<B, H> {
             return Work::PHASE_CHANGE;
         }
         self.mode = mode;
-        self.refuse_a_jump();
+        self.refuse_a_jump(switches);
         self.update_state();
         if self.is_positioning() {
             self.position_to_target();
@@ -146,8 +144,7 @@ impl<B: Bus + Clone, H: Hardware> Motion<B, H> {
         let Polarity { command, additive, .. } = self.settings.torque_polarity;
         let signed = |value: i16, reversed: bool| i64::from(value).wrapping_mul(if reversed { -1 } else { 1 });
         let sum = signed(self.commands.torque, command).wrapping_add(signed(self.commands.additive_torque, additive));
-        let fraction = self.settings.torque_command.apply(sum);
-        CurrentFraction::from_bits(fraction.clamp(-MOST_CURRENT, MOST_CURRENT) as i16)
+        self.settings.torque.to_current(sum)
     }
 
     /// Control word bits 11, 9, 8.
@@ -156,28 +153,13 @@ impl<B: Bus + Clone, H: Hardware> Motion<B, H> {
         (((word & 0x0800) >> 9) | ((word & 0x0300) >> 8)) as u8
     }
 
-    /// S-0-0047 with S-0-0048, within the modulo range if there is one.
-    fn commanded_position(&self) -> Position {
-        let Polarity { command, additive, .. } = self.settings.position_polarity;
-        let signed = |value: i32, reversed: bool| {
-            // Most drives have no additive command.
-            if value == 0 {
-                return Position::ZERO;
-            }
-            let position = self.settings.position.to_position(value);
-            if reversed { -position } else { position }
-        };
-        let sum = signed(self.commands.position, command) + signed(self.commands.additive_position, additive);
-        self.axis.settings().interpolator().modulo().map_or(sum, |modulo| modulo.reduce(sum))
-    }
-
     /// A drive that is switched on far from its command, or goes on there after homing, would jump: the deviation is a fault before it
     /// moves. A drive that stays off is none: commands may run away from it, and after an error they do.
-    fn refuse_a_jump(&mut self) {
-        let displaced = self.switches.run && core::mem::take(&mut self.displaced);
+    fn refuse_a_jump(&mut self, switches: Switches) {
+        let displaced = switches.run && core::mem::take(&mut self.displaced);
         let resuming = core::mem::take(&mut self.resuming) || displaced;
-        let starting = (resuming && self.switches.on && self.switches.enable)
-            || self.machine.would_switch_on(self.switches, || self.conditions());
+        let starting = (resuming && switches.on && switches.enable)
+            || self.machine.would_switch_on(switches, || self.conditions());
         if !starting {
             return;
         }

@@ -60,7 +60,7 @@ impl<B: Bus + Clone, H: Hardware> SignalValues for Values<'_, B, H> {
         match command {
             Command::Velocity => commands.velocity.cast_unsigned(),
             Command::AdditiveVelocity => commands.additive_velocity.cast_unsigned(),
-            Command::Position => commands.position.cast_unsigned(),
+            Command::Position => self.motion.position_command_data().cast_unsigned(),
             Command::AdditivePosition => commands.additive_position.cast_unsigned(),
             Command::Torque => commands.torque.cast_unsigned().into(),
             Command::AdditiveTorque => commands.additive_torque.cast_unsigned().into(),

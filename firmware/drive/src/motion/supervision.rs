@@ -61,16 +61,35 @@ impl<B: Bus + Clone, H: Hardware> Motion<B, H> {
     }
 
     pub(super) fn conditions(&self) -> Conditions {
+        let sustained = self.motor.link_sustains() && self.inputs.bridge_ready && self.permits_torque();
         Conditions {
             operating_phase: self.phase == Phase::Cp4
+                && self.switches.is_some()
                 && self.lost.is_none()
                 && !self.manufacturer_3.contains(Manufacturer3::PARKED),
-            power: self.motor.has_power(&self.inputs) && self.inputs.bridge_ready && self.permits_torque(),
+            power: self.motor.has_power(&self.inputs) && sustained,
+            sustained,
             fault: !self.class_1.is_empty(),
             fatal: self.fatal || (!self.class_1.is_empty() && self.settings.reaction == Reaction::TorqueFree),
             standstill: self.output.standstill,
             released: self.progress.released,
             torque_off: self.progress.torque_off,
+        }
+    }
+
+    /// The control asks for torque: bits 15 and 14 of an MDT of this CP4.
+    pub(super) fn wants_torque(&self) -> bool {
+        self.switches.is_some_and(|switches| switches.on && switches.enable)
+    }
+
+    /// A stop is under way that the control or an error has asked for, and the control has not asked for torque again since. The main
+    /// contactor may open then: an emergency stop circuit does it.
+    fn is_stopping(&self) -> bool {
+        let requested = self.wants_torque();
+        match self.machine.state() {
+            DriveState::SwitchingOff => !requested,
+            DriveState::Engaging => !requested || !self.class_1.is_empty(),
+            state => state == DriveState::FaultReaction,
         }
     }
 
@@ -83,6 +102,7 @@ impl<B: Bus + Clone, H: Hardware> Motion<B, H> {
     fn look_after_the_motor(&mut self, index: Option<u32>) {
         let torque = self.machine.state().has_torque();
         let in_operation = self.machine.state().is_in_operation();
+        let leaves_its_range = self.watch_range();
         let findings = self.motor.supervise(&Surroundings {
             torque,
             count: self.counted(self.motor.count()),
@@ -103,31 +123,20 @@ impl<B: Bus + Clone, H: Hardware> Motion<B, H> {
             || (self.bridge_on && !self.hardware.bridge_is_on() && self.motor.measured().trip.is_none())
         {
             findings.add_own(Manufacturer1::AMPLIFIER_FAULT, true);
-        } else if !self.motor.has_power(&self.inputs) {
-            // Without power the torque goes, and a drive that is off for no reason would help nobody.
+        } else if !self.motor.link_sustains() || (!self.motor.has_power(&self.inputs) && !self.is_stopping()) {
+            // Without power the axis stops or the torque goes, and a drive that does for no reason would help nobody.
             findings.class_1 |= Class1::UNDERVOLTAGE;
         }
         if self.output.velocity.abs() > self.settings.overspeed {
             findings.add_own(Manufacturer1::OVERSPEED, false);
         }
-        if self.is_leaving_its_range() {
+        if leaves_its_range {
             findings.class_1 |= Class1::POSITION_LIMIT;
         }
         if in_operation && self.phase == Phase::Cp4 && self.lost.is_none() && !self.clock.is_locked() {
             findings.add_own(Manufacturer1::SYNCHRONISATION, false);
         }
         self.take(findings);
-    }
-
-    /// The axis is beyond S-0-0049 or S-0-0050 and moves further out. The way back is free, so that S-0-0099 and a command inwards
-    /// bring it home. Without reference the limits mean nothing.
-    fn is_leaving_its_range(&self) -> bool {
-        let Some((highest, lowest)) = self.settings.position_limits.filter(|_| self.referenced) else { return false };
-        let position = self.encoder.position();
-        let outwards = |velocity: Velocity| {
-            (position > highest && velocity > Velocity::ZERO) || (position < lowest && velocity < Velocity::ZERO)
-        };
-        outwards(self.output.velocity_command) && self.machine.state().is_in_operation()
     }
 
     /// The two channels are observed, never relied on: the hardware behind them takes the torque away by itself.

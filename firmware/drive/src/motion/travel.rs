@@ -3,7 +3,7 @@
 use sercon816::Bus;
 use sercos::command::CommandState;
 use servo::{
-    Edge, Homing, HomingError, HomingInputs, HomingMotion, HomingSettings, HomingState, MotionLimits, Position, Probe,
+    Homing, HomingError, HomingInputs, HomingMotion, HomingSettings, HomingState, MotionLimits, Position,
     ProbeInput as ProbeSide, ProbeInputs, ProbeSettings, ProbingCycle, Travel,
 };
 
@@ -38,7 +38,7 @@ pub(crate) enum HomingFailure {
 /// Probes, as the service channel and the AT see them.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub(crate) struct ProbeRun {
-    cycle: ProbingCycle,
+    pub(super) cycle: ProbingCycle,
     settings: Option<ProbeSettings>,
 }
 
@@ -105,7 +105,7 @@ impl<B: Bus + Clone, H: Hardware> Motion<B, H> {
                 index: self.homing_run.index.flatten(),
                 standstill: self.output.standstill,
                 moving_finished: self.output.travelled,
-                run: self.switches.run,
+                run: self.switches.is_some_and(|switches| switches.run),
             },
         );
         if output.arm_index && self.homing_run.index.is_none() {
@@ -162,35 +162,18 @@ impl<B: Bus + Clone, H: Hardware> Motion<B, H> {
         self.encoder.set_position(self.encoder.position() + difference);
         self.axis.shift(difference);
         self.motor.shift(difference);
+        // What the last tick and the last t4 have left is read before the next.
+        self.output.position_command = self.output.position_command + difference;
+        self.shown.position = self.shown.position + difference;
+        // Where the axis stands now is nothing that a command has led to.
+        self.range_monitor = None;
     }
 
-    /// Positioning: the target S-0-0258 in the movement's own coordinates. A modulo axis goes the shortest way.
+    /// Positioning to the target S-0-0258.
     pub(super) fn position_to_target(&mut self) {
-        let scaled = self.settings.position.to_position(self.commands.target_position);
-        let wanted = if self.settings.position_polarity.command { -scaled } else { scaled };
-        let target = match self.axis.settings().interpolator().modulo() {
-            None => wanted,
-            Some(modulo) => {
-                let range = modulo.value();
-                let here = self.encoder.position();
-                let within = modulo.reduce(wanted) - self.axis.cyclic_position(here);
-                let half = Position::from_bits(range.to_bits() >> 1);
-                let shortest = if within > half {
-                    within - range
-                } else if within < -half {
-                    within + range
-                } else {
-                    within
-                };
-                here + shortest
-            }
-        };
-        if self.target != Some((self.commands.target_position, target)) {
-            // A target of a modulo axis is turned into a place once, not with every step of the way.
-            let same = self.target.is_some_and(|(data, _)| data == self.commands.target_position);
-            if !same {
-                self.target = Some((self.commands.target_position, target));
-            }
+        // A target is turned into a place once, not with every step of the way.
+        if self.target.is_none_or(|(data, _)| data != self.commands.target_position) {
+            self.target = Some((self.commands.target_position, self.place_of_target()));
         }
         let travel = self.target.map_or(Travel::Hold, |(_, target)| Travel::To(target));
         self.axis.travel(self.settings.positioning, travel);
@@ -203,7 +186,8 @@ impl<B: Bus + Clone, H: Hardware> Motion<B, H> {
         let mut side = |probe: ProbeInput, level: bool, enable: bool| {
             let mut latched = |rising| {
                 let latch = self.hardware.probe_latch(probe, rising)?;
-                Some(self.encoder.position_of(latch.wrapping_mul(direction)))
+                // In the turn of the data in which the edge came.
+                Some(self.axis.cyclic_position(self.encoder.position_of(latch.wrapping_mul(direction))))
             };
             ProbeSide { level, enable, positive: latched(true), negative: latched(false) }
         };
@@ -221,12 +205,6 @@ impl<B: Bus + Clone, H: Hardware> Motion<B, H> {
             self.probe_run.cycle.tick(&last, &ProbeInputs::default());
         }
         self.probe_run.settings = settings;
-    }
-
-    /// S-0-0130 to S-0-0133 in the weight of position data.
-    pub(super) fn probe_value(&self, probe: Probe, edge: Edge) -> i32 {
-        let position = self.probe_run.cycle.value(probe, edge);
-        self.settings.position.from_position(self.axis.cyclic_position(position))
     }
 
     /// S-0-0179.

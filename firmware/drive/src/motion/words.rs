@@ -80,27 +80,13 @@ impl<B: Bus + Clone, H: Hardware> Motion<B, H> {
         self.shown = ShownValues::at(position, &self.output, self.motor.torque_current());
     }
 
-    fn shown_position(&self) -> i32 {
-        let within = self.axis.cyclic_position(self.shown.position);
-        let within = match (self.settings.position_polarity.feedback, self.axis.settings().interpolator().modulo()) {
-            (false, _) => within,
-            (true, Some(modulo)) if within != Position::ZERO => modulo.value() - within,
-            (true, _) => -within,
-        };
-        self.settings.position.from_position(within)
-    }
-
     fn weighted_velocity(&self, velocity: Velocity) -> i32 {
         let reversed = self.settings.velocity_polarity.feedback;
         self.settings.velocity.from_velocity(if reversed { -velocity } else { velocity })
     }
 
-    fn shown_following_distance(&self) -> i32 {
-        self.settings.position.from_position(self.shown.following_error)
-    }
-
     fn shown_torque(&self) -> i64 {
-        let torque = self.settings.torque.apply(i64::from(self.shown.current.to_bits()));
+        let torque = self.settings.torque.from_current(self.shown.current);
         if self.settings.torque_polarity.feedback { torque.wrapping_neg() } else { torque }
     }
 
@@ -168,7 +154,7 @@ impl<B: Bus + Clone, H: Hardware> Motion<B, H> {
         self.manufacturer_2 = own;
 
         let mut class_2 = Class2::empty();
-        let wants_torque = self.phase == Phase::Cp4 && self.switches.on && self.switches.enable;
+        let wants_torque = self.wants_torque();
         class_2.set(Class2::UNDERVOLTAGE, wants_torque && !torque && !self.motor.has_power(&self.inputs));
         let watched = self.motor.watched();
         class_2.set(Class2::OVERLOAD, watched.overload);

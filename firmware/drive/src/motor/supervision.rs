@@ -139,6 +139,11 @@ impl Motor {
         inputs.main_power && self.bus.main_power
     }
 
+    /// The DC link is not below P-0-0104: it carries a stop to its end.
+    pub(crate) const fn link_sustains(&self) -> bool {
+        self.bus.sustains
+    }
+
     /// One loop tick: a counter that jumps, or stands still at once. What must be done about it, if anything.
     #[inline]
     pub(crate) fn watch_motion(&mut self, count: u32, torque: bool) -> Option<Findings> {

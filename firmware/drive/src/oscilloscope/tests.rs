@@ -165,7 +165,7 @@ fn what_cannot_be_recorded_is_refused_when_it_is_written() {
         assert_eq!(refused(number), Some(ServiceError::IdnNotAvailable), "{number:#06x}");
     }
     // A list of IDNs, a text, a command, a counter outside the motion side, eight bytes.
-    for number in [17, 30, 99, 28, 0x8006, 0x8008] {
+    for number in [17, 30, 99, 28, 0x8007, 0x8008] {
         assert_eq!(refused(number), Some(ServiceError::InvalidData), "{number:#06x}");
     }
     let trigger = |value: u16| refuses_setting(TRIGGER, value.into(), &parameters);

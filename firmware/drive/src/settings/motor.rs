@@ -12,7 +12,7 @@ use servo::{
     TemperatureSettings, TorqueLimitParameters, TorqueLimitSettings, Velocity, VoltageParameters, VoltageSettings,
 };
 
-use super::InvalidSetting;
+use super::{InvalidSetting, TorqueScale};
 use crate::current_control::CurrentSettings;
 
 /// Everything the motor side needs of the parameters, scaled.
@@ -75,7 +75,12 @@ impl MotorSettings {
     ///
     /// # Errors
     /// The first parameter that the motor side cannot work with.
-    pub fn new(parameters: &Parameters, increments: u32, maximum_velocity: Velocity) -> Result<Self, InvalidSetting> {
+    pub fn new(
+        parameters: &Parameters,
+        torque: &TorqueScale,
+        increments: u32,
+        maximum_velocity: Velocity,
+    ) -> Result<Self, InvalidSetting> {
         let long = |idn: Idn| parameters.get(idn);
         let word = |idn: Idn| parameters.get_word(idn);
         let peak = long(S(110));
@@ -135,8 +140,10 @@ impl MotorSettings {
             .map_err(of(P(time)))
         };
         // Four fifths of what may flow for long: at the limit itself the measured current swings about the threshold.
-        let bipolar = u64::from(long(S(111))).saturating_mul(word(S(92)).into()) / 1_000;
-        let most = bipolar.min(long(S(109)).into()).saturating_mul(800).checked_div(peak.into()).unwrap_or(0);
+        let most = u64::from(torque.milliamperes(word(S(92))).min(long(S(109))))
+            .saturating_mul(800)
+            .checked_div(peak.into())
+            .unwrap_or(0);
         let loss_current = u16::try_from(most).unwrap_or(u16::MAX).min(LOSS_CURRENT);
         let brake_bits = word(P(120));
         let millidegrees = |idn: Idn| Position::from_bits((i64::from(word(idn)) << 32) / 36_000);
@@ -156,7 +163,8 @@ impl MotorSettings {
                 undervoltage: word(P(104)),
                 overvoltage: word(P(105)),
                 power_on: word(P(104)).saturating_add(word(P(104)) / 8).max(1),
-                power_off: word(P(104)),
+                // A sixteenth above: with the mains gone and the contactor closed, a stop needs what lies between.
+                power_off: word(P(104)).saturating_add(word(P(104)) / 16),
                 undervoltage_time: 2,
                 overvoltage_ticks: 1,
             })
@@ -191,15 +199,7 @@ impl MotorSettings {
             .map_err(of(P(121)))?,
             has_brake: brake_bits & BRAKE_FITTED != 0,
             aligns_with_open_brake: brake_bits & BRAKE_MAY_OPEN != 0,
-            torque_limits: TorqueLimitSettings::new(&TorqueLimitParameters {
-                positive: word(S(82)).cast_signed(),
-                negative: word(S(83)).cast_signed(),
-                bipolar: word(S(92)),
-                motor_peak: long(S(109)),
-                amplifier_peak: peak,
-                motor_continuous: long(S(111)),
-            })
-            .map_err(of(S(111)))?,
+            torque_limits: torque_limits(parameters, torque).map_err(of(S(110)))?,
             weakening: FieldWeakeningSettings::new(&FieldWeakeningParameters {
                 limit: word(P(107)).saturating_mul(10),
                 voltage: 9_300,
@@ -213,6 +213,17 @@ impl MotorSettings {
                 .ok_or(InvalidSetting { idn: P(101), reason: None })?,
         })
     }
+}
+
+/// S-0-0082, S-0-0083, S-0-0092, S-0-0109, S-0-0110, in the direction that bit 0 of S-0-0085 gives torque commands.
+fn torque_limits(parameters: &Parameters, torque: &TorqueScale) -> Result<TorqueLimitSettings, SettingsError> {
+    const COMMAND_REVERSED: u16 = 1 << 0;
+    let limits = TorqueLimitSettings::new(&TorqueLimitParameters {
+        commanded: torque.limits(parameters),
+        motor_peak: parameters.get(S(109)),
+        amplifier_peak: parameters.get(S(110)),
+    })?;
+    Ok(if parameters.get_word(S(85)) & COMMAND_REVERSED != 0 { limits.reversed() } else { limits })
 }
 
 /// Current at which an axis that is to move must move, in 0.1 % of S-0-0110, unless the drive may not make it.

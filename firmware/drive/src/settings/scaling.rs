@@ -6,7 +6,10 @@
 
 use sercos::Idn;
 use sercos::parameters::Parameters;
+use sercos::weighting::{Dimension, Increment, Kind, Weighting};
 use servo::{Acceleration, Jerk, Modulo, PositionScale, SettingsError, VelocityScale};
+
+use crate::coordinates::Coordinates;
 
 use super::{InvalidSetting, invalid, signed, unsupported};
 
@@ -15,8 +18,27 @@ pub(super) fn position_scale(parameters: &Parameters) -> Result<PositionScale, I
     PositionScale::new(increments.numerator, increments.denominator).map_err(invalid(culprit))
 }
 
-pub(super) fn modulo(parameters: &Parameters) -> Result<Option<Modulo>, InvalidSetting> {
-    if parameters.get_word(Idn::standard(76)) & MODULO == 0 {
+/// Positions of the master. Both of bits 0 and 2 of S-0-0055 turn them round; S-0-0128 refuses one without the other.
+pub(super) fn coordinates(parameters: &Parameters) -> Result<Coordinates, InvalidSetting> {
+    const COMMAND_AND_FEEDBACK: u16 = 1 << 0 | 1 << 2;
+    let reversed = match parameters.get_word(Idn::standard(55)) & COMMAND_AND_FEEDBACK {
+        0 => false,
+        COMMAND_AND_FEEDBACK => true,
+        _ => return Err(unsupported(55)),
+    };
+    let scale = position_scale(parameters)?;
+    let (range, modulo) = match modulo(parameters)? {
+        Some(range) => (range, Some(signed(parameters, 103))),
+        None => {
+            let (increments, culprit) = increments_of_a_revolution(parameters)?;
+            (Modulo::of_all_data(increments.numerator, increments.denominator).map_err(invalid(culprit))?, None)
+        }
+    };
+    Ok(Coordinates { scale, range, modulo, reversed })
+}
+
+fn modulo(parameters: &Parameters) -> Result<Option<Modulo>, InvalidSetting> {
+    if !weighting(Dimension::Position, parameters)?.modulo {
         return Ok(None);
     }
     let (increments, _) = increments_of_a_revolution(parameters)?;
@@ -28,30 +50,31 @@ pub(super) fn modulo(parameters: &Parameters) -> Result<Option<Modulo>, InvalidS
 }
 
 pub(super) fn velocity_scale(parameters: &Parameters) -> Result<VelocityScale, InvalidSetting> {
-    let kind = parameters.get_word(Idn::standard(44));
-    let by_parameter = kind & BY_PARAMETER != 0;
-    let per_second = kind & PER_SECOND != 0;
-    if kind & !VELOCITY_TYPE_BITS != 0 {
-        return Err(unsupported(44));
-    }
-    let (factor, exponent) = match (kind & UNIT, by_parameter, per_second) {
-        (ROTARY | LINEAR, true, _) => (parameters.get(Idn::standard(45)), signed(parameters, 46)),
-        (ROTARY, false, false) => (1, -4),
-        (ROTARY, false, true) => (1, -6),
-        (LINEAR, false, false) => (1, -6),
-        // The preferred linear scaling per second is in no public paper.
-        _ => return Err(unsupported(44)),
-    };
-    let velocity = Ratio::new(factor.into(), 1).times(if per_second { 60 } else { 1 });
-    let velocity = if kind & UNIT == LINEAR {
+    let weighting = weighting(Dimension::Velocity, parameters)?;
+    let (factor, exponent) = decimal(&weighting, 44)?;
+    let velocity = Ratio::new(factor, 1).times(if weighting.per_second { 60 } else { 1 });
+    let velocity = if weighting.kind == Kind::Linear {
         velocity
             .and_then(|ratio| ratio.times_ten_to(exponent.saturating_sub(FEED_EXPONENT)))
             .and_then(|ratio| ratio.over(feed(parameters)))
     } else {
         velocity.and_then(|ratio| ratio.times_ten_to(exponent))
     };
-    let rpm = velocity.and_then(|ratio| ratio.over_gear(kind, parameters)).ok_or(unsupported(46))?;
+    let rpm = velocity.and_then(|ratio| ratio.over_gear(&weighting, parameters)).ok_or(unsupported(46))?;
     VelocityScale::new(rpm.numerator, rpm.denominator).map_err(invalid(45))
+}
+
+/// The scaling of a dimension, or its type as the one to blame.
+pub(super) fn weighting(dimension: Dimension, parameters: &Parameters) -> Result<Weighting, InvalidSetting> {
+    Weighting::of(dimension, parameters).map_err(|idn| InvalidSetting { idn, reason: None })
+}
+
+/// Factor and exponent of an increment that is none of a revolution.
+pub(super) fn decimal(weighting: &Weighting, scaling_type: u16) -> Result<(u64, i32), InvalidSetting> {
+    match weighting.increment {
+        Increment::Decimal { factor, exponent } => Ok((factor.into(), exponent)),
+        Increment::OfRevolution(_) => Err(unsupported(scaling_type)),
+    }
 }
 
 /// Scaling of accelerations (S-0-0160) and of jerks, which have the same increments a second.
@@ -63,18 +86,10 @@ pub(super) struct DerivativeScale {
 
 impl DerivativeScale {
     pub(super) fn new(parameters: &Parameters) -> Result<Self, InvalidSetting> {
-        let kind = parameters.get_word(Idn::standard(160));
-        if kind & !ACCELERATION_TYPE_BITS != 0 {
-            return Err(unsupported(160));
-        }
-        let (factor, exponent) = match (kind & UNIT, kind & BY_PARAMETER != 0) {
-            (ROTARY | LINEAR, true) => (parameters.get(Idn::standard(161)), signed(parameters, 162)),
-            (ROTARY, false) => (1, -3),
-            (LINEAR, false) => (1, -6),
-            _ => return Err(unsupported(160)),
-        };
-        let of_unit = Ratio::new(factor.into(), 1).times_ten_to(exponent.saturating_add(3));
-        let milliradians = if kind & UNIT == LINEAR {
+        let weighting = weighting(Dimension::Acceleration, parameters)?;
+        let (factor, exponent) = decimal(&weighting, 160)?;
+        let of_unit = Ratio::new(factor, 1).times_ten_to(exponent.saturating_add(3));
+        let milliradians = if weighting.kind == Kind::Linear {
             of_unit
                 .and_then(|ratio| ratio.times_ten_to(FEED_EXPONENT.saturating_neg()))
                 .and_then(|ratio| ratio.over(feed(parameters)))
@@ -83,7 +98,7 @@ impl DerivativeScale {
         } else {
             of_unit
         };
-        let at_motor = milliradians.and_then(|ratio| ratio.over_gear(kind, parameters));
+        let at_motor = milliradians.and_then(|ratio| ratio.over_gear(&weighting, parameters));
         at_motor.map(|milliradians| Self { milliradians }).ok_or(unsupported(162))
     }
 
@@ -108,52 +123,47 @@ impl DerivativeScale {
 
 /// Position increments of one revolution of the motor, and the parameter to blame if they are too many or too few.
 fn increments_of_a_revolution(parameters: &Parameters) -> Result<(Ratio, u16), InvalidSetting> {
-    let kind = parameters.get_word(Idn::standard(76));
-    let by_parameter = kind & BY_PARAMETER != 0;
-    if kind & !POSITION_TYPE_BITS != 0 {
-        return Err(unsupported(76));
-    }
-    let (increments, culprit) = match (kind & UNIT, by_parameter) {
-        (ROTARY, false) => (Some(Ratio::new(PREFERRED_INCREMENTS, 1)), 79),
-        (ROTARY, true) => (Some(Ratio::new(parameters.get(Idn::standard(79)).into(), 1)), 79),
-        (LINEAR, false) => (Some(Ratio::new(feed(parameters), 1)), 123),
-        (LINEAR, true) => {
-            let exponent = FEED_EXPONENT.saturating_sub(signed(parameters, 78));
-            let ratio = Ratio::new(feed(parameters), 1).over(parameters.get(Idn::standard(77)).into());
-            (ratio.and_then(|ratio| ratio.times_ten_to(exponent)), 78)
+    let weighting = weighting(Dimension::Position, parameters)?;
+    let (increments, culprit) = match weighting.increment {
+        Increment::OfRevolution(increments) => (Some(Ratio::new(increments.into(), 1)), 79),
+        Increment::Decimal { factor, exponent } => {
+            let ratio = Ratio::new(feed(parameters), 1).over(factor.into());
+            let ratio = ratio.and_then(|ratio| ratio.times_ten_to(FEED_EXPONENT.saturating_sub(exponent)));
+            (ratio, if weighting.by_parameter { 78 } else { 123 })
         }
-        _ => return Err(unsupported(76)),
     };
-    let at_motor = |ratio: Ratio| {
-        if kind & AT_LOAD == 0 { Some(ratio) } else { ratio.times(gear(parameters, 122))?.over(gear(parameters, 121)) }
+    let at_motor = |ratio: Ratio| match weighting.at_load {
+        true => ratio.times(gear(parameters, 122))?.over(gear(parameters, 121)),
+        false => Some(ratio),
     };
     let out_of_range = invalid(culprit)(SettingsError::PositionScaleOutOfRange);
     increments.and_then(at_motor).map(|increments| (increments, culprit)).ok_or(out_of_range)
 }
 
 /// Revolutions of the load gear: S-0-0121 at its input, the motor, S-0-0122 at its output, the load.
-fn gear(parameters: &Parameters, number: u16) -> u64 {
+pub(super) fn gear(parameters: &Parameters, number: u16) -> u64 {
     parameters.get(Idn::standard(number)).into()
 }
 
 /// S-0-0123 in its own increments of 10^-7 m a revolution.
-fn feed(parameters: &Parameters) -> u64 {
+pub(super) fn feed(parameters: &Parameters) -> u64 {
     parameters.get(Idn::standard(123)).into()
 }
 
 /// A ratio in its lowest terms; `None` from an operation that leaves 64 bits.
-#[derive(Clone, Copy)]
-struct Ratio {
-    numerator: u64,
-    denominator: u64,
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
+pub(super) struct Ratio {
+    pub(super) numerator: u64,
+    pub(super) denominator: u64,
 }
 
 impl Ratio {
-    const fn new(numerator: u64, denominator: u64) -> Self {
+    pub(super) const fn new(numerator: u64, denominator: u64) -> Self {
         Self { numerator, denominator }
     }
 
-    fn times(self, factor: u64) -> Option<Self> {
+    pub(super) fn times(self, factor: u64) -> Option<Self> {
         let common = greatest_common_divisor(factor, self.denominator);
         Some(Self {
             numerator: self.numerator.checked_mul(factor.checked_div(common)?)?,
@@ -161,17 +171,20 @@ impl Ratio {
         })
     }
 
-    fn over(self, divisor: u64) -> Option<Self> {
+    pub(super) fn over(self, divisor: u64) -> Option<Self> {
         let Self { numerator, denominator } = Self::new(self.denominator, self.numerator).times(divisor)?;
         Some(Self::new(denominator, numerator))
     }
 
     /// The motor's share of a rate of the load, if bit 6 of the scaling type says that it is the load's.
-    fn over_gear(self, kind: u16, parameters: &Parameters) -> Option<Self> {
-        if kind & AT_LOAD == 0 { Some(self) } else { self.times(gear(parameters, 121))?.over(gear(parameters, 122)) }
+    fn over_gear(self, weighting: &Weighting, parameters: &Parameters) -> Option<Self> {
+        match weighting.at_load {
+            true => self.times(gear(parameters, 121))?.over(gear(parameters, 122)),
+            false => Some(self),
+        }
     }
 
-    fn times_ten_to(self, exponent: i32) -> Option<Self> {
+    pub(super) fn times_ten_to(self, exponent: i32) -> Option<Self> {
         let power = 10_u64.checked_pow(exponent.unsigned_abs())?;
         if exponent < 0 { self.over(power) } else { self.times(power) }
     }
@@ -187,25 +200,10 @@ fn greatest_common_divisor(mut larger: u64, mut smaller: u64) -> u64 {
 }
 
 /// One increment of S-0-0123 is 10^-7 m, and so is the preferred linear position increment.
-const FEED_EXPONENT: i32 = -7;
+pub(super) const FEED_EXPONENT: i32 = -7;
 
 /// Radians of a revolution, 8 * 10^-8 of itself too large.
-const TWO_PI: Ratio = Ratio::new(710, 113);
-
-/// Preferred rotary position scaling: 0.0001 degree.
-const PREFERRED_INCREMENTS: u64 = 3_600_000;
-
-/// Bits of a scaling type that this drive does not have must be zero: inches, and what is reserved.
-const POSITION_TYPE_BITS: u16 = 0b1100_1111;
-const VELOCITY_TYPE_BITS: u16 = 0b0110_1111;
-const ACCELERATION_TYPE_BITS: u16 = 0b0100_1111;
-const UNIT: u16 = 7;
-const LINEAR: u16 = 1;
-const ROTARY: u16 = 2;
-const BY_PARAMETER: u16 = 1 << 3;
-const PER_SECOND: u16 = 1 << 5;
-const AT_LOAD: u16 = 1 << 6;
-const MODULO: u16 = 1 << 7;
+pub(super) const TWO_PI: Ratio = Ratio::new(710, 113);
 
 #[cfg(test)]
 mod tests {

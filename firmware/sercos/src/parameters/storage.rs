@@ -12,8 +12,6 @@ pub(super) enum Storage {
     None,
     /// Two or four bytes: one cell.
     Cell(u8),
-    /// Eight bytes: two cells, the low half first.
-    TwoCells(u8),
     /// A list of IDNs.
     Idns(u8),
     /// A list of two-byte numbers.
@@ -54,12 +52,13 @@ pub(super) fn all() -> impl Iterator<Item = (&'static DataBlock, Storage)> {
 const fn kind_of(block: &DataBlock, counts: &Counts) -> Storage {
     match (block.attribute.length(), block.attribute.format()) {
         (Length::Two | Length::Four, _) => Storage::Cell(counts.cells as u8),
-        (Length::Eight, _) => Storage::TwoCells(counts.cells as u8),
         (Length::ListOfBytes, _) => Storage::Text(counts.texts as u8),
         (Length::ListOfTwo, Format::Idn) => Storage::Idns(counts.idns as u8),
         (Length::ListOfTwo, _) => Storage::Words(counts.words as u8),
         (Length::ListOfFour, _) => Storage::Longs(counts.longs as u8),
-        (Length::ListOfEight | Length::Reserved, _) => panic!("a parameter of a length that has no place"),
+        (Length::Eight | Length::ListOfEight | Length::Reserved, _) => {
+            panic!("a parameter of a length that has no place")
+        }
     }
 }
 
@@ -75,7 +74,6 @@ const fn lay_out() -> ([Storage; ROWS.len()], Counts) {
             match place {
                 Storage::None => {}
                 Storage::Cell(_) => counts.cells += 1,
-                Storage::TwoCells(_) => counts.cells += 2,
                 Storage::Idns(_) => counts.idns += 1,
                 Storage::Words(_) => counts.words += 1,
                 Storage::Longs(_) => counts.longs += 1,
@@ -101,10 +99,6 @@ const fn defaults() -> [u32; COUNTS.cells] {
                 assert!(block.attribute.value_of(raw) == block.default, "a default does not fit its format");
                 cells[index as usize] = raw as u32;
             }
-            Storage::TwoCells(index) => {
-                cells[index as usize] = block.default as u32;
-                cells[index as usize + 1] = (block.default >> 32) as u32;
-            }
             _ => {}
         }
         row += 1;
@@ -116,7 +110,6 @@ const fn defaults() -> [u32; COUNTS.cells] {
 pub(super) const fn default_of(block: &DataBlock) -> u64 {
     match block.fixed_bytes() {
         Some(2) => block.default as u16 as u64,
-        Some(4) => block.default as u32 as u64,
-        _ => block.default as u64,
+        _ => block.default as u32 as u64,
     }
 }

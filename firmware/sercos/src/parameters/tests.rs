@@ -26,7 +26,7 @@ fn every_parameter_has_a_place_of_its_own() {
         parameters.set(block.idn, distinct(block, value)).unwrap();
     }
     for (block, value) in fixed().zip(1..) {
-        assert_eq!(parameters.get_long(block.idn), distinct(block, value), "{}", block.idn);
+        assert_eq!(u64::from(parameters.get(block.idn)), distinct(block, value), "{}", block.idn);
     }
     parameters.set_list(Idn::AT_LIST, &[Idn::POSITION_FEEDBACK]).unwrap();
     assert_eq!(parameters.list(Idn::MDT_LIST), []);
@@ -50,14 +50,9 @@ fn distinct(block: &DataBlock, number: u64) -> u64 {
             let span = maximum.abs_diff(minimum).saturating_add(1);
             (maximum - (number % span) as i64) as u64
         }
-        None if block.fixed_bytes() == Some(8) => number | number << 32,
         None => number,
     };
-    match block.fixed_bytes() {
-        Some(2) => value & 0xFFFF,
-        Some(4) => value & 0xFFFF_FFFF,
-        _ => value,
-    }
+    if block.fixed_bytes() == Some(2) { value & 0xFFFF } else { value & 0xFFFF_FFFF }
 }
 
 #[test]
@@ -123,12 +118,43 @@ fn the_defaults_come_back_for_what_is_stored_and_for_nothing_else() {
     parameters.set(Idn::standard(2), 4_000).unwrap();
     parameters.set(Idn::standard(104), 250).unwrap();
     parameters.set_text(Idn::standard(142), b"folder").unwrap();
-    parameters.set(Idn::product(8), u64::MAX).unwrap();
+    parameters.set_text(Idn::product(8), b"4711").unwrap();
     parameters.load_defaults();
     assert_eq!(parameters.get(Idn::standard(2)), 4_000);
     assert_eq!(parameters.get(Idn::standard(104)), 100);
     assert_eq!(parameters.text(Idn::standard(142)), "");
-    assert_eq!(parameters.get_long(Idn::product(8)), 0);
+    assert_eq!(parameters.text(Idn::product(8)), "");
+}
+
+#[test]
+fn the_control_unit_cycle_follows_the_communication_cycle_until_the_master_writes_it() {
+    let cycles = |parameters: &Parameters| [1, 2].map(|number| parameters.get(Idn::standard(number)));
+    let mut parameters = Parameters::new();
+    parameters.set(Idn::standard(2), 4_000).unwrap();
+    assert_eq!(cycles(&parameters), [4_000, 4_000]);
+    parameters.set(Idn::standard(1), 8_000).unwrap();
+    parameters.mark_written(Idn::standard(1));
+    parameters.set(Idn::standard(2), 1_000).unwrap();
+    assert_eq!(cycles(&parameters), [8_000, 1_000]);
+    // The next run-up need not write it.
+    parameters.forget_written();
+    assert_eq!(cycles(&parameters), [1_000, 1_000]);
+}
+
+#[test]
+fn a_cycle_time_that_the_ring_cannot_have_is_refused() {
+    for number in [1, 2] {
+        let mut parameters = Parameters::new();
+        let before = parameters.clone();
+        for microseconds in [501, 800, 1_125, 64_999] {
+            let refused = parameters.set(Idn::standard(number), microseconds);
+            assert_eq!(refused, Err(ServiceError::InvalidData), "S-0-{number:04} = {microseconds}");
+        }
+        assert_eq!(parameters, before);
+        for microseconds in [500, 750, 65_000] {
+            parameters.set(Idn::standard(number), microseconds).unwrap();
+        }
+    }
 }
 
 #[test]
@@ -141,8 +167,8 @@ fn the_checksum_sees_every_stored_data_block_and_no_other() {
         let mut other = fresh.clone();
         let changed = match storage_of(block.idn) {
             Storage::None => panic!("{} is stored nowhere", block.idn),
-            Storage::Cell(_) | Storage::TwoCells(_) => {
-                let now = other.get_long(block.idn);
+            Storage::Cell(_) => {
+                let now = u64::from(other.get(block.idn));
                 other
                     .set(block.idn, now + 1)
                     .or_else(|_| other.set(block.idn, now.wrapping_sub(1)))

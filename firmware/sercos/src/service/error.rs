@@ -6,7 +6,7 @@ use core::fmt;
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub enum Element {
-    /// 1: writing it opens the channel.
+    /// 1: writing it opens the channel, reading it shows what is open.
     Idn = 1,
     /// 2.
     Name = 2,
@@ -52,7 +52,7 @@ pub enum ServiceError {
     ChannelNotOpen,
     /// 1001H.
     IdnNotAvailable,
-    /// 1009H: element 1 was read, or written without END.
+    /// 1009H: element 1 was written without END.
     InvalidIdnAccess,
     /// n001H: the data block does not have this element.
     NotAvailable(Element),

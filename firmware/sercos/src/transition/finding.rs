@@ -41,8 +41,12 @@ pub enum Reason {
     },
     /// An operation mode needs a command value that the MDT does not carry.
     CommandValueMissing(Idn),
-    /// Asks for position feedback 2, which this drive does not have (P-0-0005).
+    /// Asks for position feedback 2, which this drive does not have (P-0-2705).
     NoFeedback2,
+    /// Does not go together with this other data block.
+    Contradicts(Idn),
+    /// Bits 0 and 2 of a position polarity differ: S-0-0047 and S-0-0051 would count in opposite directions.
+    MixedPolarity,
 }
 
 impl Reason {
@@ -61,11 +65,13 @@ impl Reason {
             Reason::TooLate { .. } => 0x000A,
             Reason::CommandValueMissing(_) => 0x000B,
             Reason::NoFeedback2 => 0x000C,
+            Reason::Contradicts(_) => 0x000D,
+            Reason::MixedPolarity => 0x000E,
         }
     }
 
     /// One of each kind, for the manual.
-    pub const ALL: [Reason; 12] = [
+    pub const ALL: [Reason; 14] = [
         Reason::NeverWritten,
         Reason::OutOfRange,
         Reason::NotSupported,
@@ -78,6 +84,8 @@ impl Reason {
         Reason::TooLate { latest_ns: 1_970_000 },
         Reason::CommandValueMissing(Idn::POSITION_COMMAND),
         Reason::NoFeedback2,
+        Reason::Contradicts(Idn::standard(50)),
+        Reason::MixedPolarity,
     ];
 }
 
@@ -97,7 +105,9 @@ impl fmt::Display for Reason {
             }
             Reason::TooLate { latest_ns } => write!(formatter, "too late, at most {} us", latest_ns / 1_000),
             Reason::CommandValueMissing(idn) => write!(formatter, "the MDT does not carry {idn}"),
-            Reason::NoFeedback2 => formatter.write_str("no position feedback 2, see P-0-0005"),
+            Reason::NoFeedback2 => formatter.write_str("no position feedback 2, see P-0-2705"),
+            Reason::Contradicts(idn) => write!(formatter, "contradicts {idn}"),
+            Reason::MixedPolarity => formatter.write_str("bits 0 and 2, command and feedback, must be equal"),
         }
     }
 }

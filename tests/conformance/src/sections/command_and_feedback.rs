@@ -60,9 +60,9 @@ pub(super) fn cases() -> Vec<Case> {
         ensure((turned - 90_000).abs() < 1_000, || format!("{turned} of 0.0001 degrees"))
     }));
     for (source, what) in [(1, "that of the motor encoder"), (0, "0")] {
-        let rule = format!("with P-0-0005 = {source} S-0-0053 is {what}");
-        cases.push(Case::new(SECTION, rule, "sercos2.md 1.8, P-0-0005", move |slave| {
-            slave.run_up(4, Configuration::default().with(0x8005, &[source]).with_long(52, 987_654))?;
+        let rule = format!("with P-0-2705 = {source} S-0-0053 is {what}");
+        cases.push(Case::new(SECTION, rule, "sercos2.md 1.8, P-0-2705", move |slave| {
+            slave.run_up(4, Configuration::default().with(0x8000 | 2705, &[source]).with_long(52, 987_654))?;
             slave.cycles(50);
             ensure(slave.command(447)? == 3, || "S-0-0447 fails".to_owned())?;
             slave.cycles(5);

@@ -26,6 +26,21 @@ pub(super) fn cases() -> Vec<Case> {
             if phase >= 2 { expect("S-0-0014", slave.number(INTERFACE)?, phase.into()) } else { Ok(()) }
         }));
     }
+    cases.push(Case::new(
+        SECTION,
+        "a master that writes only what S-0-0127 asks for comes from a fresh drive to CP4",
+        "sercos2.md 2.3",
+        |slave| {
+            slave.to_cp2()?;
+            let Configuration { cycle, t1, t2, position, length, .. } = Configuration::default();
+            for (idn, value) in [(2, cycle), (6, t1), (89, t2), (9, position), (10, length)] {
+                slave.must_set(idn, &[value])?;
+            }
+            slave.to_cp3()?;
+            slave.to_cp4()?;
+            expect("S-0-0014", slave.number(INTERFACE)?, 4)
+        },
+    ));
     for phase in 1..=4 {
         let rule = format!("CP0 from CP{phase} is no error, and the next run-up needs no reset");
         cases.push(Case::new(SECTION, rule, "sercos2.md 2.2", move |slave| {

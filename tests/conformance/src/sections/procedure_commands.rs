@@ -260,10 +260,8 @@ fn effects() -> Vec<Case> {
 /// What is written instead, the data block to blame, the reason code, and a word of the text.
 type Finding = (&'static str, &'static [(u16, &'static [u16])], u16, u16, &'static str);
 
-const FOR_CP3: [Finding; 16] = [
-    ("S-0-0002 = 2100, no multiple of 250 us", &[(2, &[2_100])], 2, 3, "support"),
+const FOR_CP3: [Finding; 14] = [
     ("S-0-0001 = 3000, no multiple of S-0-0002", &[(1, &[3_000])], 1, 6, "multiple"),
-    ("S-0-0006 = 5, below S-0-0003", &[(6, &[5])], 6, 9, "early"),
     ("S-0-0007 = 1990, too late for S-0-0005", &[(7, &[1_990])], 7, 10, "late"),
     ("S-0-0008 = 1030, inside the MDT", &[(8, &[1_030])], 8, 9, "early"),
     ("S-0-0008 = 2001, beyond the cycle", &[(8, &[2_001])], 8, 10, "late"),
@@ -272,8 +270,8 @@ const FOR_CP3: [Finding; 16] = [
     ("S-0-0010 = 9, odd", &[(10, &[9])], 10, 7, "even"),
     ("S-0-0010 = 6, too short for the record", &[(10, &[6])], 9, 8, "behind"),
     ("S-0-0015 = 8, a reserved bit", &[(15, &[8])], 15, 3, "support"),
-    ("S-0-0015 = 12 without feedback 2", &[(15, &[12])], 15, 12, "P-0-0005"),
-    ("S-0-0016 with S-0-0053 without feedback 2", &[(15, &[7]), (16, &[2, 2, 53])], 16, 12, "P-0-0005"),
+    ("S-0-0015 = 12 without feedback 2", &[(15, &[12])], 15, 12, "P-0-2705"),
+    ("S-0-0016 with S-0-0053 without feedback 2", &[(15, &[7]), (16, &[2, 2, 53])], 16, 12, "P-0-2705"),
     ("S-0-0024 with an IDN twice", &[(15, &[7]), (24, &[4, 4, 80, 80])], 24, 4, "twice"),
     ("S-0-0089 = 250, before the end of the AT", &[(89, &[250])], 89, 9, "early"),
     ("S-0-0089 = 1990, too late for S-0-0088", &[(89, &[1_990])], 89, 10, "late"),
@@ -302,16 +300,16 @@ fn findings_for_cp3() -> Vec<Case> {
         "S-0-0127 finds several at once, in ascending order, each with its reason",
         "sercos2.md 2.3",
         |slave| {
-            slave.run_up(2, Configuration { t1: 5, t4: 1_990, position: 2, ..Configuration::default() })?;
+            slave.run_up(2, Configuration { t2: 250, t4: 1_990, position: 2, ..Configuration::default() })?;
             expect("S-0-0127", slave.command(CHECK_CP3)?, 0xF)?;
-            expect("S-0-0021", slave.entries(21)?, vec![6, 7, 9])?;
-            expect("P-0-0001", slave.entries(0x8001)?, vec![9, 10, 7])
+            expect("S-0-0021", slave.entries(21)?, vec![7, 9, 89])?;
+            expect("P-0-0001", slave.entries(0x8001)?, vec![10, 7, 9])
         },
     ));
     cases
 }
 
-const FOR_CP4: [Finding; 14] = [
+const FOR_CP4: [Finding; 19] = [
     ("S-0-0032 = 0, no primary mode", &[(32, &[0])], 32, 3, "support"),
     ("S-0-0032 = 4, position with encoder 2", &[(32, &[4])], 32, 3, "support"),
     ("S-0-0032 = 3 without S-0-0047 in the MDT", &[(32, &[3])], 32, 11, "S-0-0047"),
@@ -325,6 +323,11 @@ const FOR_CP4: [Finding; 14] = [
     ("S-0-0078: increments beyond the drive", &[(76, &[9]), (78, &[32])], 78, 3, "support"),
     ("S-0-0079 = 1 increment a revolution", &[(76, &[0x0A]), (79, &[1, 0])], 79, 3, "support"),
     ("S-0-0103 = 0 with modulo", &[(76, &[0x82]), (103, &[0, 0])], 103, 2, "minimum"),
+    ("S-0-0055 = 1, a command that counts against the feedback", &[(55, &[1])], 55, 14, "bits 0 and 2"),
+    ("S-0-0055 = 25H, a reserved bit", &[(55, &[0x25])], 55, 3, "support"),
+    ("S-0-0085 = 8, a reserved bit", &[(85, &[8])], 85, 3, "support"),
+    ("S-0-0049 below S-0-0050", &[(49, &[9, 0]), (50, &[10, 0])], 49, 13, "S-0-0050"),
+    ("position limits of an endless axis", &[(76, &[0x82]), (55, &[0x10])], 55, 13, "S-0-0076"),
     ("S-0-0277 = 1, a linear encoder", &[(277, &[1])], 277, 3, "support"),
 ];
 

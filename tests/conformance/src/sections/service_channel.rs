@@ -12,10 +12,9 @@ use crate::walk;
 const SECTION: Section = Section::ServiceChannel;
 
 /// Data of every length that the service channel has: two values that are legal in CP2.
-const LENGTHS: [(u16, &str, [&[u16]; 2]); 7] = [
+const LENGTHS: [(u16, &str, [&[u16]; 2]); 6] = [
     (2, "2 bytes", [&[1_000], &[65_000]]),
     (79, "4 bytes", [&[0x1234, 0x0056], &[1, 0]]),
-    (0x8008, "8 bytes", [&[1, 2, 3, 4], &[0xFFFF, 0xFFFF, 0xFFFF, 0xFFFF]]),
     (142, "1-byte items", [&[5, 5, 0x7270, 0x7365, 0x0073], &[2, 2, 0x4141]]),
     (16, "2-byte items of IDNs", [&[6, 6, 11, 51, 0x8013], &[0, 0]]),
     (328, "2-byte items of numbers", [&[4, 4, 15, 0], &[2, 2, 7]]),
@@ -47,6 +46,7 @@ fn elements() -> Vec<Case> {
         cases.push(Case::new(SECTION, rule, "IGS 4.2.2.1 a", move |slave| {
             slave.run_up(phase, Configuration::application(&[51], &[36]))?;
             slave.open(2)?;
+            expect("element 1", slave.words(1, 1)?, Ok(vec![2]))?;
             expect("name", slave.list(2)?.map(|words| words.len() > 10), Ok(true))?;
             expect("attribute", slave.words(3, 2)?, Ok(vec![0x0001, 0x6011]))?;
             expect("unit", slave.list(4)?, Ok(vec![2, 2, u16::from_le_bytes(*b"us")]))?;
@@ -113,11 +113,16 @@ fn elements() -> Vec<Case> {
 fn limits() -> Vec<Case> {
     let mut cases = Vec::new();
     // IDN, words, answer.
-    let rows: [(u16, &'static [u16], Result<(), u16>); 16] = [
+    let rows: [(u16, &'static [u16], Result<(), u16>); 21] = [
         (2, &[500], Ok(())),
         (2, &[499], Err(0x7006)),
         (2, &[65_000], Ok(())),
         (2, &[65_001], Err(0x7007)),
+        (1, &[800], Err(0x7008)),
+        (2, &[800], Err(0x7008)),
+        (2, &[2_100], Err(0x7008)),
+        (6, &[11], Err(0x7006)),
+        (6, &[12], Ok(())),
         (9, &[0], Err(0x7006)),
         (10, &[65_535], Err(0x7007)),
         (79, &[0, 0], Err(0x7006)),
@@ -127,7 +132,7 @@ fn limits() -> Vec<Case> {
         (46, &[33], Err(0x7007)),
         (57, &[0xFFFF, 0xFFFF], Err(0x7006)),
         (265, &[2], Err(0x7007)),
-        (269, &[0], Err(0x7004)),
+        (269, &[0], Err(0x7006)),
         (413, &[16], Err(0x7007)),
         (99, &[2], Err(0x7008)),
     ];
@@ -146,7 +151,7 @@ fn limits() -> Vec<Case> {
 
 fn protection() -> Vec<Case> {
     let mut cases = Vec::new();
-    for idn in [3_u16, 11, 17, 30, 51, 96, 135, 187, 390, 0x8001, 0x8006] {
+    for idn in [3_u16, 11, 17, 30, 51, 96, 135, 187, 390, 0x8001] {
         let rule = format!("{} is read-only: 7004H in every phase", Idn(idn));
         cases.push(Case::new(SECTION, rule, "IGS 4.2.2.2 a", move |slave| {
             for phase in 2..=4 {
@@ -283,6 +288,36 @@ fn lengths() -> Vec<Case> {
             expect("operation data", slave.get(idn)?, before)
         }));
     }
+    cases.push(Case::new(
+        SECTION,
+        "S-0-0001 reads as S-0-0002 until the master writes it, and again in the next run-up",
+        "sercos2.md 2.3",
+        |slave| {
+            slave.to_cp2()?;
+            slave.must_set(2, &[4_000])?;
+            expect("S-0-0001", slave.number(1)?, 4_000)?;
+            slave.must_set(1, &[8_000])?;
+            slave.must_set(2, &[1_000])?;
+            expect("S-0-0001, written", slave.number(1)?, 8_000)?;
+            slave.to_cp2()?;
+            expect("S-0-0001 in the next CP2", slave.number(1)?, 1_000)
+        },
+    ));
+    for (idn, value) in [(208, 0), (269, 1)] {
+        let rule = format!("S-0-{idn:04} takes the value that it has, as from a backup, and no other: 7006H, 7007H");
+        cases.push(Case::new(SECTION, rule, "sercos2.md Appendix A", move |slave| {
+            for phase in 2..=4 {
+                slave.run_up(phase, Configuration::default())?;
+                expect("its own", slave.set(idn, &[value])?, Ok(()))?;
+                expect("a higher one", slave.set(idn, &[value + 1])?, Err(0x7007))?;
+                if let Some(lower) = value.checked_sub(1) {
+                    expect("a lower one", slave.set(idn, &[lower])?, Err(0x7006))?;
+                }
+                expect("operation data", slave.number(idn)?, value.into())?;
+            }
+            Ok(())
+        }));
+    }
     cases.push(Case::new(SECTION, "the master's idea of the maximum length is ignored", "sercos2.md 3.2", |slave| {
         slave.to_cp2()?;
         for maximum in [0, 2, 32, 0xFFFF] {
@@ -296,6 +331,10 @@ fn lengths() -> Vec<Case> {
 
 fn dialogues() -> Vec<Case> {
     let mut cases = Vec::new();
+    cases.push(Case::new(SECTION, "element 1 read on a closed channel: 0001H", "sercos2.md 3.5", |slave| {
+        slave.to_cp2()?;
+        expect("answer", slave.send(1, false, true, 2)?.result(), Err(0x0001))
+    }));
     for element in 2..=7 {
         let rule = format!("element {element} on a closed channel: 0001H");
         cases.push(Case::new(SECTION, rule, "sercos2.md 3.5", move |slave| {
@@ -319,9 +358,8 @@ fn dialogues() -> Vec<Case> {
             Ok(())
         }));
     }
-    cases.push(Case::new(SECTION, "element 1 is read, or written without END: 1009H", "sercos2.md 3.5", |slave| {
+    cases.push(Case::new(SECTION, "element 1 is written without END: 1009H", "sercos2.md 3.5", |slave| {
         slave.to_cp2()?;
-        expect("read", slave.send(1, false, true, 2)?.result(), Err(0x1009))?;
         expect("without END", slave.send(1, true, false, 2)?.result(), Err(0x1009))
     }));
     type Interruption = (&'static str, fn(&mut Slave) -> Outcome);

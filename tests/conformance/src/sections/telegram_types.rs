@@ -15,7 +15,7 @@ const TORQUE_COMMAND: u16 = 80;
 const VELOCITY: u16 = 40;
 const POSITION: u16 = 51;
 const POSITION_2: u16 = 53;
-const FEEDBACK_2_SOURCE: u16 = 0x8005;
+const FEEDBACK_2_SOURCE: u16 = 0x8000 | 2705;
 const APPLICATION_WORD: u16 = 0x8013;
 
 /// Type, data of the MDT, data of the AT (sercos2.md 1.8).

@@ -25,12 +25,13 @@ const NEVER_WRITTEN: [u16; 24] = [
 const LIMITS: [u16; 22] =
     [91, 92, 38, 39, 82, 83, 138, 372, 136, 137, 159, 349, 49, 50, 52, 57, 124, 259, 260, 193, 200, 201];
 
-pub(crate) const FAULTS: [Fault; 25] = [
+pub(crate) const FAULTS: [Fault; 26] = [
     Fault::Overcurrent,
     Fault::CurrentSum,
     Fault::ConvertersStuck,
     Fault::Overvoltage,
     Fault::MainPowerLost,
+    Fault::EmergencyStop,
     Fault::GateDriver,
     Fault::EncoderFrozen,
     Fault::EncoderSlip,

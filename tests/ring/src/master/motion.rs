@@ -12,6 +12,10 @@ const TORQUE: u16 = 3;
 /// What makes a drive follow its commands (sercos2.md 1.6).
 const FOLLOW: u16 = control::ON | control::ENABLE | control::NO_HALT;
 
+/// So many MDTs of CP4 carry a control word of 0 before a drive is switched on: an edge needs both of its sides in CP4, and one of them
+/// may be lost.
+const OFF_CYCLES: u64 = 2;
+
 /// How far the motion has come; all drives are always in the same stage.
 #[derive(Copy, Clone, Debug, PartialEq, Eq)]
 pub(super) enum Stage {
@@ -83,14 +87,8 @@ impl ScriptedMaster {
         };
         Ok(Some(match stage {
             Stage::Power { waited } => {
-                // A drive takes no edge for one of which it has not seen both sides in CP4, and one of the MDTs may be lost.
-                if waited > 1
-                    && wait("power (status bits 15..14 = 2)", waited, |word| status::readiness(word) >= POWER)?
-                {
-                    Stage::Follow { waited: 0 }
-                } else {
-                    stage
-                }
+                let power = wait("power (status bits 15..14 = 2)", waited, |word| status::readiness(word) >= POWER)?;
+                if power && waited >= OFF_CYCLES { Stage::Follow { waited: 0 } } else { stage }
             }
             Stage::Follow { waited } => {
                 let follows = |word| status::readiness(word) == TORQUE && word & status::FOLLOWS != 0;

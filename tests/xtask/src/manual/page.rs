@@ -6,6 +6,7 @@ use sercos::data_block::{Bits, Cyclic, DataBlock, Location, NeededFor, Selection
 use sercos::dictionary::{self, DICTIONARY};
 use sercos::service::{Element, ServiceError};
 use sercos::transition::Reason;
+use sercos::weighting::Unit;
 use std::fmt::Write;
 
 /// The whole page.
@@ -30,7 +31,11 @@ fn introduction(page: &mut String) {
          {all} data blocks: {} of the standard (S) and {product} of this drive (P).\n\n\
          * **Type**: bytes of the operation data, or `list` with the bytes of an item; `binary`, `unsigned`, `signed`, `hex`, \
          `text`, `IDN`; `command` for a procedure command.\n\
-         * **Range and default** are shown with their decimal places; `-` where there is no limit.\n\
+         * **Unit** and decimal places of data that follow a scaling type (*by S-0-0076*) are those of its default; elements 3 and 4 always \
+         say those of the scaling in force, with a scaling factor that is not 1 as the conversion factor of the attribute, and `inc` \
+         where no decimal fraction is an increment.\n\
+         * **Range and default** are shown with their decimal places; `-` where there is no limit. The limits of data that follow a \
+         scaling are numbers of increments, whatever these are.\n\
          * **Written in**: communication phases in which the master may write; read-only where there is none. Password S-0-0267 \
          locks what is *stored*.\n\
          * **AT**, **MDT**: can be configured there (S-0-0016, S-0-0024). **Stored**: a control saves it (S-0-0192). \
@@ -54,7 +59,7 @@ fn data_blocks(page: &mut String) {
                 block.name,
                 block.documentation,
                 type_of(block),
-                block.unit,
+                unit_of(block),
                 range(block),
                 default(block),
                 phases(block),
@@ -90,6 +95,14 @@ fn type_of(block: &DataBlock) -> String {
         Format::Reserved => "?",
     };
     format!("{length} {format}")
+}
+
+/// The unit under the default of the scaling, and the scaling type that may make another of it.
+fn unit_of(block: &DataBlock) -> String {
+    match block.unit {
+        Unit::Fixed(unit) => unit.to_owned(),
+        Unit::Scaled(dimension) => format!("{}<br>by {}", dimension.preferred().unit, dimension.scaling_type()),
+    }
 }
 
 fn range(block: &DataBlock) -> String {
@@ -206,7 +219,7 @@ fn errors(page: &mut String) {
     for (error, meaning) in [
         (ServiceError::ChannelNotOpen, "no data block is open"),
         (ServiceError::IdnNotAvailable, "this drive has no such data block"),
-        (ServiceError::InvalidIdnAccess, "element 1 can only be written, in one word with END"),
+        (ServiceError::InvalidIdnAccess, "element 1 is written in one word, with END"),
         (ServiceError::NotAvailable(Element::Unit), "the data block does not have this element"),
         (ServiceError::TooShort(Element::Data), "END came before the data were complete"),
         (ServiceError::TooLong(Element::Data), "more data than there are, or than fit"),

@@ -52,7 +52,7 @@ impl Signal {
         let decimals = i32::from(u8::from(attribute.decimal_places()));
         let is_number = matches!(attribute.format(), Format::Unsigned | Format::Signed);
         let weight = if is_number { 10_f64.powi(-decimals) } else { 1.0 };
-        Some(Self { number: idn.0, name: block.name, unit: block.unit, weight })
+        Some(Self { number: idn.0, name: block.name, unit: block.unit.preferred(), weight })
     }
 }
 
