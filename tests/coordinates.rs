@@ -627,3 +627,67 @@ fn a_command_that_is_not_cyclic_is_brought_into_the_new_coordinates_by_homing() 
     axis.bench.write(148, Value::Word(0)).unwrap();
     near(f64::from(axis.signed(47)) / 10_000.0, 70.0, 0.1, "S-0-0047 after the command");
 }
+
+#[test]
+fn no_data_block_with_a_direction_is_missing_from_the_table_of_polarities() {
+    use sercos::weighting::Unit;
+    let page = include_str!("../docs/polarity.md");
+    let rows: Vec<&str> = page.lines().filter(|line| line.starts_with("| S-") || line.starts_with("| P-")).collect();
+    let has_motion = |unit: Unit| match unit {
+        Unit::Scaled(_) => true,
+        Unit::Fixed(unit) => ["deg", "rpm", "rad/s^2", "rad/s^3", "mm", "Nm", "N"].contains(&unit),
+    };
+    let mut found = 0;
+    for block in sercos::dictionary::DICTIONARY.iter().filter(|block| has_motion(block.unit)) {
+        let row = format!("| {} | {} | ", block.idn, block.name);
+        let rows = rows.iter().filter(|line| line.starts_with(&row)).count();
+        assert_eq!(rows, 1, "docs/polarity.md has no row {row}");
+        found += 1;
+    }
+    assert!(found >= 50, "{found}");
+    assert!(rows.iter().any(|row| row.starts_with("| S-0-0147 ")), "the homing direction");
+}
+
+/// One increment of velocity data is 1 rpm.
+const WHOLE_RPM: [(Idn, Value); 3] =
+    [(Idn(44), Value::Word(0x0A)), (Idn(45), Value::Word(1)), (Idn(46), Value::Word(0))];
+
+#[test]
+fn windows_keep_their_value_when_the_scaling_changes_and_a_motor_that_turns_does_not_stand() {
+    let mut axis = Axis::new(2, Counting::preferred(), vec![]);
+    let windows = [124, 125, 157, 41, 259].map(|idn| (idn, axis.signed(idn)));
+    // The next set is written by somebody who knows of the scaling, but of no windows. Limits of a foreign control have to be written.
+    let mut drive = script().drives.remove(0);
+    drive.parameters.retain(|(idn, _)| ![44, 45, 46, 124, 125, 157, 41, 259, 91, 113].contains(&idn.0));
+    let drive = drive.with(Idn::OPERATION_MODE, Value::Word(2)).with_all(WHOLE_RPM).with(Idn(91), Value::Long(3_000));
+    let motion = Motion { patience: 100_000, ..Motion::new(u64::MAX, |_| CommandValues::at_velocity(600)) };
+    let script = MasterScript { motion: Some(motion), stops_at_refusals: false, ..MasterScript::new(vec![drive]) };
+    axis.bench.world.ring_mut().master_mut().restart(script);
+    for _ in 0..1_000 {
+        axis.run(10);
+        if axis.bench.rpm() > 599.0 {
+            break;
+        }
+    }
+    axis.run(300);
+    assert!((598.0..602.0).contains(&axis.bench.rpm()), "{} rpm, {}", axis.bench.rpm(), axis.bench.text(0x8003));
+    assert_eq!(axis.bench.number(13) & 0b110, 0, "neither standstill nor below the threshold of 100 rpm");
+    for (idn, number) in windows {
+        let rpm = f64::from(number) / 10_000.0;
+        near(f64::from(axis.signed(idn)), rpm.round().max(1.0), 0.01, &format!("S-0-{idn:04}"));
+    }
+}
+
+#[test]
+fn a_value_that_does_not_fit_the_new_scaling_is_asked_for_by_the_transition_check() {
+    let mut drive = script().drives.remove(0);
+    drive.parameters.retain(|(idn, _)| idn.0 != 91);
+    // 10^-8 rpm: the 3 000 rpm of S-0-0091 would be 3 * 10^11.
+    let drive = drive.with_all([(Idn(44), Value::Word(0x0A)), (Idn(46), Value::Word(-8_i16 as u16))]);
+    let script = MasterScript { stops_at_refusals: false, ..MasterScript::new(vec![drive]) };
+    let mut bench = Bench::new(DriveSetup::new(ADDRESS), script);
+    bench.run(Nanoseconds::from_millis(4_000));
+    let error = format!("{:?}", bench.world.ring().master().report().error);
+    assert!(error.contains("91"), "{error}");
+    assert_eq!(bench.world.ring().master().phase(), 0);
+}

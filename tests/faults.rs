@@ -226,28 +226,37 @@ fn lost_main_power_is_an_undervoltage_with_a_stop_and_its_return_starts_nothing(
 }
 
 #[test]
-fn a_position_command_that_jumps_beyond_the_monitoring_window_stops_the_motor() {
-    // 90 degrees within a cycle; the default window S-0-0159 is 30.
-    let drive = DriveScript { telegram: Telegram::standard(4).unwrap(), ..script().drives.remove(0) };
-    let drive = drive.with(Idn::OPERATION_MODE, Value::Word(11));
-    let jump = |cycle: u64| if cycle < 50 { 0 } else { 900_000 };
-    let motion = Motion::new(1_000_000, move |point| CommandValues::at_position(point.start + jump(point.cycle)));
-    let script = MasterScript { motion: Some(motion), ..MasterScript::new(vec![drive]) };
-    let mut bench = Bench::new(DriveSetup::new(ADDRESS), script);
-    for _ in 0..1_000 {
-        bench.run(Nanoseconds::from_millis(10));
-        if bench.world.ring().master().is_done() {
-            break;
+fn a_position_command_that_jumps_beyond_the_monitoring_window_or_beyond_any_step_stops_the_motor() {
+    // The default window S-0-0159 is 30 degrees, and 45 are the most that S-0-0091 allows in a cycle.
+    for (step, farthest, diagnosis) in [(440_000, 44.0, [1 << 11, 0xF10B]), (900_000, 0.1, [1 << 15, 0xF11B])] {
+        let drive = DriveScript { telegram: Telegram::standard(4).unwrap(), ..script().drives.remove(0) };
+        let drive = drive.with(Idn::OPERATION_MODE, Value::Word(11));
+        let jump = move |cycle: u64| if cycle < 50 { 0 } else { step };
+        let motion = Motion::new(1_000_000, move |point| CommandValues::at_position(point.start + jump(point.cycle)));
+        let script = MasterScript { motion: Some(motion), ..MasterScript::new(vec![drive]) };
+        let mut bench = Bench::new(DriveSetup::new(ADDRESS), script);
+        let mut before = 0.0;
+        let angle = |bench: &mut Bench| {
+            let now = bench.world.now().0;
+            bench.drive.motor_side.borrow_mut().machine().angle(now) * 360.0
+        };
+        for _ in 0..1_000 {
+            bench.run(Nanoseconds::from_millis(10));
+            if bench.world.ring().master().is_done() {
+                break;
+            }
+            if bench.is_in_operation() && before == 0.0 {
+                before = angle(&mut bench);
+            }
         }
+        let error = bench.world.ring().master().report().error.clone();
+        assert!(matches!(error, Some(MasterError::ShutDown { address: ADDRESS, .. })), "{error:?}");
+        bench.run(Nanoseconds::from_millis(500));
+        assert!(!bench.has_torque());
+        let turned = angle(&mut bench) - before;
+        assert!((-0.1..farthest).contains(&turned), "{turned} degrees towards the command before the stop");
+        assert_eq!(bench.run_up_and_read(&[CLASS_1, DIAGNOSTIC_NUMBER]), diagnosis);
     }
-    let error = bench.world.ring().master().report().error.clone();
-    assert!(matches!(error, Some(MasterError::ShutDown { address: ADDRESS, .. })), "{error:?}");
-    bench.run(Nanoseconds::from_millis(500));
-    assert!(!bench.has_torque());
-    let now = bench.world.now().0;
-    let turned = bench.drive.motor_side.borrow_mut().machine().angle(now) * 360.0;
-    assert!((0.0..90.0).contains(&turned), "{turned} degrees towards the command before the stop");
-    assert_eq!(bench.run_up_and_read(&[CLASS_1, DIAGNOSTIC_NUMBER]), [1 << 11, 0xF10B]);
 }
 
 /// The drive sees these bits 15 to 8 of its control word for so many cycles of 2 ms, whatever the master says.

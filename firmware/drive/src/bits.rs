@@ -37,6 +37,8 @@ pub enum Word {
     Signals,
     /// S-0-0179.
     ProbeStatus,
+    /// S-0-0437, with S-0-0419 in bit 0.
+    Positioning,
 }
 
 /// What an IDN of S-0-0398 shows: a word, or one bit of it in bit 0.
@@ -78,6 +80,8 @@ impl Source {
             403 => whole(Word::PositionStatus),
             number @ 405..=407 => single(Word::Signals, number.saturating_sub(397)),
             number @ 408..=412 => single(Word::Signals, number.saturating_sub(405)),
+            419 => single(Word::Positioning, 0),
+            437 => whole(Word::Positioning),
             _ => None,
         }
     }

@@ -20,6 +20,7 @@ use crate::identity::Identity;
 use crate::interrupts::Interrupts;
 use crate::live::{Checks, Context, Finding};
 use crate::motion::Motion;
+use crate::rescaling::Rescaling;
 use crate::settings::MotionSettings;
 
 /// Why the drive cannot start.
@@ -69,6 +70,7 @@ pub struct Communication<B> {
     checks: Checks,
     commissioning: Commissioning,
     access: Access,
+    rescaling: Rescaling,
     errors: ErrorMemory,
     announcement: Announcement,
 }
@@ -76,13 +78,15 @@ pub struct Communication<B> {
 impl<B: Bus + Clone> Communication<B> {
     /// A drive that has not touched its chip yet.
     pub fn new(bus: B, identity: Identity) -> Self {
+        let parameters = Parameters::new();
         Self {
             identity,
             slave: Slave::new(bus.clone()),
             service: ServicePort::new(bus),
             phases: PhaseMachine::new(),
             server: Server::with_segment_words(SEGMENT_WORDS),
-            parameters: Parameters::new(),
+            rescaling: Rescaling::new(&parameters),
+            parameters,
             checks: Checks::default(),
             commissioning: Commissioning::default(),
             access: Access::default(),
@@ -175,12 +179,13 @@ impl<B: Bus + Clone> Communication<B> {
             commissioning: &mut self.commissioning,
             identity: &self.identity,
             access: &mut self.access,
+            rescaling: &mut self.rescaling,
             errors: &self.errors,
             settings_changed: &mut settings_changed,
         };
         // The motion side also starts this task for other news than the lock that S-0-0128 waits for.
         if context.checks.waits_for_lock && !context.motion.lock(|motion| motion.waits_for_lock()) {
-            let state = context.check_cp4(&self.parameters, false);
+            let state = context.check_cp4(&mut self.parameters, false);
             self.server.command_progress(Idn::CP4_TRANSITION_CHECK, state);
             self.service.set_command_change(self.server.command_change());
         }
@@ -210,6 +215,9 @@ impl<B: Bus + Clone> Communication<B> {
                 self.service.set_command_change(self.server.command_change());
             }
         }
+        if settings_changed {
+            self.rescaling.refresh(&mut self.parameters);
+        }
         if settings_changed && let Ok(settings) = MotionSettings::new(&self.parameters, H::LOOP_TIMER_COUNTS) {
             motion.lock(|motion| motion.apply_settings(settings));
         }
@@ -233,6 +241,7 @@ impl<B: Bus + Clone> Communication<B> {
             Phase::Cp0 | Phase::Cp1 => self.service.set_block(&Block::INITIAL),
             Phase::Cp2 => {
                 self.service.reset();
+                self.rescaling.take_over(&mut self.parameters);
                 self.parameters.forget_written();
             }
             Phase::Cp3 => self.service.set_block(&Block::CYCLIC),

@@ -76,6 +76,8 @@ bitflags! {
         const ALIGNMENT_DIRECTION = 1 << 10;
         /// The search for the commutation angle failed otherwise.
         const ALIGNMENT = 1 << 11;
+        /// The position command stepped further than S-0-0091 allows.
+        const COMMAND_JUMP = 1 << 12;
         /// All errors of the search for the commutation angle.
         const ALIGNMENTS = 7 << 9;
     }
@@ -223,8 +225,8 @@ diagnoses! {
         "The main power went away while torque was on. The axis was stopped out of the DC link; below P-0-0104 the torque went.",
         "Check mains, contactor and the wire of the main-power input; then S-0-0099.";
     EXCESSIVE_DEVIATION = 0xF10B "Excessive following distance", "Schleppabstand zu gross",
-        "The position was further from the command than S-0-0159 allows, or the command was, at switching on.",
-        "Check for a blocked axis, torque limit S-0-0092 and gains; align S-0-0047 with S-0-0051 before switching on.";
+        "The position was further from the command than S-0-0159 allows, or the command was, where following was to begin.",
+        "Check for a blocked axis, torque limit S-0-0092 and gains; align S-0-0047 with S-0-0051 before following begins.";
     COMMUNICATION = 0xF10C "Communication error", "Kommunikationsfehler",
         "The ring failed in CP3 or CP4, or the master broke the order of phases; S-0-0014 says which.",
         "Run up again from CP0, then S-0-0099.";
@@ -266,6 +268,9 @@ diagnoses! {
     ALIGNMENT = 0xF11A "Alignment failed", "Kommutierung fehlgeschlagen",
         "The commutation angle did not settle, a motor phase is missing, or the axis was moved from outside.",
         "Check the three motor phases; let the axis rest during the first switching-on; change P-0-0116.";
+    COMMAND_JUMP = 0xF11B "Position command jumped", "Lagesollwert springt",
+        "S-0-0047 with S-0-0048 stepped further than S-0-0091 and a quarter more make in a cycle S-0-0001.",
+        "Check the control's path and its cycle against S-0-0001, S-0-0091, and the position scaling; then S-0-0099.";
 }
 
 const PHASES: [&Diagnosis; 4] = [&PHASE_0, &PHASE_1, &PHASE_2, &PHASE_3];
@@ -288,7 +293,7 @@ static ERRORS: [(Class1, &Diagnosis); 12] = [
 ];
 
 /// The errors of S-0-0129, the gravest first. They stand before those of C1D: they say more.
-static OWN_ERRORS: [(Manufacturer1, &Diagnosis); 12] = [
+static OWN_ERRORS: [(Manufacturer1, &Diagnosis); 13] = [
     (Manufacturer1::AMPLIFIER_FAULT, &AMPLIFIER_FAULT),
     (Manufacturer1::CURRENT_SENSOR, &CURRENT_SENSOR),
     (Manufacturer1::DEADLINE, &DEADLINE),
@@ -301,6 +306,7 @@ static OWN_ERRORS: [(Manufacturer1, &Diagnosis); 12] = [
     (Manufacturer1::ALIGNMENT_DIRECTION, &ALIGNMENT_DIRECTION),
     (Manufacturer1::ALIGNMENT, &ALIGNMENT),
     (Manufacturer1::TEMPERATURE_SENSOR, &TEMPERATURE_SENSOR),
+    (Manufacturer1::COMMAND_JUMP, &COMMAND_JUMP),
 ];
 
 /// What a diagnosis is made of, and all that it is made of.

@@ -46,6 +46,7 @@ mod motor;
 mod mst;
 pub mod oscilloscope;
 mod record;
+mod rescaling;
 mod settings;
 mod snapshot;
 mod state;

@@ -24,8 +24,9 @@ use crate::identity::Identity;
 use crate::motion::{HomingFailure, Motion, MotorValue};
 use crate::oscilloscope::{self, Configuration};
 use crate::record::{Command, Feedback, Records};
+use crate::rescaling::Rescaling;
 use crate::settings::motor::FREQUENCY;
-use crate::settings::{InvalidSetting, MotionSettings, OperationMode, homing};
+use crate::settings::{Direction, InvalidSetting, MotionSettings, OperationMode, homing};
 
 /// So long S-0-0128 waits for the loops to lock to the ring: 200 ms in loop ticks, twice what a lock takes.
 const LOCK_PATIENCE_TICKS: u16 = 400;
@@ -46,6 +47,7 @@ const CANCEL_REFERENCE: Idn = Idn::standard(191);
 const LOAD_DEFAULTS: Idn = Idn::standard(262);
 const CHECKSUM: Idn = Idn::standard(326);
 const DIAGNOSTIC_NUMBER: Idn = Idn::standard(390);
+const COMMAND_VALUE_MODE: Idn = Idn::standard(393);
 const SET_ABSOLUTE_POSITION: Idn = Idn::standard(447);
 const ERROR_TIMES: Idn = Idn::product(4);
 const OPERATING_TIME: Idn = Idn::product(6);
@@ -95,6 +97,7 @@ pub(crate) struct Context<'a, B, M> {
     pub(crate) commissioning: &'a mut Commissioning,
     pub(crate) identity: &'a Identity,
     pub(crate) access: &'a mut Access,
+    pub(crate) rescaling: &'a mut Rescaling,
     pub(crate) errors: &'a ErrorMemory,
     /// A parameter of the loops has changed; they get it once the step is released.
     pub(crate) settings_changed: &'a mut bool,
@@ -184,23 +187,28 @@ where
     }
 
     /// S-0-0128, once more when the loop clock has locked. `patient`: still worth waiting for it.
-    pub(crate) fn check_cp4(&mut self, parameters: &Parameters, patient: bool) -> CommandState {
+    pub(crate) fn check_cp4(&mut self, parameters: &mut Parameters, patient: bool) -> CommandState {
         self.checks.waits_for_lock = false;
         let capabilities = self.capabilities();
         let Some(cyclic) = &self.checks.cyclic else { return CommandState::Failed };
+        let misfits = self.rescaling.misfits(parameters);
         let synchronised = self.motion.lock(|motion| motion.is_synchronised());
         let settings = MotionSettings::new(parameters, H::LOOP_TIMER_COUNTS);
         let mut invalid = match (transition::check_cp4(parameters, &capabilities, cyclic, synchronised), settings) {
-            (Ok(ready), Ok(settings)) => {
+            (Ok(ready), Ok(settings)) if misfits.is_empty() => {
+                self.rescaling.take_over(parameters);
                 self.checks.invalid_for_cp4 = InvalidData::default();
                 self.checks.finding = None;
                 self.motion.lock(|motion| motion.apply_settings(settings));
                 self.phases.permit_cp4(ready);
                 return CommandState::Executed;
             }
-            (Ok(_), Err(_)) => InvalidData::default(),
+            (Ok(_), _) => InvalidData::default(),
             (Err(invalid), _) => invalid,
         };
+        for idn in &misfits {
+            invalid.add(*idn, Reason::OldScaling);
+        }
         if let Err(setting) = settings {
             invalid.add(setting.idn, Reason::NotSupported);
         } else if patient && invalid.not_synchronised && invalid.findings().is_empty() {
@@ -274,6 +282,7 @@ where
         self.unlocked()?;
         self.without_torque(|context| {
             parameters.load_defaults();
+            context.rescaling.defaults_loaded(parameters);
             if context.phases.current() == Phase::Cp3 {
                 context.phases.withdraw();
             }
@@ -352,8 +361,10 @@ where
             96 => u64::from(u16::from_le_bytes([self.identity.address.get(); 2])),
             145 => commands.signal_control.into(),
             258 => commands.target_position.cast_unsigned().into(),
+            282 => commands.positioning_value.cast_unsigned().into(),
             304 => u64::from(snapshot.status_word >> 6 & 1),
             306 => u64::from(snapshot.status_word >> 7 & 1),
+            346 => commands.positioning_control.into(),
             // Parameters and unknown IDNs are not asked for here.
             _ => 0,
         }
@@ -543,6 +554,9 @@ where
         }
         if let Some(error) = oscilloscope::refuses_setting(idn, value, parameters) {
             return Some(error);
+        }
+        if idn == COMMAND_VALUE_MODE && Direction::from_parameter(value as u16).is_none() {
+            return Some(ServiceError::InvalidData);
         }
         // An angle that is taken over under torque would throw the motor to it.
         if idn == COMMUTATION_ANGLE {

@@ -13,15 +13,16 @@ use sercos::diagnostic::{Class1, Class2, Class3};
 use sercos::phase::PhaseError;
 use sercos::supervision::Supervision;
 use servo::{
-    Axis, AxisOutput, LOOP_TICKS_PER_SUPERVISION, Limiting, LoopClock, Mode, Position, RangeMonitor, Scope,
-    TwiceReadEncoder,
+    Axis, AxisOutput, LOOP_TICKS_PER_SUPERVISION, Limiting, LoopClock, Mode, RangeMonitor, Scope, TwiceReadEncoder,
 };
 
 mod background;
 mod clock_monitor;
 mod coordinates;
 mod cycle;
+mod following;
 mod identifying;
+mod positioning;
 mod range;
 mod recording;
 mod supervision;
@@ -30,6 +31,7 @@ mod words;
 
 pub(crate) use background::MotorValue;
 use clock_monitor::ClockMonitor;
+use positioning::Positioning;
 pub(crate) use travel::{HOME_SWITCH, HOMING_ENABLE, HomingFailure, PROBE_1_ENABLE, PROBE_2_ENABLE};
 use travel::{HomingRun, ProbeRun};
 
@@ -67,6 +69,10 @@ pub struct CommandValues {
     pub signal_control: u16,
     /// S-0-0258.
     pub target_position: i32,
+    /// S-0-0282.
+    pub positioning_value: i32,
+    /// S-0-0346.
+    pub positioning_control: u16,
 }
 
 impl CommandValues {
@@ -137,22 +143,17 @@ pub struct Motion<B, H> {
     identified: Option<Outcome>,
     /// P-0-0227.
     identification_percent: u8,
-    /// An identification has moved the axis: the first command after HALT is looked at before it is followed.
-    displaced: bool,
     /// P-0-0019 in the low half, the enable bits of S-0-0400 and S-0-0405 to S-0-0407 above.
     controlled: u32,
     homing_run: HomingRun,
     probe_run: ProbeRun,
-    /// S-0-0258 and the place that it means.
-    target: Option<(i32, Position)>,
+    positioning: Positioning,
     /// S-0-0403 bit 0.
     referenced: bool,
     /// S-0-0049 and S-0-0050, while they are in force.
     range_monitor: Option<RangeMonitor>,
     /// S-0-0148 holds the position until it is cancelled.
     homing: bool,
-    /// Homing has just ended with torque on: the next command is looked at before it is followed.
-    resuming: bool,
     /// Ticks of the supervision for which a lost telegram is still a warning.
     loss_shown: u16,
     /// Ticks of the supervision since the start.
@@ -229,15 +230,13 @@ impl<B: Bus + Clone, H: Hardware> Motion<B, H> {
             identification: None,
             identified: None,
             identification_percent: 0,
-            displaced: false,
             controlled: 0,
             homing_run: HomingRun::default(),
             probe_run: ProbeRun::default(),
-            target: None,
+            positioning: Positioning::default(),
             referenced: false,
             range_monitor: None,
             homing: false,
-            resuming: false,
             loss_shown: 0,
             supervisions: 0,
             diagnostic_number: 0,
@@ -343,9 +342,9 @@ impl<B: Bus + Clone, H: Hardware> Motion<B, H> {
         if homed { Work::SERVICE_CHANNEL } else { Work::empty() }
     }
 
-    /// The drive follows S-0-0258 by itself.
-    fn is_positioning(&self) -> bool {
-        self.axis.mode() == Mode::Travel && !self.homing
+    /// The drive goes to a target by itself, or waits in HALT to go on.
+    const fn is_positioning(&self) -> bool {
+        self.positioning.is_active()
     }
 
     /// Keeps the phase that the edge of t3 on this interrupt line has to the loop tick; to be called before the interrupt is acknowledged.
@@ -387,26 +386,22 @@ impl<B: Bus + Clone, H: Hardware> Motion<B, H> {
             (DriveState::Halted, _) if self.identification.is_some() => self.identification_mode(),
             (DriveState::Following | DriveState::Halted, _) if self.is_travelling_home() => Mode::Travel,
             (DriveState::Halted | DriveState::SwitchingOn | DriveState::Engaging, _) => Mode::Halt,
-            (DriveState::Following, Some(OperationMode::PositioningWithLag | OperationMode::PositioningWithoutLag)) => {
-                Mode::Travel
-            }
             (DriveState::Following, Some(OperationMode::Torque)) => Mode::Torque,
             (DriveState::Following, Some(OperationMode::Velocity)) => Mode::Velocity,
+            (DriveState::Following, Some(mode)) if mode.target_source().is_some() => Mode::Travel,
             (DriveState::Following, _) => Mode::Position,
         };
-        let without_lag =
-            matches!(self.mode, Some(OperationMode::PositionWithoutLag | OperationMode::PositioningWithoutLag));
+        let without_lag = self.mode.is_some_and(OperationMode::is_without_lag);
         if without_lag != self.without_lag {
             self.without_lag = without_lag;
             self.apply_axis_settings();
         }
-        if mode != Mode::Travel {
-            self.target = None;
-        }
+        self.watch_positioning(state);
         if mode != self.axis.mode() {
             // An axis that stands although it is to move, because it is blocked, has a ramp before it.
             self.output.standstill &= self.output.velocity_command.abs() <= self.settings.standstill_window;
             self.axis.set_mode(mode);
+            self.positioning.begin_again();
         }
         if state != before && !state.has_torque() {
             self.set_bridge(false);

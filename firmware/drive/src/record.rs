@@ -29,6 +29,10 @@ pub enum Command {
     SignalControl,
     /// S-0-0258, 4 bytes.
     TargetPosition,
+    /// S-0-0282, 4 bytes.
+    PositioningValue,
+    /// S-0-0346, 2 bytes.
+    PositioningControl,
 }
 
 impl Command {
@@ -38,6 +42,8 @@ impl Command {
         const SIGNAL_CONTROL: Idn = Idn::standard(145);
         const ADDITIVE_TORQUE: Idn = Idn::standard(81);
         const TARGET_POSITION: Idn = Idn::standard(258);
+        const POSITIONING_VALUE: Idn = Idn::standard(282);
+        const POSITIONING_CONTROL: Idn = Idn::standard(346);
         match idn {
             Idn::VELOCITY_COMMAND => Some(Self::Velocity),
             Idn::ADDITIVE_VELOCITY_COMMAND => Some(Self::AdditiveVelocity),
@@ -47,6 +53,8 @@ impl Command {
             ADDITIVE_TORQUE => Some(Self::AdditiveTorque),
             SIGNAL_CONTROL => Some(Self::SignalControl),
             TARGET_POSITION => Some(Self::TargetPosition),
+            POSITIONING_VALUE => Some(Self::PositioningValue),
+            POSITIONING_CONTROL => Some(Self::PositioningControl),
             _ => None,
         }
     }
@@ -55,7 +63,7 @@ impl Command {
     #[must_use]
     pub const fn words(self) -> u16 {
         match self {
-            Self::Torque | Self::AdditiveTorque | Self::SignalControl => 1,
+            Self::Torque | Self::AdditiveTorque | Self::SignalControl | Self::PositioningControl => 1,
             _ => 2,
         }
     }
@@ -91,7 +99,9 @@ pub enum Feedback {
     Limits,
     /// S-0-0390.
     DiagnosticNumber,
-    /// A word of single bits: S-0-0011 to S-0-0014, S-0-0129, S-0-0181, S-0-0182, S-0-0403, P-0-0019.
+    /// S-0-0430, 4 bytes.
+    EffectiveTarget,
+    /// A word of single bits: S-0-0011 to S-0-0014, S-0-0129, S-0-0181, S-0-0182, S-0-0403, S-0-0437, P-0-0019.
     Bits(Word),
 }
 
@@ -121,6 +131,7 @@ impl Feedback {
             383 => Self::MotorTemperature,
             384 => Self::AmplifierTemperature,
             390 => Self::DiagnosticNumber,
+            430 => Self::EffectiveTarget,
             _ => return None,
         })
     }
@@ -134,6 +145,7 @@ impl Feedback {
             | Self::Position2
             | Self::FollowingDistance
             | Self::VelocityError
+            | Self::EffectiveTarget
             | Self::Probe(..) => 2,
             _ => 1,
         }

@@ -14,6 +14,7 @@ mod scaling;
 mod torque;
 
 use scaling::DerivativeScale;
+pub(crate) use scaling::{Ratio, increments};
 
 pub use motor::MotorSettings;
 pub(crate) use torque::TorqueScale;
@@ -49,11 +50,25 @@ pub enum OperationMode {
     PositioningWithLag,
     /// 001BH: the drive goes to S-0-0258 by itself, with velocity feed-forward.
     PositioningWithoutLag,
+    /// 0213H: the drive goes by itself to what S-0-0346 takes over of S-0-0282, with following distance.
+    ControlledPositioningWithLag,
+    /// 021BH: the drive goes by itself to what S-0-0346 takes over of S-0-0282, with velocity feed-forward.
+    ControlledPositioningWithoutLag,
+}
+
+/// Where the target of a movement that the drive makes by itself comes from.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
+pub enum TargetSource {
+    /// S-0-0258.
+    Target,
+    /// S-0-0282, when S-0-0346 takes it over.
+    Control,
 }
 
 impl OperationMode {
     /// The values of S-0-0032 to S-0-0035 and S-0-0284 to S-0-0287, and of S-0-0292.
-    pub const SUPPORTED: [u16; 6] = [1, 2, 3, 11, 0x13, 0x1B];
+    pub const SUPPORTED: [u16; 8] = [1, 2, 3, 11, 0x13, 0x1B, 0x213, 0x21B];
 
     /// The mode of an operation-mode parameter, `None` for 0 (none) and for everything this drive does not have.
     #[must_use]
@@ -65,9 +80,69 @@ impl OperationMode {
             11 => Some(Self::PositionWithoutLag),
             0x13 => Some(Self::PositioningWithLag),
             0x1B => Some(Self::PositioningWithoutLag),
+            0x213 => Some(Self::ControlledPositioningWithLag),
+            0x21B => Some(Self::ControlledPositioningWithoutLag),
             _ => None,
         }
     }
+
+    /// Where the target comes from in a mode in which the drive moves by itself; `None` in the others.
+    #[inline]
+    #[must_use]
+    pub const fn target_source(self) -> Option<TargetSource> {
+        match self {
+            Self::PositioningWithLag | Self::PositioningWithoutLag => Some(TargetSource::Target),
+            Self::ControlledPositioningWithLag | Self::ControlledPositioningWithoutLag => Some(TargetSource::Control),
+            Self::Torque | Self::Velocity | Self::PositionWithLag | Self::PositionWithoutLag => None,
+        }
+    }
+
+    /// Whether the mode feeds the velocity forward.
+    #[inline]
+    #[must_use]
+    pub const fn is_without_lag(self) -> bool {
+        matches!(self, Self::PositionWithoutLag | Self::PositioningWithoutLag | Self::ControlledPositioningWithoutLag)
+    }
+}
+
+/// In which direction a modulo axis goes to a position (bits 1 and 0 of S-0-0393).
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
+pub enum Direction {
+    /// 0: the shortest way.
+    #[default]
+    Shortest,
+    /// 1: upwards.
+    Positive,
+    /// 2: downwards.
+    Negative,
+}
+
+impl Direction {
+    /// The direction in S-0-0393; `None` for what is none.
+    #[must_use]
+    pub const fn from_parameter(value: u16) -> Option<Self> {
+        match value & 3 {
+            0 => Some(Self::Shortest),
+            1 => Some(Self::Positive),
+            2 => Some(Self::Negative),
+            _ => None,
+        }
+    }
+}
+
+/// What movements to a target need (S-0-0259, S-0-0260, S-0-0359, S-0-0193, S-0-0108, S-0-0393, S-0-0418).
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
+pub struct PositioningSettings {
+    /// Velocity, acceleration, deceleration and jerk.
+    pub limits: MotionLimits,
+    /// Bits 1 and 0 of S-0-0393.
+    pub direction: Direction,
+    /// Bit 2 of S-0-0393: a target is dropped with its mode.
+    pub drops_target: bool,
+    /// S-0-0418.
+    pub window_behind: Position,
 }
 
 /// What an error does to a motor that runs (P-0-0140).
@@ -161,8 +236,10 @@ pub struct MotionSettings {
     pub standstill_window: Velocity,
     /// S-0-0049 and S-0-0050, while S-0-0055 bit 4 switches them on.
     pub position_limits: Option<TravelRange>,
-    /// S-0-0259, S-0-0260, S-0-0193, S-0-0108: movements to S-0-0258.
-    pub positioning: MotionLimits,
+    /// S-0-0261.
+    pub coarse_window: Position,
+    /// Movements to S-0-0258 and S-0-0282.
+    pub positioning: PositioningSettings,
     /// P-0-0140: what an error does to a motor that runs.
     pub reaction: Reaction,
     /// Bridge, motor, brake.
@@ -234,6 +311,7 @@ impl MotionSettings {
             },
             standstill_window: velocity.to_velocity(signed(parameters, 124)),
             monitoring_window,
+            largest_step: largest_step(bipolar, ticks_per_command, &position),
         };
         let feed_forward = parameters.get_word(Idn::standard(296)).saturating_mul(10).min(10_000);
         let increments = parameters.get(Idn::standard(116)).saturating_mul(parameters.get(Idn::standard(256)));
@@ -273,7 +351,14 @@ impl MotionSettings {
             overspeed: Velocity::saturating_from_bits(i64::from(fastest.to_bits()).saturating_mul(5) / 4),
             standstill_window: velocity.to_velocity(signed(parameters, 124)),
             position_limits: position_limits(parameters, &coordinates, increments)?,
-            positioning: positioning(parameters, &velocity, derivatives, bipolar)?,
+            coarse_window: position.to_position(signed(parameters, 261)),
+            positioning: PositioningSettings {
+                limits: positioning(parameters, &velocity, derivatives, bipolar)?,
+                direction: Direction::from_parameter(parameters.get_word(COMMAND_VALUE_MODE))
+                    .ok_or(unsupported(393))?,
+                drops_target: parameters.get_word(COMMAND_VALUE_MODE) & DROPS_TARGET != 0,
+                window_behind: position.to_position(signed(parameters, 418)),
+            },
             reaction: Reaction::from_parameter(parameters.get_word(Idn::product(140))),
             motor: MotorSettings::new(parameters, &torque, increments, fastest)?,
             monitoring_window,
@@ -288,6 +373,11 @@ impl MotionSettings {
 
 /// Velocity commands within which the friction compensation grows in proportion: 1 rpm.
 const FRICTION_BAND: u32 = 10_000;
+
+const COMMAND_VALUE_MODE: Idn = Idn::standard(393);
+
+/// Bit 2 of S-0-0393.
+const DROPS_TARGET: u16 = 1 << 2;
 
 /// Bit 3 of S-0-0277.
 const REVERSED: u16 = 1 << 3;
@@ -314,6 +404,13 @@ const fn three_quarters(counts: u16) -> u16 {
     counts.saturating_sub(counts / 4)
 }
 
+/// What a position command may be away from the one before it: the way at S-0-0091 in a control unit cycle S-0-0001, a quarter more for a
+/// control whose path is not quite its own limit, and two increments, because S-0-0047 and S-0-0048 are rounded to them.
+fn largest_step(fastest: Velocity, ticks_per_command: u16, scale: &PositionScale) -> Position {
+    let way = i64::from(fastest.to_bits()).saturating_mul(ticks_per_command.into()) >> 4;
+    Position::from_bits(way.saturating_add(way >> 2)) + scale.to_position(2)
+}
+
 /// Limits of positioning, with the feedrate override S-0-0108.
 fn positioning(
     parameters: &Parameters,
@@ -323,8 +420,10 @@ fn positioning(
 ) -> Result<MotionLimits, InvalidSetting> {
     let velocity = scale.to_velocity(signed(parameters, 259)).min(fastest);
     let acceleration = derivatives.acceleration(parameters, 260);
+    let deceleration = derivatives.acceleration(parameters, 359);
+    let deceleration = if deceleration.to_bits() == 0 { acceleration } else { deceleration };
     let feedrate = FeedrateOverride::new(parameters.get_word(Idn::standard(108))).map_err(invalid(108))?;
-    MotionLimits::new(velocity, acceleration, acceleration, derivatives.jerk(parameters, 193))
+    MotionLimits::new(velocity, acceleration, deceleration, derivatives.jerk(parameters, 193))
         .map(|limits| limits.with_override(feedrate))
         .map_err(invalid(259))
 }

@@ -80,6 +80,14 @@ bitflags! {
         const VELOCITY_LIMIT = 1 << 5;
         /// In position (window S-0-0057).
         const IN_POSITION = 1 << 6;
+        /// Position feedback within S-0-0057 of the active target (S-0-0430).
+        const AT_ACTIVE_TARGET = 1 << 8;
+        /// Position feedback within S-0-0261 of the active target.
+        const IN_COARSE_POSITION = 1 << 11;
+        /// The drive's own position command has arrived at the active target.
+        const TARGET_ATTAINED = 1 << 12;
+        /// The drive's own position command stands.
+        const INTERPOLATOR_HALTED = 1 << 13;
         /// Manufacturer-specific status.
         const MANUFACTURER = 1 << 15;
     }

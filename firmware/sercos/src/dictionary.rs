@@ -277,11 +277,11 @@ dictionary! {
     S 45 "Velocity data scaling factor" [""] U16/0 written IN_CP2_CP3 (1 to 65_535) = 1 => Parameter, stored, needed_for_cp4;
     /// Power of ten of S-0-0045.
     S 46 "Velocity data scaling exponent" [""] I16/0 written IN_CP2_CP3 (-32 to 32) = -4 => Parameter, stored, needed_for_cp4;
-    /// Position command of the control unit.
+    /// Position command of the control unit, compared with S-0-0051 modulo 2^32 or S-0-0103. While S-0-0148 is set it reads the place where the axis is held.
     S 47 "Position command value" [position] I32 written ALWAYS (-2_147_483_648 to 2_147_483_647) = 0 => Live, in_mdt;
     /// Added to S-0-0047: the angle of this axis against the line shaft.
     S 48 "Additive position command value" [position] I32 written ALWAYS (-2_147_483_648 to 2_147_483_647) = 0 => Live, in_mdt;
-    /// Highest position, while bit 4 of S-0-0055 is set and the axis is homed.
+    /// Highest position, while bit 4 of S-0-0055 is set and the axis is homed; not below S-0-0050. Beyond it the axis may be held and go back.
     S 49 "Positive position limit value" [position] I32 written ALWAYS (-2_147_483_648 to 2_147_483_647) = 2_147_483_647 => Parameter, stored;
     /// Lowest position, while bit 4 of S-0-0055 is set and the axis is homed.
     S 50 "Negative position limit value" [position] I32 written ALWAYS (-2_147_483_648 to 2_147_483_647) = -2_147_483_647 => Parameter, stored;
@@ -291,9 +291,9 @@ dictionary! {
     S 52 "Reference distance 1" [position] I32 written ALWAYS (-2_147_483_648 to 2_147_483_647) = 0 => Parameter, stored, restricted;
     /// Position of the second encoder; where it comes from says P-0-2705.
     S 53 "Position feedback value 2 (external feedback)" [position] I32 written NEVER () = 0 => Live, in_at;
-    /// Bit 0 inverts the position command, bit 1 the additive one, bit 2 the position feedback.
+    /// Bits 0 and 2, which must be equal, invert all positions that are written and read (docs/polarity.md), bit 1 the additive command; bit 4 switches S-0-0049 and S-0-0050 on, not with modulo data.
     S 55 "Position polarity parameter" [""] BITS/0 written IN_CP2_CP3 () = 0 => Parameter, stored, needed_for_cp4;
-    /// Following distance below which C3D bit 6 (in position) is set.
+    /// Window of C3D bit 6 (in position), for the following distance, and of C3D bit 8, for the way to S-0-0430.
     S 57 "Position window" [position] I32 written ALWAYS (0 to 2_147_483_647) = 10_000 => Parameter, stored;
     /// Bits 2 to 0: 1 linear, 2 rotary; bit 3: by S-0-0077 and S-0-0078 instead of 0.1 um, or by S-0-0079 instead of 0.0001 deg;
     /// bit 6: of the load; bit 7: modulo.
@@ -460,7 +460,7 @@ dictionary! {
     S 187 "IDN list of configurable data in the AT" [""] IDNS/0 written NEVER () = 0 => Dictionary(Selection::ConfigurableInAt);
     /// IDNs that S-0-0024 may name.
     S 188 "IDN list of configurable data in the MDT" [""] IDNS/0 written NEVER () = 0 => Dictionary(Selection::ConfigurableInMdt);
-    /// Position command minus position feedback.
+    /// Position command minus position feedback; a longer one than fits is the longest.
     S 189 "Following distance" [position] I32 written NEVER () = 0 => Live, in_at;
     /// Takes S-0-0403 bit 0 away.
     S 191 "Cancel reference point procedure command" [""] COMMAND/0 written ALWAYS () = 0 => Command;
@@ -484,12 +484,14 @@ dictionary! {
     S 208 "Temperature data scaling type" [""] BITS/0 written ALWAYS (0 to 0) = 0 => Parameter;
     /// Increments of one line of the motor encoder.
     S 256 "Multiplication 1" [""] U32/0 written NEVER () = 4 => Parameter;
-    /// Where the drive goes by itself in the modes 0013H and 001BH; a modulo axis the shortest way.
+    /// Where the drive goes by itself in the modes 0013H and 001BH; a modulo axis in the direction of S-0-0393, an absolute one never over the border between its highest and its lowest number. If S-0-0393 drops the target when the mode begins, this becomes the position where the axis stands, unless it was written since the mode ended.
     S 258 "Target position" [position] I32 written ALWAYS (-2_147_483_648 to 2_147_483_647) = 0 => Live, in_mdt;
     /// Speed of positioning, within S-0-0091.
     S 259 "Positioning velocity" [velocity] I32 written ALWAYS (1 to 2_147_483_647) = 1_000_000 => Parameter, stored, needed_for_cp4;
-    /// Acceleration of positioning.
+    /// Acceleration of positioning; also its deceleration if S-0-0359 is 0.
     S 260 "Positioning acceleration" [acceleration] I32 written ALWAYS (1_000 to 2_147_483_647) = 1_000_000 => Parameter, stored;
+    /// Way to S-0-0430 within which C3D bit 11 (in coarse position) is set.
+    S 261 "Coarse position window" [position] I32 written ALWAYS (0 to 2_147_483_647) = 100_000 => Parameter, stored;
     /// Gives everything in S-0-0192 its default. Not while torque is on.
     S 262 "Load defaults procedure command" [""] COMMAND/0 written ALWAYS () = 0 => Command;
     /// Language of S-0-0095, P-0-0003, P-0-0010 and P-0-0011: 0 German (S-0-0095 only, the others stay English), 1 English.
@@ -508,6 +510,8 @@ dictionary! {
     S 278 "Maximum travel range" [position] I32 written IN_CP2_CP3 (0 to 2_147_483_647) = 0 => Parameter, stored, needed_for_cp4;
     /// What S-0-0267 locks.
     S 279 "IDN list of password-protected operation data" [""] IDNS/0 written NEVER () = 0 => Dictionary(Selection::Backup);
+    /// Position or distance of the modes 0213H and 021BH, which S-0-0346 says; taken over when bit 0 of that changes.
+    S 282 "Positioning command value" [position] I32 written ALWAYS (-2_147_483_648 to 2_147_483_647) = 0 => Live, in_mdt;
     /// Operation mode of control word bits 11, 9, 8 = 100; 0: none.
     S 284 "Secondary operation mode 4" [""] BITS/0 written IN_CP2_CP3 () = 0 => Parameter, stored, needed_for_cp4;
     /// Operation mode of control word bits 11, 9, 8 = 101; 0: none.
@@ -568,14 +572,26 @@ dictionary! {
     S 334 "Status T >= Tlimit" [""] BITS/0 written NEVER () = 0 => Live, bit_source;
     /// Bit 0 is C3D bit 5.
     S 335 "Status n_command > n_limit" [""] BITS/0 written NEVER () = 0 => Live, bit_source;
-    /// Bit 0 is C3D bit 6.
+    /// Bit 0 is C3D bit 6: the following distance is within S-0-0057, and a drive that moves by itself has arrived.
     S 336 "Status in position" [""] BITS/0 written NEVER () = 0 => Live, bit_source;
+    /// Bit 0 is C3D bit 8: the drive goes to a target, and the position is within S-0-0057 of it.
+    S 338 "Status position feedback = active target position" [""] BITS/0 written NEVER () = 0 => Live, bit_source;
+    /// Bit 0 is C3D bit 11: the drive goes to a target, and the position is within S-0-0261 of it.
+    S 341 "Status in coarse position" [""] BITS/0 written NEVER () = 0 => Live, bit_source;
+    /// Bit 0 is C3D bit 12: the drive goes to a target, and its internal position command has arrived there.
+    S 342 "Status target position attained" [""] BITS/0 written NEVER () = 0 => Live, bit_source;
+    /// Bit 0 is C3D bit 13: the internal position command of a drive that goes to a target stands, at the target or (HALT, S-0-0108, S-0-0346) before it.
+    S 343 "Status interpolator halted" [""] BITS/0 written NEVER () = 0 => Live, bit_source;
+    /// Of the modes 0213H and 021BH. A change of bit 0 takes S-0-0282 over. Bits 2 and 1: 0 goes to S-0-0430, 1 turns in positive, 2 in negative direction until it ends, 3 stops and keeps the target. Bit 3: S-0-0282 is 0 a position, 1 a distance, bit 4: from 0 S-0-0430, 1 the actual position. Bit 5: it is taken 0 when the last target is attained, 1 at once. Changes of bit 0 while torque is off or another mode is active take nothing over, then or later.
+    S 346 "Positioning control" [""] BITS/0 written ALWAYS () = 0 => Live, in_mdt;
     /// Velocity command minus velocity feedback.
     S 347 "Velocity error" [velocity] I32 written NEVER () = 0 => Live, in_at;
     /// Current for one unit of commanded acceleration at the motor, in mode 11.
     S 348 "Acceleration feed-forward gain" ["mAs^2/rad"] U16/1 written ALWAYS (0 to 65_535) = 0 => Parameter, stored;
     /// Jerk of halt and of the ramps of velocity commands; 0: not limited.
     S 349 "Bipolar jerk limit value" [jerk] I32 written ALWAYS (0 to 2_147_483_647) = 0 => Parameter, stored;
+    /// Deceleration of positioning; 0: as S-0-0260.
+    S 359 "Positioning deceleration" [acceleration] I32 written ALWAYS (0 to 2_147_483_647) = 0 => Parameter, stored;
     /// Ramp of halt; 0: as S-0-0138.
     S 372 "Drive halt acceleration bipolar" [acceleration] I32 written ALWAYS (0 to 2_147_483_647) = 0 => Parameter, stored;
     /// S-0-0390 of the last 32 errors since the supply came on, the newest first; their times are in P-0-0004.
@@ -592,6 +608,8 @@ dictionary! {
     S 390 "Diagnostic number" [""] HEX/0 written NEVER () = 0 => Live, in_at;
     /// Time constant of the velocity that the velocity loop controls.
     S 392 "Velocity feedback filter" ["us"] U16/0 written ALWAYS (250 to 65_500) = 500 => Parameter, stored;
+    /// Bits 1 and 0: a modulo axis goes to a position 0 the shortest way, 1 in positive, 2 in negative direction. Bit 2: a target that was not attained when its mode ended or the torque went is, when it comes back, 0 gone to, 1 dropped.
+    S 393 "Command value mode" [""] U16/0 written ALWAYS (0 to 6) = 4 => Parameter, stored, restricted;
     /// What S-0-0305, S-0-0307 and S-0-0026 may name.
     S 398 "IDN list of configurable data for status bits" [""] IDNS/0 written NEVER () = 0 => Dictionary(Selection::BitSources);
     /// What S-0-0301, S-0-0303 and S-0-0027 may name.
@@ -628,6 +646,14 @@ dictionary! {
     S 415 "Bit number allocation of real-time status bit 1" [""] U16/0 written ALWAYS (0 to 15) = 0 => Parameter, stored;
     /// Bit of the data block in S-0-0307.
     S 416 "Bit number allocation of real-time status bit 2" [""] U16/0 written ALWAYS (0 to 15) = 0 => Parameter, stored;
+    /// A position that lies no further than this behind an axis at rest is gone to backwards, whatever S-0-0393 says.
+    S 418 "Target position window in modulo mode" [position] I32 written ALWAYS (0 to 2_147_483_647) = 1_000 => Parameter, stored;
+    /// Bit 0 is bit 0 of the S-0-0346 that has taken S-0-0282 over last.
+    S 419 "Positioning acknowledge" [""] BITS/0 written NEVER () = 0 => Live, bit_source;
+    /// Where the drive goes by itself.
+    S 430 "Effective target position" [position] I32 written NEVER () = 0 => Live, in_at;
+    /// Bit 0 S-0-0419, 1 S-0-0342, 2 S-0-0343, 3 S-0-0338, 4 S-0-0341, 5 S-0-0336; 6 turns by bits 2 and 1 of S-0-0346; 7 a change of bit 0 of it waits; 8 one of the modes 0013H, 001BH, 0213H, 021BH is active.
+    S 437 "Positioning status" [""] BITS/0 written NEVER () = 0 => Live, in_at, bit_source;
     /// Makes the place where the motor stands the position S-0-0052. Not while torque is on.
     S 447 "Set absolute position procedure command" [""] COMMAND/0 written ALWAYS () = 0 => Command;
     /// Why S-0-0127 blames each IDN of S-0-0021, in the same order; the codes are in the manual.

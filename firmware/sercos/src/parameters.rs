@@ -267,7 +267,17 @@ impl Parameters {
         }
     }
 
-    pub(crate) fn mark_written(&mut self, idn: Idn) {
+    /// One data block is no longer written by the master.
+    pub fn forget(&mut self, idn: Idn) {
+        if let Some((word, mask)) = written_bit(idn)
+            && let Some(bits) = self.written.get_mut(word)
+        {
+            *bits &= !mask;
+        }
+    }
+
+    /// The master has written the data block.
+    pub fn mark_written(&mut self, idn: Idn) {
         if let Some((word, mask)) = written_bit(idn)
             && let Some(bits) = self.written.get_mut(word)
         {

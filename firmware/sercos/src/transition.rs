@@ -241,8 +241,9 @@ pub const OPERATION_MODES: [Idn; 8] = [
 /// The command value that an operation mode follows (sercos2.md 6.2); `None`: commands come over the service channel,
 /// or the mode needs none.
 pub const fn command_value_of(operation_mode: u16) -> Option<Idn> {
-    // Commands over the service channel, or a target that the drive goes to by itself (S-0-0258, wherever it comes from).
-    if operation_mode & 0x4000 != 0 || operation_mode & 0x03F0 == 0x0010 {
+    // Commands over the service channel, or a target that the drive goes to by itself (S-0-0258 or, with bit 9, S-0-0282, wherever it
+    // comes from).
+    if operation_mode & 0x4000 != 0 || operation_mode & 0x01F0 == 0x0010 {
         return None;
     }
     match operation_mode & 7 {

@@ -1,7 +1,7 @@
 //! One axis: modes, loops and their bumpless hand-over.
 
 use crate::{
-    AxisSettings, CommandSource, CurrentFilter, CurrentFraction, FilteredVelocity, Interpolator, Limiting,
+    AxisSettings, CommandJump, CommandSource, CurrentFilter, CurrentFraction, FilteredVelocity, Interpolator, Limiting,
     ModuloCounter, MotionLimits, Position, PositionLoop, Ramp, Setpoint, TorqueLimits, Trajectory, Velocity,
     VelocityFilter, VelocityInterpolator, VelocityLoop,
 };
@@ -189,7 +189,7 @@ impl Axis {
         if mode == self.mode {
             return;
         }
-        let setpoint = self.hand_over();
+        let setpoint = self.hand_over(mode);
         match mode {
             Mode::Off => {
                 self.velocity_loop.reset();
@@ -219,26 +219,46 @@ impl Axis {
         self.mode = mode;
     }
 
-    /// What the next mode starts from: the shaft, and a velocity between standstill and that of the shaft.
+    /// What a mode starts from: the shaft, and a velocity between standstill and that of the shaft.
     ///
     /// A command that is ahead of the shaft (it accelerates, or it is held back) must not be reached only to be braked from: a stop never
-    /// makes the shaft faster. A command behind it, down to zero, brakes the shaft already: that is not let go. On an axis that follows its
-    /// command the two are the same, and nothing bumps.
-    fn hand_over(&self) -> Setpoint {
+    /// makes the shaft faster. A command behind it, down to zero, brakes the shaft already: that is not let go, but where a place is to be
+    /// held. The shaft would run past that place, and come back. On an axis that follows its command the two are the same but for the noise
+    /// of the measured one, and nothing bumps.
+    fn hand_over(&self, mode: Mode) -> Setpoint {
         let measured = self.velocity.velocity();
         let (slowest, fastest) =
             if measured < Velocity::ZERO { (measured, Velocity::ZERO) } else { (Velocity::ZERO, measured) };
-        let velocity = self.velocity_command.max(slowest).min(fastest);
+        let commanded = self.velocity_command.max(slowest).min(fastest);
+        let positioned = matches!(mode, Mode::Position | Mode::Halt | Mode::Travel);
+        let most = Velocity::from_bits(measured.to_bits().wrapping_sub(measured.to_bits() >> 2));
+        let velocity = if positioned && commanded.abs() < most.abs() { measured } else { commanded };
         let ahead = self.settings.moved_since_measured(velocity) + self.settings.position_loop.lag(velocity);
         Setpoint::moving(self.measured + ahead, velocity)
     }
 
     /// Takes a position command valid at t3: within `0 ..` modulo value, or absolute. Ignored outside [`Mode::Position`].
+    ///
+    /// # Errors
+    /// [`CommandJump`] when it is too far from the one before it, or, as the first one in the mode, from the axis. It is not taken then.
     #[inline]
-    pub fn command_position(&mut self, command: Position) {
+    pub fn command_position(&mut self, command: Position) -> Result<(), CommandJump> {
         if self.mode == Mode::Position {
-            self.interpolator.command(&self.settings.interpolator, command);
+            self.interpolator.command(&self.settings.interpolator, command)
+        } else {
+            Ok(())
         }
+    }
+
+    /// Whether [`Mode::Position`] would begin with this command, from where the axis is.
+    ///
+    /// # Errors
+    /// [`CommandJump`], as [`Axis::command_position`] would then say.
+    pub fn would_follow(&self, command: Position) -> Result<(), CommandJump> {
+        let setpoint = self.hand_over(Mode::Position);
+        let mut interpolator = self.interpolator;
+        interpolator.start(&self.settings.interpolator, setpoint.position, setpoint.velocity, self.ranges);
+        interpolator.command(&self.settings.interpolator, command)
     }
 
     /// Takes a velocity command valid at t3. Ignored outside [`Mode::Velocity`].
@@ -265,6 +285,18 @@ impl Axis {
             self.travel = travel;
             self.travel_limits = limits;
         }
+    }
+
+    /// The set-point of [`Mode::Travel`] or [`Mode::Halt`] does not move.
+    #[must_use]
+    pub const fn setpoint_rests(&self) -> bool {
+        self.trajectory.is_at_rest()
+    }
+
+    /// Whether the set-point of [`Mode::Travel`] can still stop at `target` without passing it; one that moves away from it can.
+    #[must_use]
+    pub fn stops_before(&self, limits: &MotionLimits, target: Position) -> bool {
+        self.trajectory.stops_before(limits, target)
     }
 
     /// Starts the velocity loop with this current: what held the load when the axis was last switched off.

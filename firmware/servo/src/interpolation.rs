@@ -7,6 +7,7 @@
 //! The loop timer is trimmed to the ring's clock, so a cycle has its number of ticks once locked, and may have one more or
 //! less before. Each line starts where the last tick left off: a tick too few or too many bends the slope, the position never jumps.
 
+use crate::command_step::{CommandJump, CommandLimits};
 use crate::cubic::Deviation;
 use crate::wide::times_fraction;
 use crate::{Modulo, ModuloCounter, Position, SettingsError, SignedAcceleration, Velocity};
@@ -67,6 +68,7 @@ pub struct InterpolatorSettings {
     reciprocal: i32,
     interpolation: Interpolation,
     modulo: Option<Modulo>,
+    limits: CommandLimits,
 }
 
 impl InterpolatorSettings {
@@ -85,13 +87,25 @@ impl InterpolatorSettings {
             .checked_div(ticks)
             .and_then(|r| i32::try_from(r).ok())
             .ok_or(out_of_range)?;
-        Ok(Self { ticks_per_cycle, reciprocal, interpolation: Interpolation::Linear, modulo })
+        Ok(Self {
+            ticks_per_cycle,
+            reciprocal,
+            interpolation: Interpolation::Linear,
+            modulo,
+            limits: CommandLimits::NONE,
+        })
     }
 
     /// The same with another path between position commands.
     #[must_use]
     pub const fn with_interpolation(self, interpolation: Interpolation) -> Self {
         Self { interpolation, ..self }
+    }
+
+    /// The same with limits for the commands; without them every command is taken.
+    #[must_use]
+    pub const fn with_limits(self, limits: CommandLimits) -> Self {
+        Self { limits, ..self }
     }
 
     /// Loop ticks per control unit cycle.
@@ -155,6 +169,8 @@ pub struct Interpolator {
     /// Velocity at the end of the path, in position steps per cycle.
     exit: i64,
     ranges: ModuloCounter,
+    /// Started, and no command has come yet: the loops begin to follow with the next.
+    starting: bool,
 }
 
 impl Interpolator {
@@ -176,6 +192,7 @@ impl Interpolator {
             way: 0,
             exit: 0,
             ranges,
+            starting: false,
         }
     }
 
@@ -191,17 +208,31 @@ impl Interpolator {
     ) {
         let slope = i64::from(velocity.to_bits()) << 12;
         let way = slope.wrapping_mul(i64::from(settings.ticks_per_cycle)) >> FINE_BITS;
-        *self = Self { slope, speed: velocity, way, exit: way, velocity: slope, ..Self::new(position, ranges) };
+        *self = Self {
+            slope,
+            speed: velocity,
+            way,
+            exit: way,
+            velocity: slope,
+            starting: true,
+            ..Self::new(position, ranges)
+        };
     }
 
     /// Takes the command that became valid at t3: reached after one cycle of ticks.
+    ///
+    /// # Errors
+    /// [`CommandJump`] when it is further away than the limits of the settings allow. It is not taken then: the path goes on as it was.
     #[inline]
-    pub fn command(&mut self, settings: &InterpolatorSettings, command: Position) {
+    pub fn command(&mut self, settings: &InterpolatorSettings, command: Position) -> Result<(), CommandJump> {
         let here = self.position();
         let target = match &settings.modulo {
             Some(modulo) => self.ranges.unwrap_nearest(modulo, command, self.target),
             None => command,
         };
+        if self.starting || settings.limits.is_passed_by((target - self.target).to_bits()) {
+            self.look_at(settings, target)?;
+        }
         let distance = (target - here).to_bits().clamp(-DISTANCE_LIMIT, DISTANCE_LIMIT);
         // From command to command, not from here: what an extrapolation was off by must not come back as a velocity, and grow.
         let commanded = (target - self.target).to_bits().clamp(-DISTANCE_LIMIT, DISTANCE_LIMIT);
@@ -227,20 +258,45 @@ impl Interpolator {
             }
         }
         self.way = way;
+        Ok(())
     }
 
-    /// The way since the last command, spread over the cycles that it has taken: one, or as many as commands were missing more.
+    /// A command that needs a closer look: the first one, and one that is far from the one before.
+    #[cold]
+    #[inline(never)]
+    fn look_at(&mut self, settings: &InterpolatorSettings, target: Position) -> Result<(), CommandJump> {
+        if self.starting {
+            // An axis that turns is not where it starts when the command is reached, but a cycle further.
+            let ahead = (target - self.position()).to_bits().wrapping_sub(self.way);
+            settings.limits.look_at_first(ahead)?;
+            self.starting = false;
+            return Ok(());
+        }
+        settings.limits.look_at_step((target - self.target).to_bits(), self.cycles_since_command(settings))
+    }
+
+    /// Cycles since the last command: one, or as many as commands were missing more, up to three.
     #[inline]
-    fn per_cycle(&self, settings: &InterpolatorSettings, commanded: i64) -> i64 {
+    fn cycles_since_command(&self, settings: &InterpolatorSettings) -> u64 {
         let cycle = u32::from(settings.ticks_per_cycle);
         let ticks = cycle.saturating_sub(self.line.max(self.curve).into()).saturating_add(self.overdue.into());
         let half_cycles = ticks.saturating_mul(2);
         if half_cycles <= cycle.saturating_mul(3) {
-            commanded
+            1
         } else if half_cycles <= cycle.saturating_mul(5) {
-            commanded >> 1
+            2
         } else {
-            times_fraction(commanded, A_THIRD)
+            3
+        }
+    }
+
+    /// The way since the last command, spread over the cycles that it has taken.
+    #[inline]
+    fn per_cycle(&self, settings: &InterpolatorSettings, commanded: i64) -> i64 {
+        match self.cycles_since_command(settings) {
+            1 => commanded,
+            2 => commanded >> 1,
+            _ => times_fraction(commanded, A_THIRD),
         }
     }
 
@@ -379,7 +435,7 @@ mod tests {
     fn a_command_is_reached_on_a_straight_line() {
         let settings = settings(4);
         let mut interpolator = standing();
-        interpolator.command(&settings, Position::from_bits(1_000));
+        interpolator.command(&settings, Position::from_bits(1_000)).unwrap();
         let positions: [i64; 4] = core::array::from_fn(|_| interpolator.tick(&settings).0.position.to_bits());
         assert_eq!(positions, [250, 500, 750, 1_000]);
         assert_eq!(interpolator.velocity(), Velocity::from_bits(250 << 4));
@@ -392,7 +448,7 @@ mod tests {
         let settings = settings(10);
         let mut interpolator = standing();
         for (cycle, ticks) in [(1, 10), (2, 11), (3, 9), (4, 10), (5, 9), (6, 11)] {
-            interpolator.command(&settings, Position::from_bits(cycle * 10_000));
+            interpolator.command(&settings, Position::from_bits(cycle * 10_000)).unwrap();
             for _ in 0..ticks {
                 let before = interpolator.position();
                 let step = (interpolator.tick(&settings).0.position - before).to_bits();
@@ -405,7 +461,7 @@ mod tests {
     fn after_two_missing_cycles_it_stands() {
         let settings = settings(4);
         let mut interpolator = standing();
-        interpolator.command(&settings, Position::from_bits(400));
+        interpolator.command(&settings, Position::from_bits(400)).unwrap();
         let run: [(i64, CommandSource); 14] = core::array::from_fn(|_| {
             let (setpoint, source) = interpolator.tick(&settings);
             (setpoint.position.to_bits(), source)
@@ -423,7 +479,7 @@ mod tests {
         interpolator.start(&settings, start, Velocity::from_bits(-160), ModuloCounter::default());
         assert_eq!(interpolator.position(), start);
         assert_eq!(interpolator.tick(&settings).0.position.to_bits(), 4_990);
-        interpolator.command(&settings, Position::from_bits(4_910));
+        interpolator.command(&settings, Position::from_bits(4_910)).unwrap();
         for _ in 0..8 {
             interpolator.tick(&settings);
         }
@@ -436,7 +492,7 @@ mod tests {
         let settings = settings(520);
         let mut interpolator = standing();
         for cycle in 1..=1_000_i64 {
-            interpolator.command(&settings, Position::from_bits(cycle / 100));
+            interpolator.command(&settings, Position::from_bits(cycle / 100)).unwrap();
             for _ in 0..520 {
                 interpolator.tick(&settings);
             }
@@ -454,7 +510,7 @@ mod tests {
             let mut target = 0;
             for step in steps {
                 target += step;
-                interpolator.command(&settings, Position::from_bits(target));
+                interpolator.command(&settings, Position::from_bits(target)).unwrap();
                 let mut last = interpolator.position().to_bits();
                 for tick in 1..=ticks {
                     let (setpoint, source) = interpolator.tick(&settings);
@@ -483,7 +539,7 @@ mod tests {
             for share in shares {
                 unbounded += (share * whole as f64) as i64;
                 let command = ModuloCounter::containing(&modulo, Position::from_bits(unbounded)).wrap(&modulo, Position::from_bits(unbounded));
-                interpolator.command(&settings, command);
+                interpolator.command(&settings, command).unwrap();
                 for _ in 0..ticks {
                     interpolator.tick(&settings);
                 }

@@ -43,6 +43,7 @@ mod brake;
 mod brake_error;
 mod brake_settings;
 mod clock;
+mod command_step;
 mod commutation;
 mod cubic;
 pub mod current;
@@ -88,6 +89,7 @@ pub use brake::{BrakeInputs, BrakeOutput, BrakeRequest, BrakeSequencer, TorqueSc
 pub use brake_error::BrakeError;
 pub use brake_settings::{BrakeParameters, BrakeSettings};
 pub use clock::{LoopClock, LoopClockSettings};
+pub use command_step::{CommandJump, CommandLimits};
 pub use commutation::{
     Alignment, AlignmentError, AlignmentOutput, AlignmentSettings, AlignmentState, CommutationAngle, CommutationError,
     CommutationSettings, IndexCorrection, IndexError, IndexOutput, IndexState,

@@ -444,7 +444,7 @@ mod tests {
         assert_eq!(limits.apply(rpm(4_000)), (rpm(3_000), Limiting::VELOCITY_BIPOLAR));
         assert_eq!(limits.reversed(), VelocityLimits::new(rpm(3_000), Some(rpm(1_000)), None));
 
-        let parameters = TorqueLimitParameters { positive: 500, ..PARAMETERS };
+        let parameters = with(0.25, -1.0, 1.0);
         let most = CurrentFraction::MAX;
         let plain = TorqueLimitSettings::new(&parameters).unwrap().combine(most, most);
         let reversed = TorqueLimitSettings::new(&parameters).unwrap().reversed().combine(most, most);

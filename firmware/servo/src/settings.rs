@@ -4,8 +4,9 @@ use core::fmt;
 
 use crate::trigonometry::high_product;
 use crate::{
-    Acceleration, CurrentFilterSettings, FrictionSettings, Interpolation, InterpolatorSettings, Jerk, Modulo,
-    MotionLimits, Position, PositionLoopSettings, Velocity, VelocityFilter, VelocityLimits, VelocityLoopSettings,
+    Acceleration, CommandLimits, CurrentFilterSettings, FrictionSettings, Interpolation, InterpolatorSettings, Jerk,
+    Modulo, MotionLimits, Position, PositionLoopSettings, Velocity, VelocityFilter, VelocityLimits,
+    VelocityLoopSettings,
 };
 
 /// A parameter that the loops cannot work with.
@@ -197,8 +198,11 @@ pub struct AxisParameters {
     pub interpolation: Interpolation,
     /// Standstill window S-0-0124.
     pub standstill_window: Velocity,
-    /// Monitoring window S-0-0159 for the deviation from the expected following error; zero: not monitored.
+    /// Monitoring window S-0-0159 for the deviation from the expected following error, and for the first position command; zero: not
+    /// monitored.
     pub monitoring_window: Position,
+    /// Largest step from a position command to the next, a control unit cycle later; zero: any.
+    pub largest_step: Position,
 }
 
 /// Settings of an axis, scaled for the loops.
@@ -278,7 +282,8 @@ impl AxisSettings {
                 None => None,
             },
             interpolator: InterpolatorSettings::new(parameters.ticks_per_cycle, parameters.modulo)?
-                .with_interpolation(parameters.interpolation),
+                .with_interpolation(parameters.interpolation)
+                .with_limits(CommandLimits::new(parameters.largest_step, parameters.monitoring_window)),
             position_loop: PositionLoopSettings::new(
                 parameters.position_gain,
                 parameters.feed_forward,

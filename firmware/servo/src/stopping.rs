@@ -79,7 +79,7 @@ pub(crate) const COARSE_POSITION: u32 = 4;
 ///
 /// The step may not divide the rate. A last, partial step costs up to an eighth of a step.
 #[inline]
-fn margin(slope: Slope, gap: i64, rate: i64, coarse: u32) -> i64 {
+pub(crate) fn margin(slope: Slope, gap: i64, rate: i64, coarse: u32) -> i64 {
     if rate <= slope.step >> 1 {
         return gap.wrapping_sub(rate.max(0).wrapping_shr(coarse));
     }

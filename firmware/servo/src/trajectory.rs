@@ -4,7 +4,7 @@
 //! that a new target or a new limit would invalidate; both may change in any tick.
 
 use crate::motion_limits::{Shape, Smooth};
-use crate::stopping::{COARSE_POSITION, FAR, Slope, approach, approach_from, best_between};
+use crate::stopping::{COARSE_POSITION, FAR, Slope, approach, approach_from, best_between, margin};
 use crate::units::limited;
 use crate::{MotionLimits, Position, Setpoint, SignedAcceleration, Velocity};
 
@@ -77,6 +77,27 @@ impl Trajectory {
     #[must_use]
     pub const fn is_finished(&self) -> bool {
         self.finished
+    }
+
+    /// Neither velocity nor acceleration.
+    #[must_use]
+    pub const fn is_at_rest(&self) -> bool {
+        self.velocity == 0 && self.acceleration == 0
+    }
+
+    /// Whether [`Trajectory::tick_to`] stops at `target` from where it is now without passing it. A movement away from it comes back to it.
+    #[must_use]
+    pub fn stops_before(&self, limits: &MotionLimits, target: Position) -> bool {
+        let (gap, backwards) = self.gap(target);
+        let motion = Motion { velocity: self.velocity, acceleration: self.acceleration }.mirrored(backwards);
+        motion.velocity <= 0
+            || match &limits.shape {
+                Shape::Trapezoid { brake } => margin(*brake, gap.coarse, motion.velocity, COARSE_POSITION) >= 0,
+                Shape::Smooth(smooth) => {
+                    let braking = motion.to_velocity_smoothly(limits, smooth.jerk, smooth.brake.release(), 0);
+                    smooth.brake.margin(gap.coarse, motion.velocity, braking) >= 0
+                }
+            }
     }
 
     /// Shifts the position by `difference` without a movement (homing).

@@ -377,7 +377,7 @@ fn off_gives_no_current_whatever_moves() {
     let reference = ReferenceAxis::press();
     let mut bench = Bench::new(&reference, &parameters(&reference));
     bench.motor.set_velocity(50.0, 0);
-    bench.axis.command_position(revolutions(5.0));
+    bench.axis.command_position(revolutions(5.0)).unwrap();
     bench.axis.command_velocity(rpm(500.0));
     let outputs = bench.ticks(800);
     assert!(outputs.iter().all(|output| output.current == 0 && output.following_error == Position::ZERO));
@@ -465,7 +465,7 @@ fn the_integers_are_the_ones_that_every_machine_must_give() {
                 _ => {}
             }
             axis.command_velocity(Velocity::from_bits(70_000_000));
-            axis.command_position(modulo_of(&modulo, Position::from_bits(tick * 4_400_000)));
+            axis.command_position(modulo_of(&modulo, Position::from_bits(tick * 4_400_000))).unwrap();
         }
         noise = noise.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
         measured += 4_375_000 + (noise >> 44) as i64 - (1 << 19);

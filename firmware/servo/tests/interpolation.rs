@@ -38,7 +38,7 @@ fn sine(interpolation: Interpolation, hertz: f64, ticks: u16) -> Errors {
     while f64::from(tick) < 3.0 * 8_000.0 / hertz {
         // Valid now, reached at the end of the cycle.
         let command = (omega * f64::from(tick)).sin() * REVOLUTION;
-        interpolator.command(&settings, Position::from_bits(command.round() as i64));
+        interpolator.command(&settings, Position::from_bits(command.round() as i64)).unwrap();
         for _ in 0..ticks {
             tick += 1;
             let (setpoint, source) = interpolator.tick(&settings);
@@ -87,7 +87,7 @@ fn constant_acceleration_is_followed_exactly() {
     let settings = settings(10, Interpolation::Cubic);
     let mut interpolator = standing();
     for cycle in 1..=40_i64 {
-        interpolator.command(&settings, Position::from_bits(cycle * cycle * 1_000_000));
+        interpolator.command(&settings, Position::from_bits(cycle * cycle * 1_000_000)).unwrap();
         for tick in 1..=10 {
             let setpoint = interpolator.tick(&settings).0;
             if cycle > 3 {
@@ -110,7 +110,7 @@ fn a_sudden_stop_overshoots_by_the_bounded_share_of_the_last_way() {
     let way = 1_000_000;
     let mut furthest = 0;
     for cycle in 1..=30_i64 {
-        interpolator.command(&settings, Position::from_bits(cycle.min(20) * way));
+        interpolator.command(&settings, Position::from_bits(cycle.min(20) * way)).unwrap();
         for _ in 0..100 {
             furthest = furthest.max(interpolator.tick(&settings).0.position.to_bits());
         }
@@ -127,7 +127,7 @@ fn without_a_command_the_cubic_goes_on_with_its_last_velocity_for_two_cycles() {
     let settings = settings(8, Interpolation::Cubic);
     let mut interpolator = standing();
     for cycle in 1..=5_i64 {
-        interpolator.command(&settings, Position::from_bits(cycle * 8_000));
+        interpolator.command(&settings, Position::from_bits(cycle * 8_000)).unwrap();
         (0..8).for_each(|_| _ = interpolator.tick(&settings));
     }
     for tick in 1..=16 {
@@ -144,7 +144,7 @@ fn one_lost_command_of_a_steady_movement_is_not_seen() {
     let mut interpolator = standing();
     for cycle in 1..=20_i64 {
         if cycle != 10 {
-            interpolator.command(&settings, Position::from_bits(cycle * 8_000));
+            interpolator.command(&settings, Position::from_bits(cycle * 8_000)).unwrap();
         }
         for tick in 1..=8 {
             let setpoint = interpolator.tick(&settings).0;
@@ -163,7 +163,7 @@ fn ten_million_cycles_leave_no_drift() {
     for _ in 0..10_000_000 {
         random = random.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1);
         command += (random >> 40) as i64;
-        interpolator.command(&settings, Position::from_bits(command));
+        interpolator.command(&settings, Position::from_bits(command)).unwrap();
         for _ in 0..4 {
             interpolator.tick(&settings);
         }
@@ -184,7 +184,7 @@ proptest! {
             // The largest second derivative of the cubic, of changes of the way up to these: 4 + 2 halves of each.
             let change = (window[2] - window[1]).abs().max((window[1] - window[0]).abs()).max(1 << 36);
             command += window[2];
-            interpolator.command(&settings, Position::from_bits(command));
+            interpolator.command(&settings, Position::from_bits(command)).unwrap();
             for _ in 0..ticks {
                 let before = interpolator.setpoint();
                 let setpoint = interpolator.tick(&settings).0;
@@ -208,7 +208,7 @@ proptest! {
         let mut interpolator = standing();
         interpolator.start(&settings, Position::ZERO, Velocity::from_bits(16_000), ModuloCounter::default());
         for (cycle, ticks) in (1_i64..).zip(cycles) {
-            interpolator.command(&settings, Position::from_bits(cycle * 10_000));
+            interpolator.command(&settings, Position::from_bits(cycle * 10_000)).unwrap();
             for _ in 0..ticks {
                 let before = interpolator.position();
                 let step = (interpolator.tick(&settings).0.position - before).to_bits();
@@ -229,8 +229,8 @@ proptest! {
         for share in shares {
             command += (share * modulo.value().to_bits() as f64) as i64;
             let position = Position::from_bits(command);
-            one.command(&absolute, position);
-            other.command(&wrapped, ModuloCounter::containing(&modulo, position).wrap(&modulo, position));
+            one.command(&absolute, position).unwrap();
+            other.command(&wrapped, ModuloCounter::containing(&modulo, position).wrap(&modulo, position)).unwrap();
             for _ in 0..ticks {
                 prop_assert_eq!(one.tick(&absolute), other.tick(&wrapped));
             }
@@ -247,7 +247,7 @@ fn gaps(pattern: &[bool]) -> i64 {
     let step = 14_316_557;
     for cycle in 1..2_000_i64 {
         if cycle < 10 || pattern[cycle as usize % pattern.len()] {
-            interpolator.command(&settings, Position::from_bits(step * cycle));
+            interpolator.command(&settings, Position::from_bits(step * cycle)).unwrap();
         }
         for _ in 0..16 {
             interpolator.tick(&settings);

@@ -221,6 +221,45 @@ proptest! {
     }
 
     #[test]
+    fn what_is_said_to_stop_before_a_target_never_passes_it_and_needs_no_more_way_than_braking(
+        physical in physical(), reach in 0.0..3.0_f64, ticks in 1..4_000_u32, backwards: bool,
+    ) {
+        let limits = physical.limits();
+        let sign = if backwards { -1 } else { 1 };
+        let mut watched = Watched::new(physical, 0);
+        let far = steps(way_of(physical, 10_f64.powf(reach) * 100.0).min(1e6)).max(1);
+        for _ in 0..ticks {
+            watched.to(&limits, sign * far);
+        }
+        let start = watched.trajectory;
+        let speed = i64::from(start.setpoint().velocity.abs().to_bits()) >> 4;
+        let mut braking = start;
+        for _ in 0..100_000 {
+            braking.tick_velocity(&limits, Velocity::ZERO);
+            if braking.is_at_rest() {
+                break;
+            }
+        }
+        prop_assume!(braking.is_at_rest() && speed > 1_000);
+        let way = (braking.setpoint().position - start.setpoint().position).to_bits().abs();
+        let at = |way: i64| start.setpoint().position + Position::from_bits(sign * way);
+        // What a brake keeps in reserve, and what a tick rounds.
+        let slack = way / 20 + 4 * speed + 16;
+        prop_assert!(start.stops_before(&limits, at(way + slack)), "{way} {slack} {physical:?}");
+        prop_assert!(way <= slack || !start.stops_before(&limits, at(way - slack)), "{way} {slack} {physical:?}");
+        for target in [way, way + slack / 4, way + slack / 2, way + slack] {
+            if start.stops_before(&limits, at(target)) {
+                let mut trajectory = start;
+                for _ in 0..20_000 {
+                    let beyond = sign * (trajectory.tick_to(&limits, at(target)).position - at(target)).to_bits();
+                    prop_assert!(beyond <= 0, "{beyond} beyond {target}, {physical:?}");
+                }
+            }
+        }
+        prop_assert!(start.stops_before(&limits, at(-1 - slack)), "it comes back to what lies behind");
+    }
+
+    #[test]
     fn both_directions_go_the_same_way(physical in physical(), decades in -6.0..3.0_f64) {
         let limits = physical.limits();
         let target = steps(10_f64.powf(decades));

@@ -6,7 +6,7 @@ use sercos::phase::{InterfaceStatus, PhaseError};
 use sercos::{Idn, Phase};
 use servo::{Axis, LoopClock, SUPERVISION_PERIOD_MICROSECONDS, TwiceReadEncoder};
 
-use super::{CommandValues, Motion};
+use super::{CommandValues, Motion, Positioning};
 use crate::diagnosis::{Circumstances, Manufacturer1, Manufacturer3};
 use crate::hardware::{Hardware, ResetCause};
 use crate::motion::clock_monitor::{ClockMonitor, PHASE_ERROR_CLASSES};
@@ -70,7 +70,7 @@ impl<B: Bus + Clone, H: Hardware> Motion<B, H> {
         self.homing = false;
         self.abandon_homing();
         self.set_probing(None);
-        self.target = None;
+        self.positioning = Positioning::default();
         self.until_overdue = if phase < Phase::Cp3 { 0 } else { self.settings.ticks_to_overdue };
         self.cycles_since_command = 0;
         self.entered_cyclic = phase == Phase::Cp3;
@@ -115,6 +115,7 @@ impl<B: Bus + Clone, H: Hardware> Motion<B, H> {
             self.encoder = TwiceReadEncoder::new(settings.encoder, self.counted(count));
             self.axis = Axis::new(settings.with_lag, self.encoder.position());
             self.referenced = false;
+            self.positioning.forget();
         }
         self.apply_axis_settings();
     }
@@ -236,6 +237,10 @@ impl<B: Bus + Clone, H: Hardware> Motion<B, H> {
         if command == Command::SignalControl {
             self.apply_signal_control();
         }
+        // What is reached is told of the new target as soon as it is acknowledged.
+        if self.is_positioning() {
+            self.position_to_target();
+        }
     }
 
     /// One of the bits above P-0-0019, over the service channel.
@@ -263,9 +268,8 @@ impl<B: Bus + Clone, H: Hardware> Motion<B, H> {
         self.referenced = false;
     }
 
-    /// S-0-0148 holds the position, or is cancelled. A command that is far off then is a fault, as at switching on.
+    /// S-0-0148 holds the position, or is cancelled.
     pub fn hold_for_homing(&mut self, hold: bool) {
-        self.resuming = self.homing && !hold && self.has_torque();
         if !hold {
             // Where S-0-0047 is not cyclic nobody else brings it into the new coordinates.
             self.commands.position = self.position_command_data();

@@ -64,19 +64,4 @@ impl<B: Bus + Clone, H: Hardware> Motion<B, H> {
         let within = self.axis.cyclic_position(self.encoder.position());
         self.settings.coordinates.range.around_zero(within)
     }
-
-    /// Where S-0-0258 is. A modulo axis goes the shortest way; an absolute one the way that its numbers go, and never over the border
-    /// between the highest and the lowest of them: behind it may be the end of the axis.
-    pub(super) fn place_of_target(&self) -> Position {
-        let coordinates = &self.settings.coordinates;
-        let wanted = coordinates.place(self.commands.target_position);
-        let way = match coordinates.modulo {
-            None => wanted - self.place_around_zero(),
-            Some(_) => {
-                let within = self.axis.cyclic_position(self.encoder.position());
-                coordinates.range.around_zero(coordinates.range.reduce(wanted - within))
-            }
-        };
-        self.encoder.position() + way
-    }
 }

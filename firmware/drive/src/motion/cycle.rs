@@ -5,12 +5,12 @@ use sercos::Phase;
 use sercos::diagnostic::Class1;
 use sercos::phase::PhaseError;
 use sercos::supervision::Reception;
-use servo::{CurrentFraction, Position, Velocity};
+use servo::{CurrentFraction, Velocity};
 
 use super::Motion;
 use crate::hardware::Hardware;
 use crate::record::Command;
-use crate::settings::{OperationMode, Polarity};
+use crate::settings::Polarity;
 use crate::state::Switches;
 use crate::work::Work;
 
@@ -73,7 +73,9 @@ impl<B: Bus + Clone, H: Hardware> Motion<B, H> {
             return Work::PHASE_CHANGE;
         }
         self.mode = mode;
-        self.refuse_a_jump(switches);
+        if self.machine.would_switch_on(switches, || self.conditions()) {
+            self.look_before_switching_on();
+        }
         self.update_state();
         if self.is_positioning() {
             self.position_to_target();
@@ -83,8 +85,10 @@ impl<B: Bus + Clone, H: Hardware> Motion<B, H> {
         let fresh = before.path() != self.commands.path();
         if fresh || self.cycles_since_command >= self.settings.cycles_per_command {
             self.cycles_since_command = 0;
-            self.axis.command_position(self.commanded_position());
             self.axis.command_velocity(self.commanded_velocity());
+            if let Err(jump) = self.axis.command_position(self.commanded_position()) {
+                self.refuse(jump);
+            }
         }
         // A torque command is no point of a path: nothing is interpolated.
         self.axis.command_torque(self.commanded_torque());
@@ -119,7 +123,12 @@ impl<B: Bus + Clone, H: Hardware> Motion<B, H> {
             Command::Torque => self.commands.torque = word.cast_signed(),
             Command::AdditiveTorque => self.commands.additive_torque = word.cast_signed(),
             Command::SignalControl => self.commands.signal_control = word,
-            Command::TargetPosition => self.commands.target_position = long,
+            Command::TargetPosition => {
+                self.commands.target_position = long;
+                self.positioning.target_is_written();
+            }
+            Command::PositioningValue => self.commands.positioning_value = long,
+            Command::PositioningControl => self.commands.positioning_control = word,
         }
     }
 
@@ -151,38 +160,6 @@ impl<B: Bus + Clone, H: Hardware> Motion<B, H> {
     fn selected_mode(&self) -> u8 {
         let word = self.commands.control_word;
         (((word & 0x0800) >> 9) | ((word & 0x0300) >> 8)) as u8
-    }
-
-    /// A drive that is switched on far from its command, or goes on there after homing, would jump: the deviation is a fault before it
-    /// moves. A drive that stays off is none: commands may run away from it, and after an error they do.
-    fn refuse_a_jump(&mut self, switches: Switches) {
-        let displaced = switches.run && core::mem::take(&mut self.displaced);
-        let resuming = core::mem::take(&mut self.resuming) || displaced;
-        let starting = (resuming && switches.on && switches.enable)
-            || self.machine.would_switch_on(switches, || self.conditions());
-        if !starting {
-            return;
-        }
-        let window = self.settings.monitoring_window;
-        // A movement of the drive's own begins where the axis stands.
-        let positioned =
-            matches!(self.mode, None | Some(OperationMode::PositionWithLag | OperationMode::PositionWithoutLag));
-        if !positioned || window == Position::ZERO {
-            return;
-        }
-        let mut distance = self.commanded_position() - self.axis.cyclic_position(self.encoder.position());
-        if let Some(modulo) = self.axis.settings().interpolator().modulo() {
-            let range = modulo.value();
-            let half = Position::from_bits(range.to_bits() >> 1);
-            if distance > half {
-                distance = distance - range;
-            } else if distance < -half {
-                distance = distance + range;
-            }
-        }
-        if distance.abs() > window {
-            self.class_1 |= Class1::EXCESSIVE_DEVIATION;
-        }
     }
 
     fn lose(&mut self, error: PhaseError) {

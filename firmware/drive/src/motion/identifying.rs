@@ -33,7 +33,6 @@ impl<B: Bus + Clone, H: Hardware> Motion<B, H> {
         self.identification = Some(Identification::start(plan, position, angle));
         self.identified = None;
         self.identification_percent = 0;
-        self.displaced = true;
         self.update_state();
         true
     }

@@ -1,4 +1,4 @@
-//! Movements that the drive makes by itself: homing S-0-0148 and positioning to S-0-0258, and the probes that look on.
+//! Homing S-0-0148, a movement that the drive makes by itself, and the probes that look on.
 
 use sercon816::Bus;
 use sercos::command::CommandState;
@@ -167,16 +167,7 @@ impl<B: Bus + Clone, H: Hardware> Motion<B, H> {
         self.shown.position = self.shown.position + difference;
         // Where the axis stands now is nothing that a command has led to.
         self.range_monitor = None;
-    }
-
-    /// Positioning to the target S-0-0258.
-    pub(super) fn position_to_target(&mut self) {
-        // A target is turned into a place once, not with every step of the way.
-        if self.target.is_none_or(|(data, _)| data != self.commands.target_position) {
-            self.target = Some((self.commands.target_position, self.place_of_target()));
-        }
-        let travel = self.target.map_or(Travel::Hold, |(_, target)| Travel::To(target));
-        self.axis.travel(self.settings.positioning, travel);
+        self.positioning.forget();
     }
 
     /// One look at the probes, whose edges the hardware has latched.

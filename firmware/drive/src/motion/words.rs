@@ -3,7 +3,7 @@
 use sercon816::Bus;
 use sercos::Phase;
 use sercos::diagnostic::{Class1, Class2, Class3};
-use servo::{Limiting, Mode, Position, Velocity};
+use servo::{Limiting, Position, Velocity};
 
 use super::Motion;
 use crate::bits::{Source, SourceBit, Word};
@@ -59,6 +59,11 @@ impl<B: Bus + Clone, H: Hardware> Motion<B, H> {
         self.class_2_change |= (class_2 ^ self.class_2).bits() & self.settings.class_2_mask != 0;
         self.class_2 = class_2;
         let class_3 = self.class_3_of();
+        self.show_class_3(class_3);
+    }
+
+    /// S-0-0013, and whether its change bit tells of it.
+    pub(super) fn show_class_3(&mut self, class_3: Class3) {
         self.class_3_change |= (class_3 ^ self.class_3).bits() & self.settings.class_3_mask != 0;
         self.class_3 = class_3;
     }
@@ -105,6 +110,7 @@ impl<B: Bus + Clone, H: Hardware> Motion<B, H> {
             Feedback::MotorTemperature => u32::from(self.motor.watched().winding.cast_unsigned()),
             Feedback::AmplifierTemperature => u32::from(self.motor.watched().heat_sink.cast_unsigned()),
             Feedback::Limits => self.limiting.bits().into(),
+            Feedback::EffectiveTarget => self.effective_target().cast_unsigned(),
             Feedback::DiagnosticNumber => u32::from(self.diagnostic_number),
         }
     }
@@ -124,6 +130,7 @@ impl<B: Bus + Clone, H: Hardware> Motion<B, H> {
             Word::Application => (self.controlled & 0xFFFF) as u16,
             Word::Signals => self.signals(),
             Word::ProbeStatus => self.probe_status(),
+            Word::Positioning => self.positioning_status(),
         }
     }
 
@@ -182,9 +189,7 @@ impl<B: Bus + Clone, H: Hardware> Motion<B, H> {
         class_3.set(Class3::TORQUE_THRESHOLD, torque >= settings.torque_threshold);
         class_3.set(Class3::TORQUE_LIMIT, output.limiting.intersects(TORQUE_LIMITS));
         class_3.set(Class3::VELOCITY_LIMIT, output.limiting.intersects(VELOCITY_LIMITS));
-        let positioned = matches!(self.axis.mode(), Mode::Position | Mode::Halt | Mode::Travel);
-        class_3.set(Class3::IN_POSITION, positioned && output.following_error.abs() <= settings.position_window);
         class_3.set(Class3::MANUFACTURER, !self.manufacturer_3.is_empty());
-        class_3
+        class_3 | self.reached()
     }
 }

@@ -50,6 +50,24 @@ fn modulo(parameters: &Parameters) -> Result<Option<Modulo>, InvalidSetting> {
 }
 
 pub(super) fn velocity_scale(parameters: &Parameters) -> Result<VelocityScale, InvalidSetting> {
+    let rpm = rpm_of_an_increment(parameters)?;
+    VelocityScale::new(rpm.numerator, rpm.denominator).map_err(invalid(45))
+}
+
+/// How many increments of a dimension are a revolution, a revolution a minute, 10^-3 rad/s² or rad/s³, or 1 mA of the motor; `None` where the
+/// scaling means nothing.
+pub(crate) fn increments(dimension: Dimension, parameters: &Parameters) -> Option<Ratio> {
+    match dimension {
+        Dimension::Position => increments_of_a_revolution(parameters).ok().map(|(increments, _)| increments),
+        Dimension::Velocity => rpm_of_an_increment(parameters).ok().map(Ratio::inverse),
+        Dimension::Acceleration | Dimension::Jerk => {
+            DerivativeScale::new(parameters).ok().map(|scale| scale.milliradians.inverse())
+        }
+        Dimension::Torque => super::torque::milliamperes(parameters).ok()?.0.map(Ratio::inverse),
+    }
+}
+
+fn rpm_of_an_increment(parameters: &Parameters) -> Result<Ratio, InvalidSetting> {
     let weighting = weighting(Dimension::Velocity, parameters)?;
     let (factor, exponent) = decimal(&weighting, 44)?;
     let velocity = Ratio::new(factor, 1).times(if weighting.per_second { 60 } else { 1 });
@@ -60,8 +78,7 @@ pub(super) fn velocity_scale(parameters: &Parameters) -> Result<VelocityScale, I
     } else {
         velocity.and_then(|ratio| ratio.times_ten_to(exponent))
     };
-    let rpm = velocity.and_then(|ratio| ratio.over_gear(&weighting, parameters)).ok_or(unsupported(46))?;
-    VelocityScale::new(rpm.numerator, rpm.denominator).map_err(invalid(45))
+    velocity.and_then(|ratio| ratio.over_gear(&weighting, parameters)).ok_or(unsupported(46))
 }
 
 /// The scaling of a dimension, or its type as the one to blame.
@@ -153,7 +170,7 @@ pub(super) fn feed(parameters: &Parameters) -> u64 {
 /// A ratio in its lowest terms; `None` from an operation that leaves 64 bits.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
-pub(super) struct Ratio {
+pub(crate) struct Ratio {
     pub(super) numerator: u64,
     pub(super) denominator: u64,
 }
@@ -174,6 +191,21 @@ impl Ratio {
     pub(super) fn over(self, divisor: u64) -> Option<Self> {
         let Self { numerator, denominator } = Self::new(self.denominator, self.numerator).times(divisor)?;
         Some(Self::new(denominator, numerator))
+    }
+
+    const fn inverse(self) -> Self {
+        Self::new(self.denominator, self.numerator)
+    }
+
+    pub(crate) fn over_ratio(self, divisor: Self) -> Option<Self> {
+        self.over(divisor.numerator)?.times(divisor.denominator)
+    }
+
+    /// The product with a number, to the nearest. Saturates.
+    pub(crate) fn of(self, number: u64) -> u128 {
+        let product = u128::from(number).saturating_mul(self.numerator.into());
+        let half = u128::from(self.denominator / 2);
+        product.saturating_add(half).checked_div(self.denominator.into()).unwrap_or(u128::MAX)
     }
 
     /// The motor's share of a rate of the load, if bit 6 of the scaling type says that it is the load's.

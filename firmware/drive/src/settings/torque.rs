@@ -83,7 +83,7 @@ impl TorqueScale {
 const MOST_CURRENT: i64 = i16::MAX as i64;
 
 /// mA in an increment, and the parameter to blame if they are too many or too few.
-fn milliamperes(parameters: &Parameters) -> Result<(Option<Ratio>, u16), InvalidSetting> {
+pub(super) fn milliamperes(parameters: &Parameters) -> Result<(Option<Ratio>, u16), InvalidSetting> {
     let weighting = weighting(Dimension::Torque, parameters)?;
     let (factor, exponent) = decimal(&weighting, 86)?;
     let increment = Ratio::new(factor, 1).times_ten_to(exponent);

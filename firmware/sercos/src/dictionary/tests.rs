@@ -142,12 +142,12 @@ fn the_idn_lists_hold_what_the_reference_asks_for() {
         numbers(Selection::Commands),
         [99, 127, 128, 139, 148, 170, 191, 262, 447, 0x80DC, 0x80E0, 0x80E1, 0x80E2]
     );
-    assert_eq!(numbers(Selection::ConfigurableInMdt), [36, 37, 47, 48, 80, 81, 145, 258]);
+    assert_eq!(numbers(Selection::ConfigurableInMdt), [36, 37, 47, 48, 80, 81, 145, 258, 282, 346]);
     assert_eq!(
         numbers(Selection::ConfigurableInAt),
         [
             11, 12, 13, 14, 40, 51, 53, 84, 129, 130, 131, 132, 133, 144, 179, 181, 182, 189, 347, 380, 383, 384, 390,
-            403, 0x8013, 0x80A0
+            403, 430, 437, 0x8013, 0x80A0
         ]
     );
     assert_eq!(numbers(Selection::BitTargets), [400, 405, 406, 407, 0x8013]);

@@ -47,6 +47,8 @@ pub enum Reason {
     Contradicts(Idn),
     /// Bits 0 and 2 of a position polarity differ: S-0-0047 and S-0-0051 would count in opposite directions.
     MixedPolarity,
+    /// Its value does not fit the new scaling, and nobody has written it anew.
+    OldScaling,
 }
 
 impl Reason {
@@ -67,11 +69,12 @@ impl Reason {
             Reason::NoFeedback2 => 0x000C,
             Reason::Contradicts(_) => 0x000D,
             Reason::MixedPolarity => 0x000E,
+            Reason::OldScaling => 0x000F,
         }
     }
 
     /// One of each kind, for the manual.
-    pub const ALL: [Reason; 14] = [
+    pub const ALL: [Reason; 15] = [
         Reason::NeverWritten,
         Reason::OutOfRange,
         Reason::NotSupported,
@@ -86,6 +89,7 @@ impl Reason {
         Reason::NoFeedback2,
         Reason::Contradicts(Idn::standard(50)),
         Reason::MixedPolarity,
+        Reason::OldScaling,
     ];
 }
 
@@ -108,6 +112,7 @@ impl fmt::Display for Reason {
             Reason::NoFeedback2 => formatter.write_str("no position feedback 2, see P-0-2705"),
             Reason::Contradicts(idn) => write!(formatter, "contradicts {idn}"),
             Reason::MixedPolarity => formatter.write_str("bits 0 and 2, command and feedback, must be equal"),
+            Reason::OldScaling => formatter.write_str("its value does not fit the new scaling, write it anew"),
         }
     }
 }

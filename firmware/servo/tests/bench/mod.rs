@@ -36,6 +36,7 @@ pub(crate) fn parameters(reference: &ReferenceAxis) -> AxisParameters {
         interpolation: Interpolation::Linear,
         standstill_window: Velocity::from_ten_thousandths_rpm(100_000),
         monitoring_window: Position::from_bits((1 << 32) / 12),
+        largest_step: Position::ZERO,
     }
 }
 
@@ -81,7 +82,7 @@ impl Bench {
 
     /// One control unit cycle of ticks that starts with a position command.
     pub(crate) fn position_cycle(&mut self, command: Position) -> Vec<AxisOutput> {
-        self.axis.command_position(command);
+        self.axis.command_position(command).unwrap();
         self.cycle()
     }
 

@@ -198,7 +198,7 @@ impl Bench {
 
     /// A control unit cycle that begins with a position command.
     pub(crate) fn position_cycle(&mut self, command: Position) -> Vec<Seen> {
-        self.axis.command_position(command);
+        self.axis.command_position(command).unwrap();
         self.cycle_of_ticks()
     }
 

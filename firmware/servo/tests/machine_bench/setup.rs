@@ -56,6 +56,7 @@ impl Setup {
             interpolation: Interpolation::Cubic,
             standstill_window: Velocity::from_ten_thousandths_rpm(100_000),
             monitoring_window: Position::from_bits((1 << 32) / 12),
+            largest_step: Position::ZERO,
         };
         Self {
             axis,

@@ -156,12 +156,14 @@ impl MasterScript {
 /// Command values of one drive for one cycle, in the units of its scaling.
 #[derive(Copy, Clone, Debug, PartialEq, Eq, Default)]
 pub struct CommandValues {
-    /// S-0-0047.
+    /// S-0-0047, or S-0-0258 or S-0-0282 where the MDT carries one of these.
     pub position: i32,
     /// S-0-0036.
     pub velocity: i32,
     /// S-0-0080.
     pub torque: i16,
+    /// S-0-0346.
+    pub positioning: u16,
     /// Drive HALT, control word bit 13 = 0: of all drives, if one of them asks for it.
     pub halt: bool,
 }
@@ -169,19 +171,20 @@ pub struct CommandValues {
 impl CommandValues {
     /// A position; velocity and torque stay 0.
     pub const fn at_position(position: i32) -> Self {
-        Self { position, velocity: 0, torque: 0, halt: false }
+        Self { position, velocity: 0, torque: 0, positioning: 0, halt: false }
     }
 
     /// A velocity; position and torque stay 0.
     pub const fn at_velocity(velocity: i32) -> Self {
-        Self { position: 0, velocity, torque: 0, halt: false }
+        Self { position: 0, velocity, torque: 0, positioning: 0, halt: false }
     }
 
     pub(super) fn bytes_of(self, idn: Idn, length: usize) -> Vec<u8> {
         let mut bytes = match idn {
-            Idn::POSITION_COMMAND => self.position.to_le_bytes().to_vec(),
+            Idn::POSITION_COMMAND | Idn(258 | 282) => self.position.to_le_bytes().to_vec(),
             Idn::VELOCITY_COMMAND => self.velocity.to_le_bytes().to_vec(),
             Idn::TORQUE_COMMAND => self.torque.to_le_bytes().to_vec(),
+            Idn(346) => self.positioning.to_le_bytes().to_vec(),
             _ => Vec::new(),
         };
         bytes.resize(length, 0);
