@@ -25,19 +25,14 @@ pub(crate) struct State {
 
 impl Wire {
     pub(crate) fn see(&mut self, phase: u8, status: u16) {
-        let state = State {
-            phase,
-            ready: (status >> 14) as u8,
-            error: status & 1 << 13 != 0,
-            follows: status & 1 << 3 != 0,
-        };
+        let state =
+            State { phase, ready: (status >> 14) as u8, error: status & 1 << 13 != 0, follows: status & 1 << 3 != 0 };
         if let Some(last) = self.last.replace(state)
             && last != state
         {
             *self.transitions.entry((last, state)).or_default() += 1;
         }
     }
-
 }
 
 impl std::fmt::Display for State {

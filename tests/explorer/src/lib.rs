@@ -6,6 +6,7 @@
 //! back. A life that breaks a law is shrunk ([`shrink::shrink`]) until it reads like a sentence, and can be kept as a file.
 #![forbid(unsafe_code)]
 
+mod causes;
 pub mod coverage;
 pub mod dice;
 pub mod generate;

@@ -121,9 +121,9 @@ fn run_up(run: &mut Run) -> Result<(), Stop> {
 fn diagnose(run: &mut Run) -> Result<(), Stop> {
     let error = run.rig.master().at().is_some_and(|at| at.status & status::SHUT_DOWN != 0);
     if error && let Some(number) = run.rig.read(390)? {
-        run.coverage.count("error met", format!("{:04X}H", number as u16));
+        run.diagnosed(number as u16);
     }
-    Ok(())
+    run.judge()
 }
 
 fn reset(run: &mut Run) -> Result<(), Stop> {

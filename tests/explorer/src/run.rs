@@ -9,6 +9,7 @@ use ring::fibre::{Effect, TelegramKind};
 use ring::ident::Element;
 use ring::service_client::{Request, status};
 
+use crate::causes::{Causes, LAW};
 use crate::coverage::Coverage;
 use crate::life::{Action, Life};
 use crate::peace;
@@ -64,6 +65,9 @@ pub(crate) struct Run {
     pub(crate) coverage: Coverage,
     pub(crate) written: Vec<Written>,
     pub(crate) started: Vec<u16>,
+    causes: Causes,
+    /// A diagnosis that nothing in this life explains.
+    unexplained: Option<u16>,
     pending: VecDeque<Pending>,
     /// A fault that goes on by itself, and since when.
     going_on: Option<(Fault, u64)>,
@@ -100,6 +104,8 @@ fn live_on(life: &Life) -> Outcome {
                 coverage: Coverage::default(),
                 written: Vec::new(),
                 started: Vec::new(),
+                causes: Causes::default(),
+                unexplained: None,
                 pending: VecDeque::new(),
                 going_on: None,
                 base: Nanoseconds::ZERO,
@@ -148,6 +154,7 @@ impl Run {
         for event in &life.events {
             self.run_to(event.at)?;
             self.coverage.count("action", name_of(&event.action));
+            self.causes.note(&event.action);
             match self.happen(&event.action) {
                 Ok(()) => {}
                 // A run-up that is refused because of what the life has written ends the life; peace mends it.
@@ -164,6 +171,7 @@ impl Run {
             self.run_to(end)?;
         }
         self.harvest();
+        self.judge()?;
         peace::make(self)
     }
 
@@ -242,7 +250,8 @@ impl Run {
             Action::Break(fault) => self.break_something(fault)?,
             Action::Repair => self.repair(),
             Action::Load(percent) => {
-                let torque = rig.machine.machine.torque_constant() * f64::from(rig.machine.standstill_current) / 1_000.0;
+                let torque =
+                    rig.machine.machine.torque_constant() * f64::from(rig.machine.standstill_current) / 1_000.0;
                 let torque = torque * f64::from(percent) / 100.0;
                 rig.machine(|machine, now| machine.set_load_torque(torque, now));
             }
@@ -307,6 +316,27 @@ impl Run {
         self.pending.push_back(Pending::Write { idn, words: words.len() });
     }
 
+    /// The drive tells of an error.
+    pub(crate) fn diagnosed(&mut self, number: u16) {
+        if number & 0xF000 == 0xF000 {
+            self.coverage.count("error met", format!("{number:04X}H"));
+            if !self.causes.allow(&self.rig.axis, number) {
+                self.unexplained.get_or_insert(number);
+            }
+        }
+    }
+
+    /// Whether every error so far had a cause.
+    pub(crate) fn judge(&self) -> Result<(), Stop> {
+        match self.unexplained {
+            Some(number) => Err(Stop::Broken {
+                law: LAW.to_owned(),
+                detail: format!("S-0-0390 = {number:04X}H, and nothing like it"),
+            }),
+            None => Ok(()),
+        }
+    }
+
     /// Requests that a run-up has cut off: nobody knows what came of them.
     pub(crate) fn drop_pending(&mut self) {
         for pending in self.pending.drain(..) {
@@ -355,9 +385,7 @@ impl Run {
                 }
                 Pending::Diagnosis => {
                     let number = read_value(390, &finished.steps).unwrap_or(0) as u16;
-                    if number & 0xF000 == 0xF000 {
-                        self.coverage.count("error met", format!("{number:04X}H"));
-                    }
+                    self.diagnosed(number);
                 }
                 Pending::Read | Pending::Cancel => {}
             }
@@ -369,4 +397,3 @@ fn name_of(action: &Action) -> String {
     let text = format!("{action:?}");
     text.split(['(', ' ', '{']).next().unwrap_or_default().to_owned()
 }
-

@@ -1,7 +1,7 @@
 //! One drive on a ring, brought into a state.
 
-use bench::{DriveHandle, DriveSetup, ProcessorError, World, parameters_of, product, ring_of_drives};
 use bench::motor_side::SharedMotorSide;
+use bench::{DriveHandle, DriveSetup, ProcessorError, World, parameters_of, product, ring_of_drives};
 use plant::ReferenceAxis;
 use ring::fibre::Fault as RingFault;
 use ring::ident::{Idn, Value};

@@ -68,9 +68,8 @@ pub(crate) fn run(order: &Order) -> Result<Verdict> {
     let next = AtomicU64::new(0);
     let harvest = Mutex::new(Harvest::default());
     let failures: Vec<anyhow::Error> = thread::scope(|scope| {
-        let workers: Vec<_> = (0..jobs)
-            .map(|_| scope.spawn(|| keep_working(&worker, order, begin, &next, &harvest, &bar)))
-            .collect();
+        let workers: Vec<_> =
+            (0..jobs).map(|_| scope.spawn(|| keep_working(&worker, order, begin, &next, &harvest, &bar))).collect();
         let joined = workers.into_iter().map(|worker| worker.join());
         joined.filter_map(|result| result.unwrap_or_else(|_| Err(anyhow::anyhow!("a thread panicked"))).err()).collect()
     });

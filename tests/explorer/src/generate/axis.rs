@@ -20,8 +20,7 @@ const STANDARD: [(u16, &[u16], &[u16]); 7] = [
 /// The parameters of the operation modes, by control word bits 11, 9, 8.
 pub(crate) const MODES: [u16; 8] = [32, 33, 34, 35, 284, 285, 286, 287];
 /// What may stand in an AT besides position and velocity.
-const MORE_FEEDBACK: [u16; 18] =
-    [11, 12, 13, 14, 84, 129, 130, 131, 132, 133, 144, 189, 347, 380, 383, 384, 390, 403];
+const MORE_FEEDBACK: [u16; 18] = [11, 12, 13, 14, 84, 129, 130, 131, 132, 133, 144, 189, 347, 380, 383, 384, 390, 403];
 /// Bytes of configurable data (S-0-0185, S-0-0186).
 const MOST_BYTES: usize = 32;
 
@@ -98,9 +97,7 @@ pub(super) fn any(dice: &mut Dice) -> Axis {
 }
 
 fn telegram(dice: &mut Dice, axis: &mut Axis) {
-    let primary = dice
-        .weighted(&[(30, 11), (20, 3), (25, 2), (10, 1), (8, 0x13), (7, 0x1B)])
-        .unwrap_or(2);
+    let primary = dice.weighted(&[(30, 11), (20, 3), (25, 2), (10, 1), (8, 0x13), (7, 0x1B)]).unwrap_or(2);
     let standard: Vec<_> = STANDARD.iter().filter(|(_, mdt, _)| mdt.contains(&command_of(primary))).collect();
     let mut modes = vec![primary];
     match dice.pick(&standard).filter(|_| dice.chance(40)) {

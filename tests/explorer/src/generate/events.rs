@@ -18,8 +18,8 @@ const NOTHING: u8 = 0;
 
 /// Gains and motor data: another value makes another machine, which is no fault of the drive if it swings.
 const NEVER_WRITTEN: [u16; 24] = [
-    100, 101, 104, 106, 107, 114, 155, 348, 392, 36, 37, 47, 48, 80, 81, 258, 0x8067, 0x806B, 0x8074, 0x8076, 0x8079, 0x808E,
-    0x8068, 0x8069,
+    100, 101, 104, 106, 107, 114, 155, 348, 392, 36, 37, 47, 48, 80, 81, 258, 0x8067, 0x806B, 0x8074, 0x8076, 0x8079,
+    0x808E, 0x8068, 0x8069,
 ];
 /// What lives are about, written more often than the rest.
 const LIMITS: [u16; 22] =
@@ -212,7 +212,8 @@ impl Writer<'_> {
     }
 
     fn stop(&mut self) {
-        let bits = self.dice.weighted(&[(4, HALT), (4, OFF), (1, DISABLE), (2, NOTHING), (1, 0b001), (1, 0b100), (1, 0b010)]);
+        let bits =
+            self.dice.weighted(&[(4, HALT), (4, OFF), (1, DISABLE), (2, NOTHING), (1, 0b001), (1, 0b100), (1, 0b010)]);
         self.event(Action::Switches(bits.unwrap_or(HALT)));
         if self.dice.chance(70) {
             self.pause();
@@ -404,6 +405,13 @@ impl Writer<'_> {
         self.event(Action::Cancel(447));
         self.wait(6.0);
         self.event(Action::Switches(FOLLOW));
+        // Over the border of 32 bits, or back to where the axis comes from.
+        if self.axis.mdt.contains(&47) && self.dice.chance(60) {
+            self.wait(10.0);
+            let rpm = self.rpm().abs().min(600.0) * if place > 0 { 1.0 } else { -1.0 };
+            self.event(Action::Ramp(47, Self::long(rpm / 60.0 * self.units.revolution)));
+            self.wait(60.0);
+        }
     }
 
     fn home(&mut self) {
@@ -459,12 +467,17 @@ impl Writer<'_> {
 
     /// A small torque limit and a load that it cannot move.
     fn press_against_a_stop(&mut self) {
-        let limit = self.dice.between(30, 500);
+        // Below the friction of most machines, or above it.
+        let limit = self.dice.between(5, if self.dice.clone().chance(60) { 60 } else { 500 });
         self.event(Action::Write(92, limit));
         self.wait(8.0);
         let percent = (limit / 10 * self.dice.between(60, 140) / 100) as i16;
         let positive = self.dice.chance(50);
-        self.event(Action::Load(if positive { percent } else { -percent }));
+        if self.axis.built_for == Some(Fault::AxisBlocked) {
+            self.event(Action::Break(Fault::AxisBlocked));
+        } else if self.dice.chance(50) {
+            self.event(Action::Load(if positive { percent } else { -percent }));
+        }
         self.pause();
         self.command();
         self.wait(120.0);
