@@ -210,8 +210,8 @@ diagnoses! {
     WINDING_TEMPERATURE = 0xF102 "Motor too hot", "Motor zu heiss",
         "The motor has reached S-0-0204.", "Check the motor's cooling and load, let it cool by 5 K, then S-0-0099.";
     ENCODER = 0xF105 "Encoder error", "Geberfehler",
-        "The encoder's signal is lost, stopped or jumped, or its index does not fit the count; so looks a blocked axis that is to start.",
-        "Check the encoder's cable, shield and supply, S-0-0116, and that the axis is free; a wrong index also P-0-0117.";
+        "The encoder's signal stopped, jumped or stands while the rotor turns (its flux tells), or its index does not fit the count. Not told: a dead encoder while the rotor is held.",
+        "Check the encoder's cable, shield and supply, S-0-0116; a wrong index also P-0-0117; lost at standstill also P-0-0114.";
     COMMUTATION = 0xF106 "Commutation angle not found", "Kommutierungswinkel nicht gefunden",
         "The search for the commutation angle failed, does not fit the index, or the brake forbids it.",
         "Read S-0-0129; check motor phases, P-0-0110, P-0-0115 and P-0-0116; for an axis with brake P-0-0120 and P-0-0118.";

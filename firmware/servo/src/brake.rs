@@ -8,6 +8,8 @@
 //!          Off
 //! ```
 //!
+//! Without a brake nothing is held and nothing can fall: there is nothing to prove, and an axis that turns is caught.
+//!
 //! The brake opens only when the torque is proven: the current follows a small test current in the field axis, which makes no torque.
 //! The torque goes only when the brake has shown that it holds: it is lowered slowly while the movement is watched. When the axis
 //! moves, or the brake's contact does not answer, the torque stays and the axis is held by it, until it is lowered under control or
@@ -184,7 +186,7 @@ impl BrakeSequencer {
             BrakeRequest::Release => State::Released,
             BrakeRequest::Engage | BrakeRequest::Immediate => State::Off,
         };
-        let proving = state == State::Proving;
+        let proving = state == State::Proving && settings.fitted;
         // At most 2^15.
         let scale = TorqueScale::from_bits((self.scale >> 16) as u16);
         BrakeOutput {
@@ -193,7 +195,8 @@ impl BrakeSequencer {
             hold: state != State::Released,
             torque_scale: if state == State::Off { TorqueScale::ZERO } else { scale },
             test_current: CurrentFraction::from_bits(if proving { settings.proof_current } else { 0 }),
-            preload: (proving && before == State::Off).then(|| CurrentFraction::from_bits((self.load >> 16) as i16)),
+            preload: (state == State::Proving && before == State::Off)
+                .then(|| CurrentFraction::from_bits((self.load >> 16) as i16)),
             finished: state == reached,
             event,
         }
@@ -227,6 +230,10 @@ impl BrakeSequencer {
         if inputs.request != BrakeRequest::Release {
             // The brake has not been opened since it held.
             self.enter(State::Off);
+            return None;
+        }
+        if !settings.fitted && inputs.bridge_on {
+            self.release(inputs);
             return None;
         }
         let far = |commanded: i16, measured: CurrentFraction| {

@@ -7,7 +7,7 @@ use crate::{CurrentFraction, Position, SettingsError};
 /// Parameters of the holding brake. Times are in milliseconds.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct BrakeParameters {
-    /// The motor has a holding brake. Without one only the proof of the torque is left of the sequence.
+    /// The motor has a holding brake. Without one only the bridge has to answer.
     pub fitted: bool,
     /// The brake has a contact that tells whether it is open.
     pub contact_fitted: bool,

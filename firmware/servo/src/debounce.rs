@@ -35,12 +35,6 @@ impl Debounce {
         self.ticks = if condition { self.ticks.saturating_add(1) } else { 0 };
         condition && self.ticks >= limit
     }
-
-    /// Ticks in a row up to now.
-    #[inline]
-    pub(crate) const fn ticks(self) -> u32 {
-        self.ticks
-    }
 }
 
 #[cfg(test)]

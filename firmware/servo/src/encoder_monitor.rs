@@ -1,13 +1,13 @@
-//! Supervision of the motor encoder: a lost signal, an implausible jump or stop, an index pulse in the wrong place.
+//! Supervision of the motor encoder: a lost signal (with [`HiddenMotion`]), an implausible jump or stop, an index pulse in the wrong place.
 //!
 //! What is found here is an error of the encoder and is reported as such, never as one of the motor: who reads "encoder" looks at
 //! the cable. The errors carry what was expected and what was seen.
 
 use core::fmt;
 
-use crate::debounce::{Debounce, ticks_of};
+use crate::hidden_motion::{HiddenMotion, HiddenMotionSettings};
 use crate::settings::in_range;
-use crate::{CurrentFraction, Gain, LOOP_TICKS_PER_SUPERVISION, SettingsError, Velocity};
+use crate::{SettingsError, Velocity};
 
 /// Parameters of the supervision.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -16,12 +16,12 @@ pub struct EncoderMonitorParameters {
     pub increments_per_revolution: u32,
     /// Highest velocity of the motor (S-0-0113).
     pub maximum_velocity: Velocity,
-    /// Time in ms without movement under current and demand after which the signal counts as lost, from 1.
-    pub loss_time: u16,
-    /// Current above which an axis under demand must move, in magnitude.
-    pub loss_current: CurrentFraction,
-    /// Velocity command above which motion is demanded, in magnitude.
-    pub loss_velocity: Velocity,
+    /// Pole pairs of the motor, from 1.
+    pub pole_pairs: u32,
+    /// Flux linkage of the magnets in uVs (P-0-0114); 0: not known, a lost signal is not found at standstill.
+    pub flux: u32,
+    /// The current loop makes up for the dead time of the bridge.
+    pub dead_time_compensated: bool,
     /// Width of the index pulse in increments, by which its latched flank differs between the directions: 1 for an index gated with
     /// both tracks. `None` for an encoder without index.
     pub index_width: Option<u8>,
@@ -36,14 +36,13 @@ pub struct EncoderMonitorSettings {
     pub(crate) largest_jump: u32,
     /// Change of the counter in a loop tick from which no axis stops at once.
     pub(crate) fast: u32,
-    loss_ticks: u32,
-    loss_current: i32,
-    loss_velocity: Velocity,
-    /// From the sum of the velocity commands to increments.
-    commanded: Gain,
+    /// `None` where an increment is so much of an electrical revolution that a counter that stands says nothing.
+    hidden: Option<HiddenMotionSettings>,
     index_width: Option<u8>,
 }
 
+/// Increments of an electrical revolution from which on a counter that stands says that the rotor does: three are 11 degrees.
+const FINE: u32 = 96;
 /// A track that has failed leaves a counter that goes to and fro by one increment; a line has four.
 const STILL: u32 = 3;
 /// Share of a revolution in a loop tick from which no axis stops at once: 240 rpm, gone within two ticks, would be 100 000 rad/s^2.
@@ -66,7 +65,8 @@ impl EncoderMonitorSettings {
         if velocity == 0 {
             return Err(SettingsError::Zero { parameter: "maximum motor speed S-0-0113" });
         }
-        let loss_time = in_range("time to a lost encoder signal", parameters.loss_time.into(), 1, u16::MAX.into())?;
+        let pole_pairs = in_range("pole pairs P-0-0110", parameters.pole_pairs, 1, u32::MAX)?;
+        let hidden = HiddenMotionSettings::new(parameters.flux, parameters.dead_time_compensated)?;
         if let Some(width) = parameters.index_width {
             in_range("width of the index pulse", width.into(), 1, increments / 4)?;
         }
@@ -77,12 +77,7 @@ impl EncoderMonitorSettings {
             increments: increments as i32,
             largest_jump: u32::try_from(jump).unwrap_or(u32::MAX),
             fast: (increments / FAST_DIVISOR).max(FAST_INCREMENTS),
-            loss_ticks: ticks_of(loss_time),
-            loss_current: i32::from(parameters.loss_current.to_bits()).saturating_abs(),
-            loss_velocity: parameters.loss_velocity.abs(),
-            // A velocity command stands for the loop ticks of one tick here.
-            commanded: Gain::from_ratio(u128::from(increments.saturating_mul(LOOP_TICKS_PER_SUPERVISION)), 1 << 36)
-                .unwrap_or(Gain::ZERO),
+            hidden: (increments >= FINE.saturating_mul(pole_pairs)).then_some(hidden),
             index_width: parameters.index_width,
         })
     }
@@ -92,12 +87,12 @@ impl EncoderMonitorSettings {
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub enum EncoderError {
-    /// Current flows and motion is demanded, but the counter stands still or goes to and fro between two lines. A motor that is blocked
-    /// gives the same picture; a brake that stays closed is found by the brake sequencer first.
+    /// The counter stands still or goes to and fro between two lines, but the rotor has turned: its flux has induced a voltage. A motor that
+    /// is blocked induces none.
     SignalLost {
-        /// Increments that the command has covered meanwhile, at most four revolutions.
+        /// Change of the flux that may be, in 0.1 % of the magnets'.
         expected: u32,
-        /// Largest distance of the counter from where it began.
+        /// Change of the flux.
         actual: u32,
     },
     /// The counter changed by more in a loop tick than one and a half times the maximum velocity.
@@ -134,7 +129,7 @@ impl fmt::Display for EncoderError {
     fn fmt(&self, formatter: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
             Self::SignalLost { expected, actual } => {
-                write!(formatter, "encoder signal lost: {actual} increments counted, {expected} commanded")
+                write!(formatter, "encoder stands, but the flux has turned by {actual} in 0.1 %, expected {expected}")
             }
             Self::Jump { expected, actual } => {
                 write!(formatter, "encoder jumped by {actual} increments in a tick, expected at most {expected}")
@@ -161,10 +156,9 @@ pub struct EncoderMonitorInputs {
     pub count: u32,
     /// Counter latched at an index pulse since the last tick.
     pub index: Option<u32>,
-    /// Command of the velocity loop; zero when no motion is demanded, as in torque control.
-    pub velocity_command: Velocity,
-    /// Measured torque-producing current.
-    pub current: CurrentFraction,
+    /// Voltage of the d axis and longest voltage vector, volt 2^-14, while the current is commutated by this encoder. `None`: no current, or
+    /// at an angle of its own.
+    pub voltage: Option<(i32, i32)>,
 }
 
 /// State of the supervision.
@@ -178,17 +172,14 @@ pub struct EncoderMonitor {
     since_index: i32,
     /// Where the counter stood when it was last seen to move.
     still_at: u32,
-    furthest: u32,
-    still: Debounce,
-    /// Sum of the velocity commands meanwhile, one a tick.
-    commanded: i64,
+    hidden: HiddenMotion,
 }
 
 impl EncoderMonitor {
     /// Starts with the counter at `count`.
     #[must_use]
     pub const fn new(count: u32) -> Self {
-        Self { count, index: None, since_index: 0, still_at: count, furthest: 0, still: Debounce::new(), commanded: 0 }
+        Self { count, index: None, since_index: 0, still_at: count, hidden: HiddenMotion::new() }
     }
 
     /// One tick of the supervision. An error is told once, in the tick in which it is found; of an index pulse in the wrong place or
@@ -231,34 +222,15 @@ impl EncoderMonitor {
 
     #[inline]
     fn lost(&mut self, settings: &EncoderMonitorSettings, inputs: &EncoderMonitorInputs) -> Option<EncoderError> {
-        let demanded =
-            inputs.velocity_command.abs() >= settings.loss_velocity && inputs.velocity_command != Velocity::ZERO;
-        let flows = i32::from(inputs.current.to_bits()).saturating_abs() >= settings.loss_current;
         let distance = (inputs.count.wrapping_sub(self.still_at) as i32).unsigned_abs();
-        let still = distance <= STILL;
-        let lost = self.still.holds(demanded && flows && still, settings.loss_ticks);
-        if self.still.ticks() == 0 {
-            self.begin(inputs.count);
+        let (true, Some(hidden), Some((voltage, longest))) = (distance <= STILL, &settings.hidden, inputs.voltage)
+        else {
+            self.still_at = inputs.count;
+            self.hidden = HiddenMotion::new();
             return None;
-        }
-        self.furthest = self.furthest.max(distance);
-        self.commanded = self.commanded.saturating_add(i64::from(inputs.velocity_command.to_bits()));
-        if !lost {
-            return None;
-        }
-        let expected = settings.commanded.apply(self.commanded).unsigned_abs();
-        let error =
-            EncoderError::SignalLost { expected: u32::try_from(expected).unwrap_or(u32::MAX), actual: self.furthest };
-        self.begin(inputs.count);
-        Some(error)
-    }
-
-    #[inline]
-    fn begin(&mut self, count: u32) {
-        self.still = Debounce::new();
-        self.still_at = count;
-        self.furthest = 0;
-        self.commanded = 0;
+        };
+        let actual = self.hidden.tick(hidden, voltage, longest)?;
+        Some(EncoderError::SignalLost { expected: HiddenMotionSettings::ALLOWED, actual })
     }
 }
 
@@ -289,7 +261,7 @@ mod tests {
 
     const INCREMENTS: u32 = 10_000;
 
-    /// 10 000 increments, 6000 rpm (500 increments a tick), 50 ms at 10 % current and 10 rpm.
+    /// 10 000 increments, 6000 rpm (500 increments a tick), 4 pole pairs, 0.133 Vs.
     fn settings() -> EncoderMonitorSettings {
         EncoderMonitorSettings::new(&PARAMETERS).unwrap()
     }
@@ -297,54 +269,55 @@ mod tests {
     const PARAMETERS: EncoderMonitorParameters = EncoderMonitorParameters {
         increments_per_revolution: INCREMENTS,
         maximum_velocity: Velocity::from_bits((1_u64 << 36).div_ceil(80) as i32),
-        loss_time: 50,
-        loss_current: CurrentFraction::lit("0.1"),
-        loss_velocity: Velocity::from_bits(1_431_655),
+        pole_pairs: 4,
+        flux: 133_333,
+        dead_time_compensated: true,
         index_width: Some(1),
     };
 
     fn inputs(count: u32) -> EncoderMonitorInputs {
-        EncoderMonitorInputs { count, index: None, velocity_command: Velocity::ZERO, current: CurrentFraction::ZERO }
+        EncoderMonitorInputs { count, index: None, voltage: Some((0, LONGEST)) }
     }
 
-    /// 60 rpm: 5 increments a tick.
-    fn demanding(count: u32) -> EncoderMonitorInputs {
-        EncoderMonitorInputs {
-            velocity_command: Velocity::from_ten_thousandths_rpm(-600_000),
-            current: CurrentFraction::from_num(-0.2),
-            ..inputs(count)
+    /// Of a bus of 320 V.
+    const LONGEST: i32 = 181 << 14;
+
+    /// 20 V across the current: a third of 0.133 Vs in 2.6 ms, 3 V of it for the dead time and a part forgotten.
+    fn induced(count: u32) -> EncoderMonitorInputs {
+        EncoderMonitorInputs { voltage: Some((-(20 << 14), LONGEST)), ..inputs(count) }
+    }
+
+    #[test]
+    fn a_signal_is_lost_when_the_flux_turns_and_the_counter_does_not() {
+        for jitter in [0, 1, 3] {
+            let mut monitor = EncoderMonitor::new(5);
+            for tick in 1..=6 {
+                assert_eq!(monitor.tick(&settings(), &induced(5 + jitter * (tick % 2))), None, "tick {tick}");
+            }
+            let error = monitor.tick(&settings(), &inputs(5));
+            let Some(EncoderError::SignalLost { expected: 333, actual }) = error else { panic!("{error:?}") };
+            assert!((334..460).contains(&actual), "{actual}");
+            assert_eq!(monitor.tick(&settings(), &inputs(5)), None, "told once");
         }
     }
 
     #[test]
-    fn a_signal_is_lost_when_current_and_demand_do_not_move_the_counter() {
-        let mut monitor = EncoderMonitor::new(5);
-        for tick in 1..100 {
-            assert_eq!(monitor.tick(&settings(), &demanding(5)), None, "tick {tick}");
-        }
-        let error = monitor.tick(&settings(), &demanding(5));
-        assert_eq!(error, Some(EncoderError::SignalLost { expected: 500, actual: 0 }));
-    }
-
-    #[test]
-    fn a_counter_that_goes_to_and_fro_on_one_track_is_a_lost_signal() {
-        let mut monitor = EncoderMonitor::new(5);
-        let error = (0..100).find_map(|tick| monitor.tick(&settings(), &demanding(5 + tick % 2)));
-        assert_eq!(error, Some(EncoderError::SignalLost { expected: 500, actual: 1 }));
-    }
-
-    #[test]
-    fn an_axis_that_moves_slowly_or_is_not_asked_to_has_its_signal() {
-        let mut moving = EncoderMonitor::new(0);
-        let mut idle = EncoderMonitor::new(0);
-        let mut without_current = EncoderMonitor::new(0);
+    fn an_axis_that_turns_stands_or_has_no_current_of_its_angle_has_its_signal() {
+        let mut turning = EncoderMonitor::new(0);
+        let mut standing = EncoderMonitor::new(0);
+        let mut without = EncoderMonitor::new(0);
         for tick in 0..2_000_u32 {
-            assert_eq!(moving.tick(&settings(), &demanding(tick / 22)), None, "4 increments in 44 ms");
-            let still = EncoderMonitorInputs { velocity_command: Velocity::ZERO, ..demanding(0) };
-            assert_eq!(idle.tick(&settings(), &still), None);
-            let weak = EncoderMonitorInputs { current: CurrentFraction::from_num(0.09), ..demanding(0) };
-            assert_eq!(without_current.tick(&settings(), &weak), None);
+            let pulse = |count| if tick % 40 < 20 { induced(count) } else { inputs(count) };
+            assert_eq!(turning.tick(&settings(), &pulse(tick * 2)), None, "4 increments a millisecond");
+            assert_eq!(standing.tick(&settings(), &inputs(0)), None, "blocked: whatever the current is");
+            assert_eq!(without.tick(&settings(), &EncoderMonitorInputs { voltage: None, ..inputs(0) }), None);
         }
+        // 64 increments of a motor with four pole pairs: one is 22 electrical degrees.
+        let coarse = EncoderMonitorParameters { increments_per_revolution: 64, ..PARAMETERS };
+        let coarse = EncoderMonitorSettings::new(&coarse).unwrap();
+        let pulse = |tick: u32| if tick % 40 < 20 { induced(0) } else { inputs(0) };
+        assert!((0..100).all(|tick| without.tick(&coarse, &pulse(tick)).is_none()));
+        assert!((0..100).any(|tick| without.tick(&settings(), &pulse(tick)).is_some()));
     }
 
     /// Feeds index pulses at these counts, in steps that do not jump.
@@ -431,7 +404,8 @@ mod tests {
         assert!(matches!(new(&increments), Err(SettingsError::OutOfRange { actual: 15, minimum: 16, .. })));
         let velocity = EncoderMonitorParameters { maximum_velocity: Velocity::ZERO, ..PARAMETERS };
         assert_eq!(new(&velocity), Err(SettingsError::Zero { parameter: "maximum motor speed S-0-0113" }));
-        assert!(new(&EncoderMonitorParameters { loss_time: 0, ..PARAMETERS }).is_err());
+        assert!(new(&EncoderMonitorParameters { pole_pairs: 0, ..PARAMETERS }).is_err());
+        assert!(new(&EncoderMonitorParameters { flux: 3_000_000, ..PARAMETERS }).is_err());
         assert!(new(&EncoderMonitorParameters { index_width: Some(0), ..PARAMETERS }).is_err());
     }
 
@@ -464,7 +438,7 @@ mod tests {
                 let at = (high.div_euclid(resolution)) * resolution;
                 let index = (at > low).then(|| start.wrapping_add(at as u32));
                 place = next;
-                let inputs = EncoderMonitorInputs { index, ..demanding(start.wrapping_add(place as u32)) };
+                let inputs = EncoderMonitorInputs { index, ..inputs(start.wrapping_add(place as u32)) };
                 prop_assert_eq!(monitor.tick(&settings(), &inputs), None);
             }
         }

@@ -58,7 +58,7 @@ impl EncoderMotion {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::{CurrentFraction, EncoderMonitorParameters, Velocity};
+    use crate::{EncoderMonitorParameters, Velocity};
     use proptest::prelude::*;
 
     /// 10 000 increments, 6000 rpm: 125 increments a loop tick.
@@ -66,9 +66,9 @@ mod tests {
         EncoderMonitorSettings::new(&EncoderMonitorParameters {
             increments_per_revolution: 10_000,
             maximum_velocity: Velocity::from_bits((1_u64 << 36).div_ceil(80) as i32),
-            loss_time: 50,
-            loss_current: CurrentFraction::lit("0.1"),
-            loss_velocity: Velocity::from_bits(1_431_655),
+            pole_pairs: 4,
+            flux: 133_333,
+            dead_time_compensated: true,
             index_width: Some(1),
         })
         .unwrap()

@@ -55,6 +55,7 @@ mod encoder_motion;
 mod filter;
 mod friction;
 mod gain;
+mod hidden_motion;
 mod homing;
 pub mod identification;
 mod interpolation;

@@ -306,10 +306,14 @@ fn an_immediate_request_and_a_lost_bridge_close_the_brake_in_the_same_tick_in_ev
 }
 
 #[test]
-fn without_a_brake_only_the_proof_is_left() {
+fn without_a_brake_there_is_nothing_to_prove_but_the_bridge_has_to_answer() {
     let mut bench = Bench::new(BrakeParameters { fitted: false, contact_fitted: true, ..PARAMETERS });
     bench.inputs.request = BrakeRequest::Release;
-    assert_eq!(bench.until(|output| output.finished), 1 + 4 + 1);
+    // A current that does not follow at all, as near the voltage limit.
+    bench.inputs.torque_current = CurrentFraction::from_num(0.5);
+    bench.tick();
+    assert_eq!(bench.output.test_current, CurrentFraction::ZERO);
+    assert_eq!(bench.until(|output| output.finished), 2, "the bridge is seen to switch, and the axis is free");
     assert!(!bench.output.energise);
     bench.inputs.blocked = true;
     bench.run(1_000);
@@ -317,6 +321,16 @@ fn without_a_brake_only_the_proof_is_left() {
     bench.inputs.request = BrakeRequest::Engage;
     bench.tick();
     assert!(bench.output.finished && !bench.output.torque);
+
+    let mut bench = Bench::new(BrakeParameters { fitted: false, ..PARAMETERS });
+    bench.inputs.request = BrakeRequest::Release;
+    bench.tick();
+    bench.inputs.bridge_on = false;
+    for tick in 1..=100 {
+        bench.output = bench.sequencer.tick(&bench.settings, &bench.inputs);
+        assert_eq!(bench.output.event, (tick == 100).then_some(BrakeError::BridgeOff));
+    }
+    assert!(!bench.output.torque);
 }
 
 #[test]

@@ -139,6 +139,7 @@ impl MotorSideState {
             bridge_ready: self.inputs.bridge_ready,
             safe_torque: self.inputs.safe_torque_1 && self.inputs.safe_torque_2,
             home_switch: self.inputs.home_switch,
+            late: self.late_cycles > 0,
         }
     }
 

@@ -421,6 +421,10 @@ impl Target for Rig {
         }
     }
 
+    fn hold_switches(&mut self, on: bool) {
+        self.master().switch(if on { 7 } else { 0 });
+    }
+
     fn take_bit_15_away(&mut self) {
         self.world.ring_mut().master_mut().take_bit_15_back();
     }

@@ -183,7 +183,7 @@ impl Run {
             if next > until {
                 break;
             }
-            fault.go_on(&self.rig, step);
+            fault.go_on(&mut self.rig, step);
             self.going_on = (step < 20 * 16).then_some((fault, step + 16));
             self.rig.run_until(next)?;
         }

@@ -68,15 +68,20 @@ pub(crate) const fn note(fault: Fault) -> Option<&'static str> {
             "These axes are not homed, and without a reference the limits mean nothing; `tests/travel.rs` has one that is."
         }
         Fault::EncoderFrozen => {
-            "A standing axis shows nothing of it; the first command for movement does, see *axis blocked* in velocity mode. Below 240 rpm \
-             (or 8 increments in 125 us) the stop is no proof, and the same holds."
+            "A standing axis shows nothing of it. When current makes the rotor turn, by a quarter of an electrical revolution and more, the \
+             voltage that its magnets induce does: `tests/stop.rs` measures 12 to 112 ms. Below 240 rpm (or 8 increments in 125 us) the stop is no proof, and \
+             the same holds."
+        }
+        Fault::EnableBlinks => {
+            "The axis coasts, and is caught at the speed that it has. In position mode its command is a lag ahead of it, further than S-0-0159."
         }
         Fault::EncoderSlip => "Found at the next index pulse: within a revolution.",
         Fault::CommutationDisturbed => {
             "Found at the next index pulse, and in position modes by the following distance before it; the axis turns uncontrolled until then."
         }
         Fault::AxisBlocked => {
-            "An axis that does not move in spite of command and current looks the same with a dead encoder. In torque mode no movement is asked for."
+            "A rotor that stands induces nothing: the axis holds its torque, C3D bit 4. A dead encoder looks the same for as long as friction, a \
+             brake or a stop holds the rotor."
         }
         Fault::EmergencyStop => {
             "The drive sees its input up to a cycle before bit 15, and takes the loss for an error."
@@ -128,6 +133,7 @@ const IN_OPERATION: Places = &[
     (Halted, Position),
 ];
 const HELD: Places = &[(Standstill, Velocity), (Halted, Position)];
+const CAUGHT: Places = &[(AtSpeed, Torque), (AtSpeed, Velocity), (AtSpeed, PositionWithoutLag)];
 const UPRIGHT: Places = &[(Standstill, PositionWithoutLag), (Halted, Position)];
 const WHEN_OFF: Places = &[(Off, Velocity)];
 const WHEN_SWITCHING_ON: Places = &[(SwitchingOn, Velocity)];
@@ -188,6 +194,8 @@ const TABLE: &[Row] = &[
     row(Fault::EmergencyStopVertical, UPRIGHT, TorqueOff, CLOSING, 0xF109, RunsAgain),
     row(Fault::EmergencyStopVertical, POSITIONED, Ramp, CLOSING, 0xF109, RunsAgain),
     row(Fault::EmergencyStopVertical, WHEN_STOPPING, GoesOn, CLOSING, 0, NoError),
+    row(Fault::EnableBlinks, CAUGHT, GoesOn, Some((60, 3_000)), 0, NoError),
+    row(Fault::EnableBlinks, &[(AtSpeed, Position)], TorqueOff, Some((60, 3_000)), 0xF10B, RunsAgain),
     row(Fault::GateDriver, WHEN_OFF, Warning, None, 0xE003, NoError),
     row(Fault::GateDriver, WITH_TORQUE, TorqueOff, AT_ONCE, 0xF10F, RunsAgain),
     row(Fault::EncoderFrozen, WHEN_SWITCHING_ON, TorqueOff, Some((250_000, 500_000)), 0xF118, RunsAgain),
@@ -211,8 +219,7 @@ const TABLE: &[Row] = &[
     row(Fault::TemperatureSensorBroken, HELD, TorqueOff, Some((195_000, 205_000)), 0xF117, RunsAgain),
     row(Fault::Overload, &[(AtSpeed, Torque)], Warning, None, 0xE010, NoError),
     row(Fault::AxisBlocked, WHEN_SWITCHING_ON, TorqueOff, Some((250_000, 500_000)), 0xF118, RunsAgain),
-    row(Fault::AxisBlocked, &[(AtSpeed, Torque)], GoesOn, None, 0, NoError),
-    row(Fault::AxisBlocked, &[(AtSpeed, Velocity)], TorqueOff, Some((100_000, 200_000)), 0xF105, RunsAgain),
+    row(Fault::AxisBlocked, &[(AtSpeed, Torque), (AtSpeed, Velocity)], GoesOn, None, 0, NoError),
     row(Fault::AxisBlocked, POSITIONED, Ramp, Some((65_000, 100_000)), 0xF10B, RunsAgain),
     row(Fault::Overspeed, EVERY_MODE, Ramp, Some((3_000, 400_000)), 0xF115, RunsAgain),
     row(Fault::SafeTorqueOff, WHEN_OFF, GoesOn, None, 0, NoError),

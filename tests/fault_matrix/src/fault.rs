@@ -44,6 +44,8 @@ pub enum Fault {
     EmergencyStop,
     /// The same on a vertical axis.
     EmergencyStopVertical,
+    /// The control takes bits 15 and 14 away for 20 ms.
+    EnableBlinks,
     /// The gate drivers report a fault; the break input takes the bridge off.
     GateDriver,
     /// The encoder's tracks stand still, whatever the axis does.
@@ -206,6 +208,7 @@ impl Fault {
                 open_the_contactor(rig);
                 rig.take_bit_15_away();
             }
+            Self::EnableBlinks => rig.hold_switches(false),
             Self::GateDriver => rig.motor_side().borrow_mut().change_inputs(|inputs| inputs.bridge_ready = false),
             Self::EncoderFrozen => rig.machine(|machine, now| machine.freeze_encoder(true, now)),
             Self::EncoderSlip => rig.machine(|machine, now| machine.slip_encoder(20, now)),
@@ -251,8 +254,9 @@ impl Fault {
     }
 
     /// What goes on while the fault is watched; `step` counts cycles of the current loop.
-    pub fn go_on(self, rig: &impl Target, step: u64) {
+    pub fn go_on(self, rig: &mut impl Target, step: u64) {
         match self {
+            Self::EnableBlinks if step == 20 * 16 => rig.hold_switches(true),
             // A slip a millisecond: 70 counts are 10 degrees of a motor with four pole pairs.
             Self::CommutationDisturbed if step.is_multiple_of(16) && step < 20 * 16 => {
                 rig.machine(|machine, now| machine.slip_encoder(70, now));
@@ -303,6 +307,7 @@ impl fmt::Display for Fault {
             Self::MainPowerLostVertical => "main power switched off, vertical axis",
             Self::EmergencyStop => "main power and bit 15 off at once",
             Self::EmergencyStopVertical => "main power and bit 15 off at once, vertical axis",
+            Self::EnableBlinks => "bits 15 and 14 away for 20 ms",
             Self::GateDriver => "gate driver fault",
             Self::EncoderFrozen => "encoder tracks frozen",
             Self::EncoderSlip => "encoder slips by 20 counts",

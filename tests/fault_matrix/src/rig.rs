@@ -374,6 +374,10 @@ impl Target for Rig {
         self.mode
     }
 
+    fn hold_switches(&mut self, on: bool) {
+        self.master_mut().hold_switches(Some(if on { FOLLOW } else { 0 }));
+    }
+
     fn take_bit_15_away(&mut self) {
         self.master_mut().hold_switches(Some(control::ENABLE | control::NO_HALT));
     }

@@ -18,6 +18,9 @@ pub trait Target {
     /// What the drive follows.
     fn mode(&self) -> Mode;
 
+    /// The control unit gives ON, ENABLE and no HALT, or nothing.
+    fn hold_switches(&mut self, on: bool);
+
     /// The control unit takes bit 15 of the control word back, in one cycle with what happens now.
     fn take_bit_15_away(&mut self);
 

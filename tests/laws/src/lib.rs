@@ -11,6 +11,7 @@
 
 mod broken;
 mod dialogue;
+mod lasting;
 mod law;
 mod laws;
 mod observer;

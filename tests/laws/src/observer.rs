@@ -42,6 +42,7 @@ pub struct Observer {
     laws: Vec<(Box<dyn Law>, u64)>,
     broken: Option<Broken>,
     address: u8,
+    looked: bool,
 }
 
 impl Observer {
@@ -63,6 +64,7 @@ impl Observer {
             settings,
             machine,
             disturbed: None,
+            troubled: None,
             deceived: false,
             pins_changed: None,
             bridge_changed: None,
@@ -71,7 +73,7 @@ impl Observer {
             path: VecDeque::new(),
         };
         let laws = laws.into_iter().map(|law| (law, 0)).collect();
-        Self { scene, dialogue: Dialogue::default(), laws, broken: None, address }
+        Self { scene, dialogue: Dialogue::default(), laws, broken: None, address, looked: false }
     }
 
     /// The first law that was broken.
@@ -101,12 +103,16 @@ impl Observer {
     pub fn look(&mut self, sight: Sight) {
         let scene = &mut self.scene;
         let before = std::mem::replace(&mut scene.sight, sight);
-        scene.before = if scene.now == Nanoseconds::ZERO { sight } else { before };
+        scene.before = if self.looked { before } else { sight };
+        self.looked = true;
         let before = scene.before;
         scene.now = sight.time;
         let outside = |sight: &Sight| (sight.machine.load_torque, sight.machine.seized, sight.machine.kicks);
         if outside(&before) != outside(&sight) {
             scene.disturbed = Some(sight.time);
+        }
+        if sight.is_troubled(scene.machine.supply.voltage) {
+            scene.troubled = Some(sight.time);
         }
         let lies = |sight: &Sight| sight.machine.blind || sight.machine.encoder_frozen;
         scene.deceived |= lies(&sight) || before.machine.slips != sight.machine.slips;

@@ -33,6 +33,8 @@ pub struct Scene {
     pub cycle: Nanoseconds,
     /// When the load, or another torque from outside, last changed; a seized shaft and a shaft that is let go count too.
     pub disturbed: Option<Nanoseconds>,
+    /// When something outside the drive was last not as it should be.
+    pub troubled: Option<Nanoseconds>,
     /// A sensor of current or position shows, or has shown since the bridge came on, what is not so.
     pub deceived: bool,
     /// When a pin of the power stage last changed.

@@ -22,9 +22,23 @@ pub struct Sight {
     pub safe_torque: bool,
     /// Pin: the home switch.
     pub home_switch: bool,
+    /// The processor is kept from its work.
+    pub late: bool,
 }
 
 impl Sight {
+    /// Something outside the drive is not as it should be; `supply` is the voltage of the mains.
+    #[must_use]
+    pub fn is_troubled(&self, supply: f64) -> bool {
+        let machine = &self.machine;
+        let power = !self.main_power || !self.bridge_ready || !self.safe_torque;
+        let lies = machine.blind || machine.feverish || machine.encoder_frozen || machine.index_muted;
+        let link = !(0.9 * supply..1.1 * supply).contains(&machine.bus_voltage);
+        // What the defaults of S-0-0200 and S-0-0201 do not warn of.
+        let hot = machine.temperatures[0] > 75.0 || machine.temperatures[1] > 110.0;
+        power || lies || link || hot || machine.seized || machine.brake_broken || self.late
+    }
+
     /// Velocity of the shaft in rpm, for words.
     #[must_use]
     pub fn rpm(&self) -> f64 {

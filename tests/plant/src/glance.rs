@@ -15,6 +15,8 @@ pub struct Glance {
     pub current: [f64; 2],
     /// In V.
     pub bus_voltage: f64,
+    /// Temperatures of heat sink and windings in degrees Celsius.
+    pub temperatures: [f64; 2],
     /// Torque in Nm that the brake can hold.
     pub brake_torque: f64,
     /// Torque in Nm with which the load is driven, gravity included.
@@ -29,6 +31,8 @@ pub struct Glance {
     pub feverish: bool,
     /// The encoder does not count.
     pub encoder_frozen: bool,
+    /// The index does not come.
+    pub index_muted: bool,
     /// How often so far the shaft was given a velocity.
     pub kicks: u32,
     /// How often so far the encoder was given counts that no movement had caused.

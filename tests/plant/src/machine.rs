@@ -394,6 +394,7 @@ impl Machine {
             torque: settings.windings.torque(state.current),
             current: [state.current.d, state.current.q],
             bus_voltage: state.bus.voltage,
+            temperatures: [state.temperatures.heat_sink, state.temperatures.winding],
             brake_torque: settings.brake.map_or(0.0, |brake| brake.torque(state.grip, outside.brake_failure)),
             load_torque: outside.load_torque + settings.mechanics.gravity_torque,
             seized: outside.seized,
@@ -401,6 +402,7 @@ impl Machine {
             blind: outside.broken_sensors.iter().any(Option::is_some) || outside.shifted_sensors != [0; 3],
             feverish: outside.broken_thermometers.iter().any(Option::is_some),
             encoder_frozen: outside.encoder_frozen,
+            index_muted: outside.index_muted,
             kicks: self.interventions[0],
             slips: self.interventions[1],
         }

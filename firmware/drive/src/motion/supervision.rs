@@ -3,7 +3,7 @@
 use sercon816::Bus;
 use sercos::Phase;
 use sercos::diagnostic::{Class1, Class3};
-use servo::{Mode, Position, Velocity};
+use servo::Position;
 
 use super::Motion;
 use crate::diagnosis::{Manufacturer1, Manufacturer3};
@@ -103,16 +103,7 @@ impl<B: Bus + Clone, H: Hardware> Motion<B, H> {
         let torque = self.machine.state().has_torque();
         let in_operation = self.machine.state().is_in_operation();
         let leaves_its_range = self.watch_range();
-        let findings = self.motor.supervise(&Surroundings {
-            torque,
-            count: self.counted(self.motor.count()),
-            index,
-            velocity_command: if in_operation && self.axis.mode() != Mode::Torque {
-                self.output.velocity_command
-            } else {
-                Velocity::ZERO
-            },
-        });
+        let findings = self.motor.supervise(&Surroundings { torque, count: self.counted(self.motor.count()), index });
         self.take(findings);
         self.watch_safe_torque_off(torque);
         if !torque {

@@ -91,7 +91,8 @@ impl Motor {
                 position: inputs.position,
                 torque_command: inputs.torque_command,
                 torque_current: self.measured.torque_current,
-                field_current: self.measured.field_current,
+                // A turning motor may need a field current of its own.
+                field_current: self.measured.field_current.saturating_sub(self.weakened),
                 contact_open: inputs.brake_contact,
                 blocked: inputs.blocked,
             },
@@ -188,9 +189,12 @@ impl Motor {
         }
     }
 
+    /// A bridge that does not answer is the amplifier's doing. What is the brake's can only be told where there is one.
     fn take_brake_error(&mut self, error: BrakeError, findings: &mut Findings) {
-        if !error.is_warning() {
-            findings.add_own(Manufacturer1::BRAKE, false);
+        match error {
+            BrakeError::BridgeOff | BrakeError::TorqueLost => findings.add_own(Manufacturer1::AMPLIFIER_FAULT, true),
+            _ if error.is_warning() || !self.settings.has_brake => {}
+            _ => findings.add_own(Manufacturer1::BRAKE, false),
         }
     }
 

@@ -3,8 +3,7 @@
 use sercos::diagnostic::Class1;
 use servo::current::{BusScale, Trip};
 use servo::{
-    CurrentFraction, EncoderMonitorInputs, IndexCorrection, Limiting, TemperatureOutput, Velocity, VoltageError,
-    VoltageOutput,
+    CurrentFraction, EncoderMonitorInputs, IndexCorrection, Limiting, TemperatureOutput, VoltageError, VoltageOutput,
 };
 
 use super::Motor;
@@ -77,8 +76,6 @@ pub(crate) struct Surroundings {
     pub(crate) count: u32,
     /// Count at an index pulse since the last time.
     pub(crate) index: Option<u32>,
-    /// Command of the velocity loop; zero where none is followed.
-    pub(crate) velocity_command: Velocity,
 }
 
 impl Motor {
@@ -211,8 +208,8 @@ impl Motor {
             &EncoderMonitorInputs {
                 count: surroundings.count,
                 index: surroundings.index,
-                velocity_command: surroundings.velocity_command,
-                current: self.measured.torque_current,
+                voltage: (surroundings.torque && self.bridge_on && self.commutates() && self.held.is_none())
+                    .then_some((self.measured.readings.direct_voltage, self.bus_scale.longest())),
             },
         );
         if error.is_some() {

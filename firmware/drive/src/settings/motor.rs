@@ -139,12 +139,6 @@ impl MotorSettings {
             })
             .map_err(of(P(time)))
         };
-        // Four fifths of what may flow for long: at the limit itself the measured current swings about the threshold.
-        let most = u64::from(torque.milliamperes(word(S(92))).min(long(S(109))))
-            .saturating_mul(800)
-            .checked_div(peak.into())
-            .unwrap_or(0);
-        let loss_current = u16::try_from(most).unwrap_or(u16::MAX).min(LOSS_CURRENT);
         let brake_bits = word(P(120));
         let millidegrees = |idn: Idn| Position::from_bits((i64::from(word(idn)) << 32) / 36_000);
         Ok(Self {
@@ -176,9 +170,9 @@ impl MotorSettings {
             encoder: EncoderMonitorSettings::new(&EncoderMonitorParameters {
                 increments_per_revolution: increments,
                 maximum_velocity,
-                loss_time: 100,
-                loss_current: share(loss_current),
-                loss_velocity: Velocity::from_ten_thousandths_rpm(50_000),
+                pole_pairs: pole_pairs.into(),
+                flux: long(P(114)),
+                dead_time_compensated: word(P(103)) != 0,
                 index_width: (word(P(117)) != 0).then_some(1),
             })
             .map_err(of(S(116)))?,
@@ -225,9 +219,6 @@ fn torque_limits(parameters: &Parameters, torque: &TorqueScale) -> Result<Torque
     })?;
     Ok(if parameters.get_word(S(85)) & COMMAND_REVERSED != 0 { limits.reversed() } else { limits })
 }
-
-/// Current at which an axis that is to move must move, in 0.1 % of S-0-0110, unless the drive may not make it.
-const LOSS_CURRENT: u16 = 500;
 
 const BRAKE_FITTED: u16 = 1 << 0;
 const BRAKE_CONTACT: u16 = 1 << 1;

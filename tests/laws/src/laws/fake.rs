@@ -119,6 +119,15 @@ impl Fake {
         self.step(Step::open(Idn(number)), data_status, control, status);
     }
 
+    /// A homed axis with S-0-0049 at `high` and S-0-0050 at its opposite.
+    pub(crate) fn settle_limits(&mut self, high: i32) {
+        self.write(55, &[0x10]);
+        for (idn, limit) in [(49, high), (50, -high)] {
+            self.write(idn, &[limit as u16, (limit >> 16) as u16]);
+        }
+        self.read(403, &[1]);
+    }
+
     /// Where the shaft was at the beginning of the cycle that ends now, in revolutions.
     pub(crate) fn angle_before(&self) -> f64 {
         self.observer.scene().angle_at(self.time).unwrap_or(0.0)

@@ -1,12 +1,18 @@
 //! The laws, one file each.
 
+mod back;
 mod distance;
 mod feedback;
+mod following;
+mod limits;
+mod nothing_moves;
 mod service;
 mod stop;
 mod switching_on;
 mod torque_goes;
+mod true_errors;
 mod truth;
+mod vertical;
 
 #[cfg(test)]
 mod fake;
@@ -18,8 +24,16 @@ pub(crate) fn all() -> Vec<Box<dyn Law>> {
     vec![
         Box::new(stop::Stop::default()),
         Box::new(switching_on::SwitchingOn),
-        Box::new(truth::Truth),
+        Box::new(truth::Truth::default()),
         Box::new(torque_goes::TorqueGoes::default()),
+        Box::new(true_errors::TrueErrors::default()),
+        Box::new(vertical::Vertical::default()),
+        Box::new(back::Back::default()),
+        Box::new(nothing_moves::NothingMoves::default()),
+        Box::new(following::Following::default()),
+        Box::new(limits::Current::default()),
+        Box::new(limits::Velocity::default()),
+        Box::new(limits::PositionLimits::default()),
         Box::new(feedback::Feedback::default()),
         Box::new(distance::Distance::default()),
         Box::new(service::AtAndService::default()),

@@ -105,6 +105,8 @@ impl Law for AtAndService {
 #[derive(Default)]
 pub(crate) struct Acknowledged {
     written: BTreeMap<u16, Vec<u16>>,
+    /// S-0-0001, if the master has ever written it; else it is S-0-0002.
+    unit_cycle: Option<Vec<u16>>,
 }
 
 /// A list or a text has its maximum length as second word: the drive has its own.
@@ -132,10 +134,19 @@ impl Law for Acknowledged {
                 if WEIGHTS.contains(&idn.0) {
                     self.written.retain(|number, _| WEIGHTS.contains(number));
                 }
+                if *idn == Idn::CONTROL_UNIT_CYCLE {
+                    self.unit_cycle = Some(words.clone());
+                }
                 if !ALIVE.contains(&idn.0) && scene.wire.command(*idn).is_none() {
                     self.written.insert(idn.0, words.clone());
                 }
                 Verdict::Silent
+            }
+            Event::Service(Heard::Read(Idn::CONTROL_UNIT_CYCLE, Element::Data, words)) => {
+                let expected = self.unit_cycle.as_deref().or_else(|| scene.settings.words(Idn::CYCLE));
+                Verdict::of(expected.is_none_or(|expected| expected == words), || {
+                    format!("S-0-0001 is {expected:04X?} by what was written, and reads {words:04X?}")
+                })
             }
             Event::Service(Heard::Read(idn, Element::Data, words)) => {
                 let written = self.written.get(&idn.0).filter(|_| scene.wire.command(*idn).is_none());
@@ -196,7 +207,7 @@ impl Law for Protected {
 
 /// Data blocks of the range that are no settings.
 fn is_status(idn: Idn) -> bool {
-    matches!(idn.0, 3..=5 | 11..=14 | 17..=23 | 87 | 88 | 90)
+    matches!(idn.0, 1 | 3..=5 | 11..=14 | 17..=23 | 87 | 88 | 90)
 }
 
 #[cfg(test)]
@@ -223,6 +234,12 @@ mod tests {
             let mut fake = Fake::in_cp4(Acknowledged::default());
             fake.write(92, &[7]);
             fake.read(92, &[read]);
+            assert_eq!(fake.broken().is_none(), lawful);
+        }
+        for (read, lawful) in [(4_000, true), (2_000, false)] {
+            let mut fake = Fake::in_cp4(Acknowledged::default());
+            fake.write(2, &[4_000]);
+            fake.read(1, &[read]);
             assert_eq!(fake.broken().is_none(), lawful);
         }
         let mut fake = Fake::in_cp4(Acknowledged::default());

@@ -14,6 +14,13 @@ const STANDSTILL: f64 = 0.3;
 /// From standstill to the end of the torque, beside the brake: jerk-limited ends of ramps, and the brake's own test.
 const AFTERMATH: Nanoseconds = Nanoseconds::from_millis(1_000);
 
+/// A DC link that is so much above P-0-0104 has energy left.
+const LINK: f64 = 1.1;
+/// Main power that has gone within this is why the torque goes.
+const OUTAGE: Nanoseconds = Nanoseconds::from_millis(2_000);
+/// In rpm: an axis that is slower stands.
+const TURNS: f64 = 30.0;
+
 /// Waits for the word that explains a torque that has gone, and for the torque that an error must take.
 #[derive(Default)]
 pub(crate) struct TorqueGoes {
@@ -31,9 +38,25 @@ impl TorqueGoes {
             || wire.has_error()
     }
 
+    /// Main power has gone, nothing else is wrong, and the DC link could have stopped the shaft that turns still.
+    fn wasted_link(scene: &Scene) -> Option<String> {
+        let (sight, settings) = (&scene.sight, &scene.settings);
+        let sound = sight.bridge_ready && sight.safe_torque && !scene.deceived && !sight.machine.feverish;
+        let asked = scene.wire.control & control::ENABLE != 0 && scene.wire.phase == 4;
+        let ramp = settings.word(Idn(0x8000 | 140)).is_some_and(|reaction| reaction != 1);
+        let least = settings.unsigned(Idn(0x8000 | 104))? as f64 * LINK;
+        let just_gone = !sight.main_power && scene.within(scene.pins_changed, OUTAGE);
+        let (volts, rpm) = (sight.machine.bus_voltage, sight.rpm());
+        (just_gone && sound && asked && ramp && rpm.abs() > TURNS && volts > least)
+            .then(|| format!("without main power the torque went at {rpm:.0} rpm, and the DC link has {volts:.0} V"))
+    }
+
     fn look(&mut self, scene: &Scene) -> Verdict {
         if scene.before.bridge && !scene.sight.bridge {
             self.unexplained = Some(scene.now);
+            if let Some(words) = Self::wasted_link(scene) {
+                return Verdict::Broken(words);
+            }
         }
         if scene.sight.bridge {
             self.unexplained = None;
@@ -105,6 +128,20 @@ mod tests {
         fake.run(2, 0xE000, 0xC008);
         fake.run(10, 0xE000, 0xA000);
         assert_eq!(fake.broken(), None);
+    }
+
+    #[test]
+    fn a_stop_is_finished_out_of_the_dc_link() {
+        for (volts, lawful) in [(560.0, false), (155.0, true)] {
+            let mut fake = in_operation();
+            fake.sight.machine.velocity = 100.0;
+            fake.sight.main_power = false;
+            fake.run(2, 0xE000, 0xC008);
+            fake.sight.machine.bus_voltage = volts;
+            fake.sight.bridge = false;
+            fake.run(10, 0x6000, 0xA000);
+            assert_eq!(fake.broken().is_none(), lawful, "{:?}", fake.broken());
+        }
     }
 
     #[test]

@@ -1,6 +1,7 @@
 //! Status bits 15 and 14 tell the truth about the bridge and its supply.
 
 use ring::Nanoseconds;
+use ring::ident::Idn;
 use ring::service_client::status;
 
 use crate::law::{Event, Law, Verdict};
@@ -14,7 +15,11 @@ const POWER_UP: Nanoseconds = Nanoseconds::from_millis(500);
 const LONGEST_SWITCHING: Nanoseconds = Nanoseconds::from_millis(5_000);
 
 /// Compares the AT with the bridge.
-pub(crate) struct Truth;
+#[derive(Default)]
+pub(crate) struct Truth {
+    /// When the DC link was last not charged.
+    empty: Option<Nanoseconds>,
+}
 
 impl Law for Truth {
     fn sentence(&self) -> &'static str {
@@ -22,6 +27,12 @@ impl Law for Truth {
     }
 
     fn judge(&mut self, event: &Event<'_>, scene: &Scene) -> Verdict {
+        // The drive takes the mains for gone a sixteenth above P-0-0104.
+        let threshold = scene.settings.unsigned(Idn(0x8000 | 104)).unwrap_or(4_000) as f64 * 1.1;
+        let charged = scene.sight.machine.bus_voltage > threshold.max(0.9 * scene.machine.supply.voltage);
+        if !charged {
+            self.empty = Some(scene.now);
+        }
         if !matches!(event, Event::Answer) || scene.wire.phase != 4 || scene.wire.answers < 4 {
             return Verdict::Silent;
         }
@@ -35,10 +46,14 @@ impl Law for Truth {
                 // It came on long ago; what switches off is not in operation for as long as brake and proof take.
                 Verdict::Silent
             }
-            2 => Verdict::of(sight.main_power || !settled(scene.pins_changed, late), || words("main power is off")),
+            2 => {
+                // The DC link holds the torque until the brake has closed.
+                let off = !sight.main_power && !sight.bridge && settled(scene.bridge_changed, late);
+                Verdict::of(!off || !settled(scene.pins_changed, late), || words("main power is off"))
+            }
             1 => {
                 let sound = sight.main_power && sight.bridge_ready && sight.safe_torque;
-                let charged = sight.machine.bus_voltage > 0.9 * scene.machine.supply.voltage;
+                let charged = settled(self.empty, POWER_UP);
                 Verdict::of(!(sound && charged && settled(scene.pins_changed, POWER_UP)), || {
                     words("main power is on, the DC link charged and the amplifier ready")
                 })
@@ -55,7 +70,7 @@ mod tests {
 
     #[test]
     fn in_operation_is_a_bridge_that_is_on() {
-        let mut fake = Fake::in_cp4(Truth);
+        let mut fake = Fake::in_cp4(Truth::default());
         fake.sight.bridge = true;
         fake.run(10, 0xE000, 0xC008);
         assert_eq!(fake.broken(), None);
@@ -68,7 +83,7 @@ mod tests {
 
     #[test]
     fn power_that_is_not_there_is_not_shown() {
-        let mut fake = Fake::in_cp4(Truth);
+        let mut fake = Fake::in_cp4(Truth::default());
         fake.run(10, 0, 0x8000);
         fake.sight.main_power = false;
         fake.run(10, 0, 0x4000);

@@ -1,0 +1,114 @@
+//! The laws of the axis over an ordinary life: every one of them has something to look at, and none is broken.
+//!
+//! That each can be broken is shown beside it, in the crate `laws`; that every other test is a test of the laws too is the bench's doing.
+
+#[path = "common/led.rs"]
+mod led;
+#[path = "common/running.rs"]
+mod running;
+
+use std::collections::BTreeMap;
+
+use bench::{DriveSetup, parameters_of, product};
+use led::{Axis, FOLLOW, HALT, OFF};
+use plant::ReferenceAxis;
+use ring::Nanoseconds;
+use ring::ident::{Idn, Value};
+use ring::master::{CommandValues, DriveScript, MasterScript, Motion, Telegram};
+use ring::service_client::Request;
+use running::{ADDRESS, Bench};
+
+fn armed(bench: &Bench, all: &mut BTreeMap<&'static str, u64>) {
+    let laws = bench.drive.laws.borrow();
+    assert_eq!(laws.broken(), None);
+    for coverage in laws.coverage() {
+        *all.entry(coverage.law).or_default() += coverage.armed;
+    }
+}
+
+/// A homed press axis with position limits that follows, halts, is switched off and on, fails and comes back.
+fn life_of_a_press() -> Bench {
+    let mut axis = Axis::of(11, vec![(Idn(55), Value::Word(0x10))], |mut script| {
+        script.drives[0].telegram = Telegram::application(
+            &[Idn(51), Idn(189), Idn(403), Idn(390)],
+            &[Idn::POSITION_COMMAND, Idn::VELOCITY_COMMAND, Idn::TORQUE_COMMAND],
+        );
+        script
+    });
+    for step in 0..200 {
+        axis.position(f64::from(step));
+        axis.run(2);
+    }
+    axis.run(200);
+    axis.switches(HALT);
+    axis.run(1_500);
+    axis.switches(FOLLOW);
+    axis.run(100);
+    axis.switches(OFF);
+    axis.run(500);
+    let bench = &mut axis.bench;
+    bench.write(52, Value::Long(1_990_000)).unwrap();
+    assert!(bench.ask(Request::Command { idn: Idn(447), polls: 20 }).is_ok());
+    assert_eq!(bench.read(51), Value::Long(1_990_000));
+    bench.write(92, Value::Word(1_500)).unwrap();
+    assert_eq!((bench.number(92), bench.number(79)), (1_500, 3_600_000));
+    axis.command(|commands| commands.position = 1_990_000);
+    axis.switches(FOLLOW);
+    axis.run(300);
+    let fault = |bench: &Bench, fault| {
+        let amplifier = bench::Amplifier { main_power: true, fault };
+        bench.drive.motor_side.borrow_mut().set_amplifier_inputs(amplifier);
+    };
+    fault(&axis.bench, true);
+    axis.run(50);
+    fault(&axis.bench, false);
+    axis.switches(0);
+    axis.run(700);
+    axis.bench.clear_errors();
+    axis.switches(FOLLOW);
+    axis.run(300);
+    assert!(axis.bench.has_torque());
+    // Two and a half revolutions in a cycle.
+    axis.command(|commands| commands.position += 9_000_000);
+    axis.run(300);
+    assert_ne!(axis.diagnosis().0, 0);
+    axis.bench
+}
+
+/// A vertical axis whose torque is taken by bit 14.
+fn life_of_a_vertical_axis() -> Bench {
+    let axis = ReferenceAxis::vertical();
+    let encoder = axis.machine.encoder;
+    let angle = (encoder.electrical_zero * f64::from(axis.machine.windings.pole_pairs)).fract() * 36_000.0;
+    let drive = DriveScript::new(ADDRESS, Telegram::standard(2).unwrap())
+        .with(Idn::OPERATION_MODE, Value::Word(2))
+        .with_all(parameters_of(&axis))
+        .with(product(120), Value::Word(3))
+        .with(product(118), Value::Long(angle as u32))
+        .with(Idn(206), Value::Word(60))
+        .with(Idn(207), Value::Word(60));
+    let motion = Motion::new(1_000_000, |_| CommandValues::default());
+    let script = MasterScript { motion: Some(motion), stops_at_refusals: false, ..MasterScript::new(vec![drive]) };
+    let mut bench = Bench::new(DriveSetup { axis, ..DriveSetup::new(ADDRESS) }, script);
+    for _ in 0..500 {
+        bench.run(Nanoseconds::from_millis(10));
+        if bench.is_in_operation() {
+            break;
+        }
+    }
+    bench.run(Nanoseconds::from_millis(300));
+    bench.world.ring_mut().master_mut().hold_switches(Some(0));
+    bench.run(Nanoseconds::from_millis(300));
+    assert!(!bench.has_torque());
+    bench
+}
+
+#[test]
+fn every_law_looks_at_an_ordinary_life_and_none_is_broken() {
+    let mut all = BTreeMap::new();
+    armed(&life_of_a_press(), &mut all);
+    armed(&life_of_a_vertical_axis(), &mut all);
+    let blind: Vec<_> = all.iter().filter(|(_, armed)| **armed == 0).map(|(law, _)| law).collect();
+    assert!(blind.is_empty(), "never looked: {blind:?}");
+    assert!(all.len() >= 17, "{} laws", all.len());
+}

@@ -1,0 +1,195 @@
+//! After the cause is gone, S-0-0099 and a fresh edge always bring the axis back.
+
+use ring::Nanoseconds;
+use ring::ident::{Element, Idn};
+use ring::service_client::status;
+
+use crate::dialogue::Heard;
+use crate::law::{Event, Law, Verdict};
+use crate::scene::Scene;
+
+/// The search for the commutation angle, beside the delays of the brake.
+const PATIENCE: Nanoseconds = Nanoseconds::from_millis(5_000);
+/// Nothing outside has changed for so long: supply, load, pins.
+const QUIET: Nanoseconds = Nanoseconds::from_millis(500);
+/// In operation so long without an error, it is back.
+const BACK: Nanoseconds = Nanoseconds::from_millis(20);
+/// A command may be this share of S-0-0159 away.
+const NEAR: f64 = 0.5;
+/// rad/s: 3 rpm.
+const STANDSTILL: f64 = 0.3;
+
+/// Follows an axis from the edge until it is in operation.
+#[derive(Default)]
+pub(crate) struct Back {
+    begun: Option<Begun>,
+    /// S-0-0099 has been executed; the error must be gone soon.
+    cleared: Option<Nanoseconds>,
+    edge: Option<Nanoseconds>,
+}
+
+struct Begun {
+    edge: Nanoseconds,
+    control: u16,
+    commands: Vec<(Idn, u32)>,
+    operates: Option<Nanoseconds>,
+}
+
+impl Back {
+    /// Nothing stands in the way of an axis that is to be switched on.
+    fn may_come(scene: &Scene) -> bool {
+        let (machine, settings) = (&scene.sight.machine, &scene.settings);
+        let sound =
+            scene.is_left_alone(QUIET) && !scene.within(scene.troubled, QUIET) && machine.velocity.abs() < STANDSTILL;
+        let motor = settings.unsigned(Idn(116)).map(|lines| 4 * lines)
+            == Some(i64::from(scene.machine.encoder.increments_per_revolution))
+            && settings.word(Idn(0x8000 | 110)) == Some(scene.machine.windings.pole_pairs as u16);
+        let free = scene.command.is_none()
+            && scene.wire.phase == 4
+            && !scene.wire.has_error()
+            && scene.machine.brake.is_none();
+        let at_rest = match scene.asked_mode() {
+            Some(3 | 11) => {
+                let window = settings.unsigned(Idn(159)).unwrap_or(0) as f64;
+                let known = scene.units.zip(scene.position_feedback()).zip(scene.position_command());
+                known.is_some_and(|((units, feedback), command)| units.way(feedback, command).abs() <= NEAR * window)
+            }
+            Some(2) => [36, 37].iter().all(|idn| scene.wire.command(Idn(*idn)).unwrap_or(0) == 0),
+            _ => false,
+        };
+        sound && motor && free && at_rest
+    }
+}
+
+impl Law for Back {
+    fn sentence(&self) -> &'static str {
+        "after the cause is gone, S-0-0099 and a fresh edge always bring the axis back"
+    }
+
+    fn judge(&mut self, event: &Event<'_>, scene: &Scene) -> Verdict {
+        let wire = &scene.wire;
+        match event {
+            Event::Service(Heard::Opened(Idn(99), 3)) => self.cleared = Some(scene.now),
+            Event::Service(Heard::Written(Idn(99), Element::Data, _)) => self.cleared = None,
+            Event::Record if wire.edge != self.edge => {
+                self.edge = wire.edge;
+                let fits = wire.edge.is_some() && Self::may_come(scene);
+                self.begun = wire.edge.filter(|_| fits).map(|edge| Begun {
+                    edge,
+                    control: wire.control & 0xEB00,
+                    commands: wire.commands().to_vec(),
+                    operates: None,
+                });
+            }
+            Event::Record => {
+                let same = |begun: &Begun| wire.control & 0xEB00 == begun.control && wire.commands() == begun.commands;
+                if !self.begun.as_ref().is_some_and(same) {
+                    self.begun = None;
+                }
+            }
+            Event::Answer => {
+                if let Some(cleared) =
+                    self.cleared.filter(|cleared| scene.now.saturating_sub(*cleared) > scene.cycles(2, 1_000))
+                {
+                    self.cleared = None;
+                    if wire.phase == 4
+                        && wire.has_error()
+                        && wire.status_before & status::SHUT_DOWN != 0
+                        && scene.is_left_alone(QUIET)
+                        && !scene.within(scene.pins_changed, QUIET)
+                    {
+                        return Verdict::Broken(format!(
+                            "S-0-0099 was executed at {cleared}, and the AT shows an error"
+                        ));
+                    }
+                }
+                return self.answer(scene);
+            }
+            _ => {}
+        }
+        Verdict::Silent
+    }
+}
+
+impl Back {
+    fn answer(&mut self, scene: &Scene) -> Verdict {
+        let wire = &scene.wire;
+        let undisturbed = scene.is_operating()
+            && scene.is_left_alone(QUIET)
+            && !scene.within(scene.troubled, QUIET)
+            && scene.command.is_none();
+        let Some(begun) = self.begun.as_mut().filter(|_| undisturbed) else {
+            self.begun = None;
+            return Verdict::Silent;
+        };
+        let edge = begun.edge;
+        if wire.has_error() {
+            return Verdict::Broken(format!("a fresh edge at {edge} with nothing in its way ended in an error"));
+        }
+        let operates = status::readiness(wire.status) == 3;
+        if !operates {
+            let delays = scene.settings.unsigned(Idn(206)).unwrap_or(10_000).unsigned_abs();
+            let late = scene.now.saturating_sub(edge) > PATIENCE + Nanoseconds::from_millis(delays);
+            return if late {
+                Verdict::Broken(format!("the axis is not in operation after the edge at {edge}"))
+            } else {
+                Verdict::Silent
+            };
+        }
+        let since = *begun.operates.get_or_insert(scene.now);
+        if scene.now.saturating_sub(since) > BACK {
+            self.begun = None;
+            return Verdict::Kept;
+        }
+        Verdict::Silent
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::laws::fake::Fake;
+
+    fn fake() -> Fake {
+        let mut fake = Fake::in_cp4(Back::default());
+        fake.write(32, &[11]);
+        fake.write(116, &[16_384, 0]);
+        fake.write(0x8000 | 110, &[4]);
+        fake.run(5, 0, 0x8000);
+        fake
+    }
+
+    #[test]
+    fn an_edge_with_nothing_in_its_way_brings_the_axis_into_operation() {
+        let mut kept = fake();
+        kept.run(500, 0xE000, 0x8000);
+        kept.run(20, 0xE000, 0xC008);
+        assert_eq!((kept.broken(), kept.armed()), (None, 1));
+        let mut never = fake();
+        never.run(3_000, 0xE000, 0x8000);
+        assert!(never.broken().is_some_and(|words| words.contains("not in operation")));
+        let mut error = fake();
+        error.run(3, 0xE000, 0x8000);
+        error.run(3, 0xE000, 0xA000);
+        assert!(error.broken().is_some_and(|words| words.contains("ended in an error")));
+    }
+
+    #[test]
+    fn a_command_that_is_far_away_may_be_refused() {
+        let mut fake = fake();
+        fake.data[0] = 3_600_000_i32.to_le_bytes().to_vec();
+        fake.run(3, 0xE000, 0x8000);
+        fake.run(3, 0xE000, 0xA000);
+        assert_eq!(fake.broken(), None);
+    }
+
+    #[test]
+    fn what_s_0_0099_has_cleared_is_gone() {
+        let mut fake = fake();
+        fake.run(5, 0, 0xA000);
+        fake.write(99, &[3]);
+        fake.open(99, 3);
+        fake.run(10, 0, 0xA000);
+        assert!(fake.broken().is_some_and(|words| words.contains("S-0-0099")));
+    }
+}

@@ -1,0 +1,162 @@
+//! What is followed starts at the shaft, and no step of a command is followed that the velocity limit does not allow.
+
+use ring::Nanoseconds;
+use ring::ident::Idn;
+use ring::service_client::status;
+
+use crate::lasting::Lasting;
+use crate::law::{Event, Law, Verdict};
+use crate::scene::Scene;
+
+/// A step of S-0-0047 that is so many times what S-0-0091 allows in a cycle of the control unit is a jump.
+const JUMP: f64 = 2.0;
+/// The shaft must not get faster for so long after one; by then the error has stopped it.
+const WATCH: Nanoseconds = Nanoseconds::from_millis(100);
+/// What a shaft may have on top of the speed that it had: a share, rad/s, and the acceleration of the moment for so long.
+const TOLERANCE: (f64, f64, f64) = (0.05, 0.5, 2e-3);
+const LASTING: Nanoseconds = Nanoseconds::from_millis(1);
+/// Procedure commands by which the drive moves the axis itself.
+const MOVERS: [u16; 6] = [148, 149, 152, 0x8000 | 224, 0x8000 | 225, 0x8000 | 226];
+
+/// Watches what a jump of the command does to the shaft.
+#[derive(Default)]
+pub(crate) struct Following {
+    command: Option<(f64, Nanoseconds)>,
+    jump: Option<Jump>,
+}
+
+struct Jump {
+    since: Nanoseconds,
+    what: &'static str,
+    increments: f64,
+    speed: f64,
+    faster: Lasting,
+}
+
+impl Following {
+    fn record(&mut self, scene: &Scene) {
+        let wire = &scene.wire;
+        let (Some(units), Some(command)) = (scene.units, scene.position_command()) else {
+            *self = Self::default();
+            return;
+        };
+        let before = self.command.replace((command, scene.now));
+        let moves = scene.command.is_some_and(|idn| MOVERS.contains(&idn.0));
+        let position = scene.asks_for_position() && scene.asked_mode() == scene.actual_mode();
+        if wire.phase != 4 || !wire.asks_to_follow() || wire.has_error() || moves || !position {
+            self.jump = None;
+            return;
+        }
+        let limit = scene.settings.unsigned(Idn(91)).map(|limit| limit as f64 * units.velocity);
+        let window = scene.settings.unsigned(Idn(159)).unwrap_or(0) as f64;
+        let far = if wire.follows() {
+            let (Some(limit), Some((from, then))) = (limit, before) else { return };
+            let unit = scene.settings.word(Idn::CONTROL_UNIT_CYCLE).unwrap_or(2_000);
+            let cycle = Nanoseconds::from_microseconds(unit.into()).0.max(scene.cycle.0).max((scene.now - then).0);
+            let step = units.way(from, command);
+            let allowed = JUMP * limit / core::f64::consts::TAU * units.increments * cycle as f64 * 1e-9;
+            (step.abs() > allowed + 2.0 * scene.quantum(&units)).then_some(("the command steps", step))
+        } else {
+            let Some(feedback) = scene.position_feedback().filter(|_| window > 0.0) else { return };
+            let distance = units.way(feedback, command);
+            let turning = scene.sight.machine.velocity.abs() * units.increments * 3.0 * scene.cycle.as_seconds();
+            (distance.abs() > 1.05 * window + turning).then_some(("the command is away from S-0-0051", distance))
+        };
+        match far {
+            Some((what, increments)) if self.jump.is_none() => {
+                let speed = scene.sight.machine.velocity.abs();
+                self.jump = Some(Jump { since: scene.now, what, increments, speed, faster: Lasting::default() });
+            }
+            // A command that has come back before anything followed it is no jump any more.
+            None if !wire.follows() => self.jump = None,
+            _ => {}
+        }
+    }
+
+    fn look(&mut self, scene: &Scene) -> Verdict {
+        let Some(jump) = &mut self.jump else { return Verdict::Silent };
+        let machine = &scene.sight.machine;
+        let over = scene.now.saturating_sub(jump.since) > WATCH && scene.wire.follows();
+        if over || !scene.sight.bridge || !scene.is_left_alone(WATCH) {
+            self.jump = None;
+            return Verdict::Silent;
+        }
+        let span = scene.sight.time.saturating_sub(scene.before.time).as_seconds();
+        let soon = scene.now.saturating_sub(jump.since) <= scene.cycles(1, 500);
+        if soon && span > 0.0 {
+            // Until t3 it does what it did.
+            let acceleration = (machine.velocity - scene.before.machine.velocity).abs() / span;
+            jump.speed = jump.speed.max(machine.velocity.abs() + acceleration * TOLERANCE.2);
+        }
+        if status::readiness(scene.wire.status) != 3 {
+            return Verdict::Silent;
+        }
+        let fast = machine.velocity.abs() > jump.speed * (1.0 + TOLERANCE.0) + TOLERANCE.1;
+        let driven = machine.torque * machine.velocity > 0.0;
+        Verdict::of(!jump.faster.lasts(fast && driven, scene.now, LASTING), || {
+            let (what, increments, since) = (jump.what, jump.increments, jump.since);
+            format!(
+                "{what} by {increments:.0} increments at {since}, and the shaft follows with {:.1} rpm",
+                scene.sight.rpm()
+            )
+        })
+    }
+}
+
+impl Law for Following {
+    fn sentence(&self) -> &'static str {
+        "what is followed starts at the shaft, and no jump of a command is followed"
+    }
+
+    fn judge(&mut self, event: &Event<'_>, scene: &Scene) -> Verdict {
+        match event {
+            Event::Record => {
+                self.record(scene);
+                Verdict::Silent
+            }
+            Event::Look => self.look(scene),
+            _ => Verdict::Silent,
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::laws::fake::Fake;
+
+    /// HALT, and then S-0-0047 as it is given, the shaft accelerated.
+    fn released(command: i32, acceleration: f64) -> Fake {
+        let mut fake = Fake::in_cp4(Following::default());
+        fake.write(32, &[11]);
+        fake.cycle(0, 0x8000);
+        fake.sight.bridge = true;
+        fake.sight.machine.torque = 60.0;
+        fake.run(5, 0xC000, 0xC000);
+        fake.data[0] = command.to_le_bytes().to_vec();
+        fake.cycle(0xE000, 0xC000);
+        for _ in 0..10 {
+            fake.turning(0xE000, 0xC008, acceleration, |_| {});
+        }
+        fake
+    }
+
+    #[test]
+    fn a_command_within_the_window_may_be_followed_and_one_beyond_it_not() {
+        assert_eq!(released(100_000, 400.0).broken(), None);
+        assert_eq!(released(3_600_000, 0.0).broken(), None);
+        assert!(released(3_600_000, 400.0).broken().is_some_and(|words| words.contains("away from S-0-0051")));
+    }
+
+    #[test]
+    fn a_step_in_operation_is_not_followed() {
+        for (step, lawful) in [(300_000, true), (3_600_000, false)] {
+            let mut fake = released(0, 0.0);
+            fake.data[0] = i32::to_le_bytes(step).to_vec();
+            for _ in 0..10 {
+                fake.turning(0xE000, 0xC008, 400.0, |_| {});
+            }
+            assert_eq!(fake.broken().is_none(), lawful, "{:?}", fake.broken());
+        }
+    }
+}

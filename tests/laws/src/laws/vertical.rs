@@ -1,0 +1,120 @@
+//! A vertical load never falls further than its brake needs to catch it.
+
+use core::f64::consts::TAU;
+
+use ring::service_client::control;
+
+use crate::law::{Event, Law, Verdict};
+use crate::scene::Scene;
+
+/// From the error to the end of the coil's current, in seconds, when the torque goes at once.
+const LATENCY: f64 = 2e-3;
+/// A fall is watched for so long, in seconds, beyond the delay of the brake.
+const WATCHED: f64 = 0.5;
+/// Share, and revolutions for the shaft between motor and load.
+const MARGIN: (f64, f64) = (1.3, 0.003);
+
+/// Follows a load from the end of the torque.
+#[derive(Default)]
+pub(crate) struct Vertical {
+    fall: Option<Fall>,
+}
+
+struct Fall {
+    since: ring::Nanoseconds,
+    from: f64,
+    direction: f64,
+    allowed: f64,
+}
+
+impl Vertical {
+    fn begin(scene: &Scene) -> Option<Fall> {
+        let (machine, brake) = (&scene.sight.machine, scene.machine.brake?);
+        let mechanics = &scene.machine.mechanics;
+        let pull = machine.load_torque.abs() - mechanics.coulomb_friction;
+        if pull <= 0.0 || machine.brake_broken {
+            return None;
+        }
+        let direction = machine.load_torque.signum();
+        let acceleration = pull / scene.inertia();
+        let speed = (machine.velocity * direction).max(0.0);
+        // A brake that has closed before holds at once; one that holds already lets nothing fall.
+        let closed = !scene.sight.coil && machine.brake_torque > machine.load_torque.abs();
+        let delay = if closed { 0.0 } else { brake.engage_delay + LATENCY };
+        let stop = (brake.holding_torque + mechanics.coulomb_friction - machine.load_torque.abs()) / scene.inertia();
+        let then = speed + acceleration * delay;
+        let way = speed * delay
+            + 0.5 * acceleration * delay * delay
+            + if stop > 0.0 { then * then / (2.0 * stop) } else { return None };
+        // Only an error or bit 14 takes the torque before the brake holds.
+        let at_once = scene.wire.has_error()
+            || scene.wire.control & control::ENABLE == 0
+            || !scene.is_operating()
+            || !scene.sight.bridge_ready
+            || !scene.sight.safe_torque
+            || !scene.sight.main_power
+            || scene.deceived;
+        let allowed = if at_once { MARGIN.0 * way / TAU } else { 0.0 } + MARGIN.1;
+        Some(Fall { since: scene.now, from: machine.angle, direction, allowed })
+    }
+}
+
+impl Law for Vertical {
+    fn sentence(&self) -> &'static str {
+        "a vertical load never falls further than its brake needs to catch it"
+    }
+
+    fn judge(&mut self, event: &Event<'_>, scene: &Scene) -> Verdict {
+        let Event::Look = event else { return Verdict::Silent };
+        if scene.before.bridge && !scene.sight.bridge {
+            self.fall = Self::begin(scene);
+        }
+        let over = |fall: &Fall| (scene.now - fall.since).as_seconds() > WATCHED;
+        if scene.sight.bridge
+            || scene.sight.machine.brake_broken
+            || self.fall.as_ref().is_some_and(over)
+            || scene.disturbed.is_some_and(|then| self.fall.as_ref().is_some_and(|fall| then > fall.since))
+        {
+            self.fall = None;
+        }
+        let Some(fall) = &self.fall else { return Verdict::Silent };
+        let fallen = (scene.sight.machine.angle - fall.from) * fall.direction;
+        Verdict::of(fallen <= fall.allowed, || {
+            format!("the load has fallen by {fallen:.4} revolutions since {}, {:.4} allowed", fall.since, fall.allowed)
+        })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::laws::fake::Fake;
+    use plant::ReferenceAxis;
+
+    /// The torque goes, and the load falls freely for so many cycles of 2 ms.
+    fn fall(cycles: usize, status: u16) -> Fake {
+        let mut fake = Fake::of(Vertical::default(), ReferenceAxis::vertical().machine);
+        fake.sight.bridge = true;
+        fake.sight.coil = true;
+        fake.sight.machine.load_torque = -1.5;
+        fake.run(5, 0xE000, 0xC008);
+        fake.run(2, 0xE000, status);
+        fake.sight.bridge = false;
+        fake.sight.coil = false;
+        for _ in 0..cycles {
+            // 1.25 Nm on 0.001 kg m².
+            fake.turning(0xE000, status, -1_250.0, |_| {});
+        }
+        fake.sight.machine.velocity = 0.0;
+        fake.run(20, 0xE000, status);
+        fake
+    }
+
+    #[test]
+    fn a_load_may_fall_until_its_brake_holds_after_an_error_and_not_at_all_without() {
+        assert_eq!(fall(13, 0xA000).broken(), None);
+        assert!(fall(20, 0xA000).broken().is_some_and(|words| words.contains("fallen")));
+        assert_eq!(fall(1, 0x8000).broken(), None);
+        assert!(fall(10, 0x8000).broken().is_some());
+    }
+}
