@@ -66,6 +66,16 @@ impl Counting {
         Self { parameters, numerator: 3_600_000, denominator: 1, modulo: Some(3_600_000) }
     }
 
+    /// A thousandth of a revolution: ten increments of the encoder, so that the last half of the last one is met.
+    fn coarse_modulo() -> Self {
+        let parameters = vec![
+            (Idn(76), Value::Word(BY_RESOLUTION | MODULO)),
+            (Idn(79), Value::Long(1_000)),
+            (Idn(103), Value::Long(1_000)),
+        ];
+        Self { parameters, numerator: 1_000, denominator: 1, modulo: Some(1_000) }
+    }
+
     fn all() -> [Self; 5] {
         [Self::preferred(), Self::finest(), Self::of_load(), Self::modulo(), Self::modulo_of_load()]
     }
@@ -570,7 +580,7 @@ fn beyond_a_limit_in_velocity_mode_only_a_velocity_outwards_is_an_error() {
 
 #[test]
 fn modulo_feedback_is_never_the_modulo_value() {
-    for counting in [Counting::modulo(), Counting::modulo_of_load()] {
+    for counting in [Counting::modulo(), Counting::modulo_of_load(), Counting::coarse_modulo()] {
         for polarity in [0, 7] {
             let mut axis = Axis::new(11, counting.clone(), vec![(Idn(55), Value::Word(polarity))]);
             let modulo = counting.modulo.unwrap();
@@ -645,7 +655,9 @@ fn no_data_block_with_a_direction_is_missing_from_the_table_of_polarities() {
         found += 1;
     }
     assert!(found >= 50, "{found}");
-    assert!(rows.iter().any(|row| row.starts_with("| S-0-0147 ")), "the homing direction");
+    for direction in ["S-0-0147", "S-0-0346", "S-0-0393"] {
+        assert!(rows.iter().any(|row| row.starts_with(&format!("| {direction} "))), "{direction} has a direction");
+    }
 }
 
 /// One increment of velocity data is 1 rpm.

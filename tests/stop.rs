@@ -237,3 +237,66 @@ fn an_encoder_that_dies_at_standstill_is_found_when_the_rotor_turns() {
         assert_eq!(commanded.bench.number(403), 0, "{name}: nobody knows where the axis is");
     }
 }
+
+/// S-0-0149, the "positive stop".
+const POSITIVE_STOP: u16 = 149;
+
+#[test]
+fn s_0_0149_goes_to_a_stop_without_a_following_distance_and_holds_until_it_is_cancelled() {
+    for mode in [3, 11, 2, 1] {
+        let limits = vec![(Idn(92), Value::Word(1_000)), (Idn(91), Value::Long(1_000_000))];
+        let mut axis = Commanded::new(ReferenceAxis::press(), mode, limits);
+        axis.reference();
+        axis.bench.write(POSITIVE_STOP, Value::Word(3)).unwrap();
+        assert_eq!(axis.bench.number(POSITIVE_STOP), 7, "mode {mode}: under way, for the axis is free");
+        let stop = axis.angle() + 10.0;
+        let target = match mode {
+            1 => 1_500,
+            2 => 600_000,
+            // 90 degrees, three times S-0-0159.
+            _ => 900_000,
+        };
+        for step in 1..=500 {
+            axis.command(if mode > 2 { (step * 2_000).min(target) } else { target });
+            axis.run_with_stop(1, stop);
+        }
+        // As the stop pushes while the service channel is read: what holds the axis stays.
+        assert_eq!((axis.bench.number(POSITIVE_STOP), axis.errors()), (3, (0, 0)), "mode {mode}");
+        assert_eq!(axis.bench.number(CLASS_3) & TORQUE_LIMIT, TORQUE_LIMIT, "mode {mode}");
+        axis.run_with_stop(1_000, stop);
+        let torque = axis.torque();
+        assert!((48.5..50.5).contains(&torque), "mode {mode}: {torque} Nm");
+        assert_eq!((axis.errors(), axis.bench.number(403)), ((0, 0), 1), "mode {mode}");
+        // Cancelled, the monitoring is there again: a command that is still behind the stop is a following distance.
+        axis.bench.write(POSITIVE_STOP, Value::Word(0)).unwrap();
+        axis.run_with_stop(200, stop);
+        axis.machine(|machine, now| machine.set_load_torque(0.0, now));
+        assert_eq!(axis.bench.number(POSITIVE_STOP), 0);
+        let expected = if mode > 2 { (1 << 11, 0xF10B) } else { (0, 0) };
+        assert_eq!(axis.errors(), expected, "mode {mode}");
+        assert_eq!(axis.bench.number(403), 1, "mode {mode}: the reference is kept");
+    }
+}
+
+#[test]
+fn s_0_0149_is_executed_by_a_stop_alone_and_fails_without_torque() {
+    // The whole torque on a free axis, from rest: it is at its limit for 40 ms, and no stop.
+    let mut axis = Commanded::new(ReferenceAxis::press(), 2, vec![(Idn(92), Value::Word(1_000))]);
+    axis.bench.write(POSITIVE_STOP, Value::Word(3)).unwrap();
+    axis.command(6_000_000);
+    axis.run(20);
+    axis.command(-6_000_000);
+    axis.run(600);
+    assert_eq!(axis.bench.number(POSITIVE_STOP), 7);
+    // The control takes ENABLE away.
+    axis.bench.world.ring_mut().master_mut().hold_switches(Some(0));
+    axis.run(50);
+    assert_eq!(axis.bench.number(POSITIVE_STOP) & 0xF, 0xF);
+    assert_eq!(axis.bench.text(0x8003), "the torque went before the stop was reached");
+    axis.bench.write(POSITIVE_STOP, Value::Word(0)).unwrap();
+    assert_eq!(
+        axis.bench.write(POSITIVE_STOP, Value::Word(3)),
+        Err(0x7012),
+        "without torque there is nothing to press with"
+    );
+}

@@ -266,6 +266,19 @@ mod tests {
     }
 
     #[test]
+    fn an_identification_turns_as_velocity_commands_of_its_sign_would() {
+        let of = |polarity: u64, velocity: i32| {
+            let mut parameters = Parameters::new();
+            parameters.set(S(43), polarity).unwrap();
+            parameters.set(P(218), velocity.cast_unsigned().into()).unwrap();
+            plan(IDENTIFY_FLUX, &parameters).unwrap()
+        };
+        let forwards = std::format!("{:?}", of(0, 3_000_000));
+        assert_eq!(std::format!("{:?}", of(7, -3_000_000)), forwards);
+        assert_ne!(std::format!("{:?}", of(7, 3_000_000)), forwards);
+    }
+
+    #[test]
     fn every_finding_fits_into_the_text_of_the_service_channel() {
         let out_of_range = |parameter, actual, minimum, maximum| {
             Finding::Settings(SettingsError::OutOfRange { parameter, actual, minimum, maximum })

@@ -4,6 +4,7 @@ use core::fmt;
 
 use rtic_core::Mutex;
 use sercon816::{Block, Boundary, Bus, Configuration, InitialiseError, ServiceAnswer, ServicePort, ServiceStep, Slave};
+use sercos::command::CommandState;
 use sercos::parameters::Parameters;
 use sercos::phase::{PhaseChange, PhaseError};
 use sercos::service::{Progress, Reply, Server, Step};
@@ -18,7 +19,7 @@ use crate::error_memory::{ErrorMemory, ErrorRecord};
 use crate::hardware::Hardware;
 use crate::identity::Identity;
 use crate::interrupts::Interrupts;
-use crate::live::{Checks, Context, Finding};
+use crate::live::{Checks, Context, Finding, POSITIVE_STOP};
 use crate::motion::Motion;
 use crate::rescaling::Rescaling;
 use crate::settings::MotionSettings;
@@ -198,6 +199,11 @@ impl<B: Bus + Clone> Communication<B> {
                 let failure = context.motion.lock(|motion| motion.homing_error());
                 context.checks.finding = failure.map(Finding::Homing);
                 self.server.command_progress(Idn::standard(148), state);
+                self.service.set_command_change(self.server.command_change());
+            }
+            if let Some(state) = context.motion.lock(Motion::take_positive_stop_result) {
+                context.checks.finding = (state == CommandState::Failed).then_some(Finding::PositiveStop);
+                self.server.command_progress(POSITIVE_STOP, state);
                 self.service.set_command_change(self.server.command_change());
             }
         }

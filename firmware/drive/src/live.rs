@@ -41,6 +41,7 @@ const PARK_AXIS: Idn = Idn::standard(139);
 const REFERENCE_DISTANCE: Idn = Idn::standard(52);
 const HOMING_PARAMETER: Idn = Idn::standard(147);
 const HOMING: Idn = Idn::standard(148);
+pub(crate) const POSITIVE_STOP: Idn = Idn::standard(149);
 const PROBE_CONTROL: Idn = Idn::standard(169);
 const PROBING: Idn = Idn::standard(170);
 const CANCEL_REFERENCE: Idn = Idn::standard(191);
@@ -86,6 +87,8 @@ pub(crate) enum Finding {
     Controller,
     /// S-0-0148 has failed.
     Homing(HomingFailure),
+    /// S-0-0149 has failed: the torque went.
+    PositiveStop,
 }
 
 /// What a service step works with: the drive without its service server and parameters.
@@ -392,6 +395,7 @@ where
                     Some(Finding::NotSynchronised) => write!(text, "the loops have not locked to the ring"),
                     Some(Finding::Homing(HomingFailure::Way(error))) => write!(text, "{error}"),
                     Some(Finding::Homing(HomingFailure::Torque)) => write!(text, "the torque went while homing"),
+                    Some(Finding::PositiveStop) => write!(text, "the torque went before the stop was reached"),
                     Some(Finding::Controller) => write!(text, "the ring controller refuses the configuration"),
                 };
                 None
@@ -529,6 +533,10 @@ where
                 self.motion.lock(|motion| motion.hold_for_homing(false));
                 Ok(CommandState::Executed)
             }
+            (POSITIVE_STOP, CommandAction::Cancel) => {
+                self.motion.lock(Motion::cancel_positive_stop);
+                Ok(CommandState::Executed)
+            }
             (PROBING, CommandAction::Cancel) => {
                 self.motion.lock(|motion| motion.set_probing(None));
                 Ok(CommandState::Executed)
@@ -537,6 +545,10 @@ where
             (_, CommandAction::Cancel) => Ok(CommandState::Executed),
             (PARK_AXIS, START) => self.without_torque(|context| context.motion.lock(|motion| motion.park(true))),
             (HOMING, START) => self.home(parameters),
+            (POSITIVE_STOP, START) => {
+                let started = self.motion.lock(Motion::start_positive_stop);
+                if started { Ok(CommandState::Executing) } else { Err(ServiceError::CommandNotExecutableNow) }
+            }
             (PROBING, START) => self.start_probing(parameters),
             (CANCEL_REFERENCE, START) => {
                 self.motion.lock(|motion| motion.cancel_reference());

@@ -9,6 +9,7 @@
 
 use sercon816::{Bus, CommandPort, FeedbackPort};
 use sercos::Phase;
+use sercos::command::CommandState;
 use sercos::diagnostic::{Class1, Class2, Class3};
 use sercos::phase::PhaseError;
 use sercos::supervision::Supervision;
@@ -23,6 +24,7 @@ mod cycle;
 mod following;
 mod identifying;
 mod positioning;
+mod positive_stop;
 mod range;
 mod recording;
 mod supervision;
@@ -32,6 +34,7 @@ mod words;
 pub(crate) use background::MotorValue;
 use clock_monitor::ClockMonitor;
 use positioning::Positioning;
+use positive_stop::PositiveStop;
 pub(crate) use travel::{HOME_SWITCH, HOMING_ENABLE, HomingFailure, PROBE_1_ENABLE, PROBE_2_ENABLE};
 use travel::{HomingRun, ProbeRun};
 
@@ -154,6 +157,10 @@ pub struct Motion<B, H> {
     range_monitor: Option<RangeMonitor>,
     /// S-0-0148 holds the position until it is cancelled.
     homing: bool,
+    /// S-0-0149.
+    positive_stop: PositiveStop,
+    /// How it has ended, until the service channel has taken it.
+    positive_stop_result: Option<CommandState>,
     /// Ticks of the supervision for which a lost telegram is still a warning.
     loss_shown: u16,
     /// Ticks of the supervision since the start.
@@ -237,6 +244,8 @@ impl<B: Bus + Clone, H: Hardware> Motion<B, H> {
             referenced: false,
             range_monitor: None,
             homing: false,
+            positive_stop: PositiveStop::Inactive,
+            positive_stop_result: None,
             loss_shown: 0,
             supervisions: 0,
             diagnostic_number: 0,
@@ -313,7 +322,7 @@ impl<B: Bus + Clone, H: Hardware> Motion<B, H> {
             position = self.encoder.position();
         }
         self.output = self.axis.tick(position, self.motor.torque_limits());
-        if self.output.excessive_deviation {
+        if self.output.excessive_deviation && !self.expects_a_stop() {
             self.class_1 |= Class1::EXCESSIVE_DEVIATION;
         }
         let trim = self.clock.on_tick();

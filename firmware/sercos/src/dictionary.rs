@@ -427,6 +427,8 @@ dictionary! {
     S 147 "Homing parameter" [""] BITS/0 written ALWAYS () = 0x0060 => Parameter, stored, restricted;
     /// Finds the reference point in the way of S-0-0147, gives it the position S-0-0052, and sets S-0-0403 bit 0. What it fails of says P-0-0003.
     S 148 "Drive controlled homing procedure command" [""] COMMAND/0 written IN_CP4 () = 0 => Command;
+    /// Takes the axis to a mechanical stop by the commands of the control: no following distance (S-0-0159) is monitored while it is set, and no brake is suspected. Executed when the axis has stood at its torque limit for 50 ms (S-0-0092, S-0-0124); failed when the torque goes before. The axis holds its torque until the command is cancelled; then the monitoring is there again.
+    S 149 "Positive stop drive procedure command" [""] COMMAND/0 written IN_CP4 () = 0 => Command;
     /// From the marker, or the edge of the switch, to the reference point.
     S 150 "Reference offset 1" [position] I32 written ALWAYS (-2_147_483_648 to 2_147_483_647) = 0 => Parameter, stored;
     /// Coulomb friction that the velocity loop is helped with.

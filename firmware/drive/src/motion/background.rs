@@ -69,6 +69,7 @@ impl<B: Bus + Clone, H: Hardware> Motion<B, H> {
         self.uninitialised_mode = false;
         self.homing = false;
         self.abandon_homing();
+        self.cancel_positive_stop();
         self.set_probing(None);
         self.positioning = Positioning::default();
         self.until_overdue = if phase < Phase::Cp3 { 0 } else { self.settings.ticks_to_overdue };
@@ -187,9 +188,9 @@ impl<B: Bus + Clone, H: Hardware> Motion<B, H> {
         }
     }
 
-    /// A homing or an identification has ended, and nobody has asked yet how.
+    /// A homing, an identification or a positive stop has ended, and nobody has asked yet how.
     pub(crate) const fn has_results(&self) -> bool {
-        self.identified.is_some() || self.has_homing_result()
+        self.identified.is_some() || self.has_homing_result() || self.positive_stop_result.is_some()
     }
 
     /// Time since the processor was started, in us.

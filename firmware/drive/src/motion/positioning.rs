@@ -216,21 +216,18 @@ impl<B: Bus + Clone, H: Hardware> Motion<B, H> {
         self.refresh_reached();
     }
 
-    /// The target at a distance from a place. Data are added as data: no sum of many distances drifts.
+    /// The target at a distance from a place. Its place is that of its data, so that no sum of many distances drifts.
     fn further(&self, place: Position, data: i32, distance: i32) -> Target {
         let coordinates = &self.settings.coordinates;
+        let here = self.output.position_command;
+        let within = self.axis.cyclic_position(here);
+        let ahead = place + coordinates.place(distance);
         let data = match coordinates.modulo {
             None => data.wrapping_add(distance),
-            Some(modulo) => {
-                let short = modulo.wrapping_sub(distance.checked_rem_euclid(modulo).unwrap_or(0));
-                let sum = data.wrapping_sub(short);
-                if sum < 0 { sum.wrapping_add(modulo) } else { sum }
-            }
+            Some(_) => coordinates.data(coordinates.range.reduce(within + (ahead - here))),
         };
-        let ahead = place + coordinates.place(distance);
-        // The same less its rounding: the nearest place with these data.
-        let here = self.output.position_command;
-        let exact = here + coordinates.place(data) - self.axis.cyclic_position(here);
+        // The nearest place with these data.
+        let exact = here + coordinates.place(data) - within;
         let rounding = coordinates.range.around_zero(coordinates.range.reduce(ahead - exact));
         Target { place: ahead - rounding, data, commanded: None }
     }

@@ -41,7 +41,7 @@ impl<B: Bus + Clone, H: Hardware> Motion<B, H> {
             || self.is_travelling_home()
             || self.is_identifying()
             || self.oscilloscope.is_recording();
-        self.tell_lock() | self.tell_news()
+        self.watch_positive_stop() | self.tell_lock() | self.tell_news()
     }
 
     /// One loop tick of what must not wait for the supervision: a counter that says what no shaft does.
@@ -170,7 +170,8 @@ impl<B: Bus + Clone, H: Hardware> Motion<B, H> {
                 position: self.encoder.position(),
                 torque_command: self.output.current,
                 brake_contact: self.inputs.brake_open,
-                blocked: self.output.standstill
+                blocked: !self.expects_a_stop()
+                    && self.output.standstill
                     && self.class_3.contains(Class3::TORQUE_LIMIT)
                     && self.output.velocity_command.abs() > self.settings.standstill_window,
                 index,

@@ -21,7 +21,7 @@ const CLASS_3_CHANGE: u16 = 1 << 11;
 const CALIBRATION_TICKS: u64 = 500;
 
 /// The limits that C3D bit 4 stands for.
-const TORQUE_LIMITS: Limiting = Limiting::TORQUE_POSITIVE
+pub(super) const TORQUE_LIMITS: Limiting = Limiting::TORQUE_POSITIVE
     .union(Limiting::TORQUE_NEGATIVE)
     .union(Limiting::TORQUE_BIPOLAR)
     .union(Limiting::MOTOR_PEAK)

@@ -95,6 +95,7 @@ fn the_attributes_that_masters_know_by_heart_are_those_of_a_real_drive() {
         (145, 0x0001_0001),
         (147, 0x0001_0001),
         (148, 0x3009_0001),
+        (149, 0x3009_0001),
         (160, 0x4001_0001),
         (161, 0x4011_0001),
         (162, 0x4021_0001),
@@ -140,7 +141,7 @@ fn the_idn_lists_hold_what_the_reference_asks_for() {
     assert_eq!(numbers(Selection::NeededForCp3), [1, 2, 6, 7, 8, 9, 10, 15, 16, 24, 89]);
     assert_eq!(
         numbers(Selection::Commands),
-        [99, 127, 128, 139, 148, 170, 191, 262, 447, 0x80DC, 0x80E0, 0x80E1, 0x80E2]
+        [99, 127, 128, 139, 148, 149, 170, 191, 262, 447, 0x80DC, 0x80E0, 0x80E1, 0x80E2]
     );
     assert_eq!(numbers(Selection::ConfigurableInMdt), [36, 37, 47, 48, 80, 81, 145, 258, 282, 346]);
     assert_eq!(
