@@ -33,7 +33,7 @@ mod tests {
         for seed in 0..500 {
             let life = life_of(seed);
             assert!(life.events.is_sorted_by_key(|event| event.at), "{seed}");
-            assert!((8..=48).contains(&life.events.len()), "{seed}: {}", life.events.len());
+            assert!((4..=60).contains(&life.events.len()), "{seed}: {}", life.events.len());
         }
     }
 }

@@ -62,15 +62,16 @@ struct Writer<'a> {
     fastest: f64,
     now: u32,
     events: Vec<Event>,
+    ended: bool,
 }
 
 /// Events of a life, and how long it is watched after the last.
 pub(super) fn any(dice: &mut Dice, axis: &Axis) -> (Vec<Event>, u32) {
     let fastest = f64::from(axis.plant.axis().maximum_speed);
     let least = 10 + dice.below(25) as usize;
-    let mut writer = Writer { dice, axis, units: Units::of(axis), fastest, now: 0, events: Vec::new() };
+    let mut writer = Writer { dice, axis, units: Units::of(axis), fastest, now: 0, events: Vec::new(), ended: false };
     writer.beginning();
-    while writer.events.len() < least {
+    while writer.events.len() < least && !writer.ended {
         writer.phrase();
         writer.pause();
     }
@@ -447,10 +448,14 @@ impl Writer<'_> {
         self.event(Action::Start(262));
         self.wait(10.0);
         self.event(Action::Cancel(262));
+        // Its gains are those of another machine now: it is looked at, and not switched on before it has its own again.
+        self.wait(10.0);
+        self.read();
+        self.ended = true;
     }
 
     fn command_of_any_kind(&mut self) {
-        let commands = [99, 139, 148, 170, 191, 262, 447, 0x80DC, 0x80E0, 0x80E1, 127, 128];
+        let commands = [99, 139, 148, 170, 191, 447, 0x80DC, 0x80E0, 0x80E1, 127, 128];
         let idn = self.dice.pick(&commands).unwrap_or(99);
         self.event(Action::Start(idn));
         self.pause();
