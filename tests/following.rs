@@ -105,6 +105,7 @@ fn wherever_following_begins_a_command_beyond_s_0_0159_is_an_error_before_anythi
             axis.position(distance);
             axis.run(4);
             axis.fastest = 0.0;
+            axis.had_torque = false;
             let here = axis.degrees();
             axis.switches(FOLLOW);
             axis.run(600);
@@ -117,6 +118,8 @@ fn wherever_following_begins_a_command_beyond_s_0_0159_is_an_error_before_anythi
                 assert!(moved.abs() < 0.1 && axis.fastest < 2.0, "{case}: {moved} degrees, {} rpm", axis.fastest);
                 assert_eq!(axis.diagnosis(), (EXCESSIVE_DEVIATION, TOO_FAR), "{case}");
                 assert!(!axis.bench.has_torque(), "{case}");
+                // Nor has a brake to open for it.
+                assert!(!matches!(resumption, SwitchedOn) || !axis.had_torque, "{case}");
             }
         }
     }

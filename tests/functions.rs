@@ -181,8 +181,9 @@ fn what_changes_the_whole_drive_is_refused_while_torque_is_on() {
     bench.write(52, Value::Long(70_000)).unwrap();
     bench.write(447, Value::Word(3)).unwrap();
     assert!((signed(bench.number(51)) - 70_000).abs() < 1_000);
-    bench.write(262, Value::Word(3)).unwrap();
-    assert_eq!((bench.number(104), bench.number(52)), (100, 0));
+    // In CP4 it would change what the phase protects: it belongs to CP2 and CP3.
+    assert_eq!(bench.write(262, Value::Word(3)), Err(0x7012));
+    assert_eq!((bench.number(104), bench.number(52)), (333, 70_000));
 }
 
 #[test]
@@ -262,7 +263,7 @@ fn an_error_is_told_in_words_with_cause_and_remedy_and_remembered_with_its_time(
     assert_eq!(bench.text(95), "In Betrieb, folgt den Sollwerten");
     bench.write(265, Value::Word(1)).unwrap();
     assert_eq!(bench.number(326), checksum);
-    let before = bench.number(P | 6) / 1_000_000;
+    let before = bench.number(P | 6);
     bench.drive.motor_side.borrow_mut().set_amplifier_inputs(Amplifier { main_power: true, fault: true });
     bench.run(Nanoseconds::from_millis(300));
     assert_eq!(bench.run_up_and_read(&[390, 129]), [0xF10F, 1]);
@@ -272,7 +273,7 @@ fn an_error_is_told_in_words_with_cause_and_remedy_and_remembered_with_its_time(
     assert_eq!(bench.entries(375), [0xF10F]);
     let times = bench.entries(P | 4);
     assert_eq!(times.len(), 2, "one time of four bytes");
-    let after = bench.number(P | 6) / 1_000_000;
+    let after = bench.number(P | 6);
     assert!((before..=after).contains(&u64::from(times[0])), "{before} {times:?} {after}");
     assert_eq!(bench.number(P | 9), 1);
     bench.drive.motor_side.borrow_mut().set_amplifier_inputs(Amplifier { main_power: true, fault: false });
@@ -327,14 +328,18 @@ fn a_check_that_passes_takes_back_what_the_last_one_has_found() {
 fn an_operation_mode_that_is_not_initialised_is_named_in_s_0_0023_until_the_error_is_cleared() {
     let mut bench = Bench::running();
     let from = bench.world.ring().cycle().unwrap() + 2;
+    bench.world.ring_mut().master_mut().hold_switches(Some(0xE000));
     // Control word bits 11, 9, 8 = 101: S-0-0285.
     let effect = ring::fibre::Effect::Byte { index: 2, value: 0xE0 | 0x08 | 0x01 };
     let mdt = ring::fibre::TelegramKind::Mdt;
     bench.world.ring_mut().add_fault(ring::fibre::Fault::once(from, 0, mdt, effect));
     bench.run(Nanoseconds::from_millis(8));
     bench.assert_stopped();
-    assert_eq!(bench.run_up_and_read(&[14, 390]), [1 << 9 | 4, 0xF009]);
+    // The ring goes on: it is told in CP4, and S-0-0099 clears it there.
+    assert_eq!([14, 11, 390].map(|idn| bench.number(idn)), [1 << 9 | 4, 1 << 12, 0xF009]);
     assert_eq!(bench.entries(23), [285]);
     bench.clear_errors();
     assert!(bench.entries(23).is_empty());
+    assert_eq!([14, 11].map(|idn| bench.number(idn)), [4, 0]);
+    assert_eq!(bench.world.ring().master().report().error, None);
 }

@@ -55,13 +55,13 @@ fn life_of_a_press() -> Bench {
     axis.command(|commands| commands.position = 1_990_000);
     axis.switches(FOLLOW);
     axis.run(300);
-    let fault = |bench: &Bench, fault| {
-        let amplifier = bench::Amplifier { main_power: true, fault };
+    let contactor = |bench: &Bench, main_power| {
+        let amplifier = bench::Amplifier { main_power, fault: false };
         bench.drive.motor_side.borrow_mut().set_amplifier_inputs(amplifier);
     };
-    fault(&axis.bench, true);
+    contactor(&axis.bench, false);
     axis.run(50);
-    fault(&axis.bench, false);
+    contactor(&axis.bench, true);
     axis.switches(0);
     axis.run(700);
     axis.bench.clear_errors();

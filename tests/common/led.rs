@@ -27,6 +27,8 @@ pub(crate) struct Axis {
     start: i32,
     /// Fastest since the last look, in rpm.
     pub(crate) fastest: f64,
+    /// The bridge was on since the last look.
+    pub(crate) had_torque: bool,
 }
 
 impl Axis {
@@ -66,7 +68,7 @@ impl Axis {
             if bench.is_in_operation() && start.get().is_some() {
                 bench.world.ring_mut().master_mut().hold_switches(Some(FOLLOW));
                 bench.run(Nanoseconds::from_millis(100));
-                return Self { bench, commands, start: start.get().unwrap(), fastest: 0.0 };
+                return Self { bench, commands, start: start.get().unwrap(), fastest: 0.0, had_torque: false };
             }
         }
         panic!("{}", bench.world.ring().master().state());
@@ -102,6 +104,7 @@ impl Axis {
             self.bench.run(Nanoseconds::from_microseconds(250));
             let rpm = self.bench.rpm().abs();
             self.fastest = self.fastest.max(rpm);
+            self.had_torque |= self.bench.has_torque();
         }
     }
 

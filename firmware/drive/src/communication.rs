@@ -22,7 +22,6 @@ use crate::interrupts::Interrupts;
 use crate::live::{Checks, Context, Finding, POSITIVE_STOP};
 use crate::motion::Motion;
 use crate::rescaling::Rescaling;
-use crate::settings::MotionSettings;
 
 /// Why the drive cannot start.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -45,7 +44,7 @@ impl core::error::Error for StartError {}
 /// takes one a step, so that it waits for none of them either way.
 const SEGMENT_WORDS: usize = 8;
 
-/// A phase change that has happened, for the log.
+/// A phase change or an error of communication that has happened, for the log.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub struct PhaseReport {
@@ -138,22 +137,30 @@ impl<B: Bus + Clone> Communication<B> {
     ) -> Option<PhaseReport> {
         let from = self.phases.current();
         let lost = motion.lock(Motion::take_loss);
+        let mut noted = None;
         let result = match lost {
+            Some(error @ PhaseError::UninitialisedMode { selected }) => {
+                // The control has to learn of it from the ATs: only the motor stops.
+                self.phases.note(error);
+                self.checks.missing_mode = OPERATION_MODES.get(usize::from(selected)).copied();
+                self.remember(error, motion);
+                noted = Some(error);
+                self.phases.received(self.slave.phase_received())
+            }
             Some(error) => Err(self.phases.fail(error)),
             None => self.phases.received(self.slave.phase_received()),
         };
         let report = match result {
-            Ok(PhaseChange::Unchanged) => return None,
+            Ok(PhaseChange::Unchanged) => match noted {
+                Some(_) => PhaseReport { from, to: from, error: noted },
+                None => return None,
+            },
             Ok(PhaseChange::Entered { from, to }) => {
                 self.enter(to, interrupts, motion);
                 PhaseReport { from, to, error: None }
             }
             Err(error) => {
-                if let PhaseError::UninitialisedMode { selected } = error {
-                    self.checks.missing_mode = OPERATION_MODES.get(usize::from(selected)).copied();
-                }
-                let seconds = seconds(motion.lock(|motion| motion.operating_time()));
-                self.errors.add(ErrorRecord { number: of_phase_error(error).number, seconds });
+                self.remember(error, motion);
                 motion.lock(Motion::communication_fault);
                 self.enter(Phase::Cp0, interrupts, motion);
                 // The master may have gone to CP0 in the same moment: then this is its CP0, and no other change will tell.
@@ -168,10 +175,10 @@ impl<B: Bus + Clone> Communication<B> {
     /// Task of INT_SC_0: serves the step that waits in the service container; the next one starts it anew, also while it runs. Also started by
     /// the motion side when it has become another state, error or warning, to bring diagnosis and error memory up to date.
     ///
-    /// Contract: at most 100 us from the end of the MDT to the release (S-0-0326 takes 74, the average is 13); settings that a write has changed, and the checks of
-    /// S-0-0127 and S-0-0128, are worked out after the release.
+    /// Contract: at most 100 us from the end of the MDT to the release (S-0-0326 takes 74, the average is 13). The checks of S-0-0127 and
+    /// S-0-0128, and settings that a write has changed before them, are worked out after the release. The last step of a parameter that is
+    /// written while the loops work with it takes longer, for it is refused if they cannot: the chip holds it (BUSY) into the next cycle.
     pub fn service_channel<H: Hardware>(&mut self, motion: &mut impl Mutex<T = Motion<B, H>>) {
-        let mut settings_changed = false;
         let mut context = Context {
             motion,
             slave: &mut self.slave,
@@ -182,7 +189,7 @@ impl<B: Bus + Clone> Communication<B> {
             access: &mut self.access,
             rescaling: &mut self.rescaling,
             errors: &self.errors,
-            settings_changed: &mut settings_changed,
+            settings_changed: false,
         };
         // The motion side also starts this task for other news than the lock that S-0-0128 waits for.
         if context.checks.waits_for_lock && !context.motion.lock(|motion| motion.waits_for_lock()) {
@@ -221,13 +228,13 @@ impl<B: Bus + Clone> Communication<B> {
                 self.service.set_command_change(self.server.command_change());
             }
         }
-        if settings_changed {
-            self.rescaling.refresh(&mut self.parameters);
-        }
-        if settings_changed && let Ok(settings) = MotionSettings::new(&self.parameters, H::LOOP_TIMER_COUNTS) {
-            motion.lock(|motion| motion.apply_settings(settings));
-        }
+        context.settle(&mut self.parameters);
         self.announce(motion);
+    }
+
+    fn remember<H: Hardware>(&mut self, error: PhaseError, motion: &mut impl Mutex<T = Motion<B, H>>) {
+        let seconds = seconds(motion.lock(|motion| motion.operating_time()));
+        self.errors.add(ErrorRecord { number: of_phase_error(error).number, seconds });
     }
 
     fn enter<H: Hardware>(

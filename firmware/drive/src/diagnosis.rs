@@ -201,7 +201,7 @@ diagnoses! {
         "Read S-0-0021 or S-0-0022 and P-0-0003, and correct the data blocks listed there.";
     UNINITIALISED_MODE = 0xF009 "Operation mode not initialised", "Betriebsart nicht initialisiert",
         "Control word bits 11, 9, 8 ask for a mode that S-0-0032 to S-0-0035 and S-0-0284 to S-0-0287 do not set; S-0-0023 names it.",
-        "Set the mode in CP2 or CP3, or correct the control word.";
+        "Correct the control word and give S-0-0099, or set the mode in CP2 or CP3.";
     OVERLOAD = 0xF100 "Overload", "Ueberlast",
         "The thermal model of motor or amplifier has passed S-0-0114.",
         "Let it cool down; reduce load or cycle; check S-0-0111, S-0-0112, P-0-0130, P-0-0131.";

@@ -69,7 +69,7 @@ pub use interrupts::Interrupts;
 pub use link::CurrentLink;
 pub use motion::{CommandValues, Motion};
 pub use record::{Command, Feedback, MOST_SIGNALS, Records};
-pub use settings::{InvalidSetting, MotionSettings, MotorSettings, OperationMode, Polarity, Reaction};
+pub use settings::{CycleSettings, InvalidSetting, MotionSettings, MotorSettings, OperationMode, Polarity, Reaction};
 pub use snapshot::Snapshot;
 pub use state::{Conditions, DriveState, StateMachine, Switches, status_bits};
 pub use work::Work;

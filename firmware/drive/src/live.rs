@@ -6,7 +6,7 @@ use heapless::{String, Vec};
 use rtic_core::Mutex;
 use sercon816::{Bus, Slave};
 use sercos::command::{CommandAction, CommandState};
-use sercos::data_block::NeededFor;
+use sercos::data_block::{Location, NeededFor};
 use sercos::parameters::Parameters;
 use sercos::service::{LIVE_LIST_ENTRIES, LIVE_LONG_ENTRIES, LIVE_TEXT_BYTES, Live, ServiceError};
 use sercos::transition::{self, Capabilities, CyclicConfiguration, Invalid, InvalidData, Reason};
@@ -26,7 +26,7 @@ use crate::oscilloscope::{self, Configuration};
 use crate::record::{Command, Feedback, Records};
 use crate::rescaling::Rescaling;
 use crate::settings::motor::FREQUENCY;
-use crate::settings::{Direction, InvalidSetting, MotionSettings, OperationMode, homing};
+use crate::settings::{CycleSettings, Direction, InvalidSetting, MotionSettings, OperationMode, homing};
 
 /// So long S-0-0128 waits for the loops to lock to the ring: 200 ms in loop ticks, twice what a lock takes.
 const LOCK_PATIENCE_TICKS: u16 = 400;
@@ -68,7 +68,7 @@ pub(crate) struct Checks {
     pub(crate) invalid_for_cp4: InvalidData,
     /// S-0-0023: the operation mode parameter that CP4 asked for in vain.
     pub(crate) missing_mode: Option<Idn>,
-    /// P-0-0003: what the last check that failed found first.
+    /// P-0-0003: what the last check that failed found first, or why a write was refused.
     pub(crate) finding: Option<Finding>,
     /// S-0-0128 waits for the loop clock.
     pub(crate) waits_for_lock: bool,
@@ -76,11 +76,19 @@ pub(crate) struct Checks {
     pub(crate) started: Option<Idn>,
 }
 
-/// What keeps a transition check from passing.
+/// What keeps a transition check from passing, homing from starting or a write from being taken.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Finding {
     /// A data block is to blame.
     DataBlock(Invalid),
+    /// The loops cannot work with the parameters.
+    Settings(InvalidSetting),
+    /// The loops could not work with what was written, and it was taken back.
+    Write(InvalidSetting),
+    /// The same for what S-0-0128 would not let pass.
+    WriteOf(Invalid),
+    /// S-0-0262 where it would change what the phase protects.
+    LoadInOperation,
     /// The loops have not locked to the ring (S-0-0128).
     NotSynchronised,
     /// The ring controller refuses the configuration.
@@ -102,8 +110,8 @@ pub(crate) struct Context<'a, B, M> {
     pub(crate) access: &'a mut Access,
     pub(crate) rescaling: &'a mut Rescaling,
     pub(crate) errors: &'a ErrorMemory,
-    /// A parameter of the loops has changed; they get it once the step is released.
-    pub(crate) settings_changed: &'a mut bool,
+    /// A parameter of the loops has changed before they have begun to work with it; they get it once the step is released.
+    pub(crate) settings_changed: bool,
 }
 
 impl<B, H, M> Context<'_, B, M>
@@ -153,10 +161,22 @@ where
         Some((idn, self.found(result)))
     }
 
+    /// Gives the loops what has changed before they have begun to work with it.
+    pub(crate) fn settle(&mut self, parameters: &mut Parameters) {
+        if core::mem::take(&mut self.settings_changed) {
+            self.rescaling.refresh(parameters);
+            // What does not go together yet waits for the rest; S-0-0128 finds what is left of it.
+            match MotionSettings::new(parameters, H::LOOP_TIMER_COUNTS) {
+                Ok(settings) => self.motion.lock(|motion| motion.apply_settings(settings)),
+                Err(_) => debug_assert!(!self.loops_work(), "what the loops work with was checked"),
+            }
+        }
+    }
+
     fn found(&mut self, result: Result<(), CommissioningFinding>) -> CommandState {
         self.commissioning.finding = result.err();
         if result.is_ok() {
-            *self.settings_changed = true;
+            self.settings_changed = true;
             CommandState::Executed
         } else {
             CommandState::Failed
@@ -174,6 +194,15 @@ where
                 return CommandState::Failed;
             }
         };
+        let cycle = match CycleSettings::new(parameters, H::LOOP_TIMER_COUNTS) {
+            Ok(cycle) => cycle,
+            Err(setting) => {
+                self.checks.finding = Some(Finding::Settings(setting));
+                self.checks.invalid_for_cp3 = InvalidData::default();
+                self.checks.invalid_for_cp3.add(setting.idn, reason_of(&setting));
+                return CommandState::Failed;
+            }
+        };
         self.checks.invalid_for_cp3 = InvalidData::default();
         self.checks.finding = Some(Finding::Controller);
         let mdt = cyclic.mdt.iter().map(|datum| datum.idn);
@@ -182,7 +211,10 @@ where
         if self.slave.configure_cyclic(&chip_configuration(&cyclic)).is_err() {
             return CommandState::Failed;
         }
-        self.motion.lock(|motion| motion.set_records(records));
+        self.motion.lock(|motion| {
+            motion.set_records(records);
+            motion.apply_cycle(cycle);
+        });
         self.checks.cyclic = Some(cyclic);
         self.checks.finding = None;
         self.phases.permit_cp3(ready);
@@ -213,16 +245,28 @@ where
             invalid.add(*idn, Reason::OldScaling);
         }
         if let Err(setting) = settings {
-            invalid.add(setting.idn, Reason::NotSupported);
+            invalid.add(setting.idn, reason_of(&setting));
         } else if patient && invalid.not_synchronised && invalid.findings().is_empty() {
             self.checks.waits_for_lock = true;
             self.motion.lock(|motion| motion.wait_for_lock(LOCK_PATIENCE_TICKS));
             return CommandState::Executing;
         }
-        let first = invalid.findings().first().copied();
-        self.checks.finding = Some(first.map_or(Finding::NotSynchronised, Finding::DataBlock));
+        self.checks.finding = Some(match (invalid.findings().first().copied(), settings) {
+            (Some(first), Err(setting)) if first.idn == setting.idn && first.reason == Reason::NotTogether => {
+                Finding::Settings(setting)
+            }
+            (Some(first), _) => Finding::DataBlock(first),
+            (None, _) => Finding::NotSynchronised,
+        });
         self.checks.invalid_for_cp4 = invalid;
         CommandState::Failed
+    }
+
+    /// What S-0-0128 would find first, if it was given now.
+    fn first_invalid(&self, parameters: &Parameters) -> Option<Invalid> {
+        let cyclic = self.checks.cyclic.as_ref()?;
+        let checked = transition::check_cp4(parameters, &self.capabilities(), cyclic, true);
+        checked.err().and_then(|invalid| invalid.findings().first().copied())
     }
 
     fn reset_class_1(&mut self) -> CommandState {
@@ -241,11 +285,14 @@ where
         const STOP_AT_REFERENCE: u16 = 1 << 7;
         let settings = MotionSettings::new(parameters, H::LOOP_TIMER_COUNTS)
             .and_then(|settings| homing(parameters, &settings))
-            .map_err(|_| ServiceError::CommandInvalidParameters)?;
+            .map_err(|setting| {
+                self.checks.finding = Some(Finding::Settings(setting));
+                ServiceError::CommandInvalidParameters
+            })?;
         let way = parameters.get_word(HOMING_PARAMETER);
         let at_once = way & (NO_SWITCH_NO_MARKER | STOP_AT_REFERENCE) == NO_SWITCH_NO_MARKER;
         let reference = reference_distance(parameters);
-        self.motion.lock(|motion| {
+        let state = self.motion.lock(|motion| {
             if motion.is_identifying() {
                 return Err(ServiceError::CommandNotExecutableNow);
             }
@@ -263,7 +310,9 @@ where
             } else {
                 Err(ServiceError::CommandNotExecutableNow)
             }
-        })
+        })?;
+        self.checks.finding = None;
+        Ok(state)
     }
 
     /// S-0-0170 with S-0-0169.
@@ -281,16 +330,33 @@ where
         self.without_torque(|context| context.motion.lock(|motion| motion.set_reference(reference)))
     }
 
+    /// S-0-0262. In CP4 it would change scaling, modes and motor, which the phase protects; and to load some defaults only would be a drive
+    /// that nobody has asked for.
     fn load_defaults(&mut self, parameters: &mut Parameters) -> Result<CommandState, ServiceError> {
         self.unlocked()?;
+        if self.phases.current() == Phase::Cp4 {
+            self.checks.finding = Some(Finding::LoadInOperation);
+            return Err(ServiceError::CommandNotExecutableNow);
+        }
         self.without_torque(|context| {
             parameters.load_defaults();
             context.rescaling.defaults_loaded(parameters);
             if context.phases.current() == Phase::Cp3 {
                 context.phases.withdraw();
             }
-            *context.settings_changed = true;
+            context.checks.finding = None;
+            context.settings_changed = true;
         })
+    }
+
+    /// The loops work with the parameters as they are: S-0-0128 has passed, and nothing that it looked at was written since. Before that a
+    /// master writes in any order, and S-0-0128 finds what does not go together.
+    fn loops_work(&self) -> bool {
+        match self.phases.current() {
+            Phase::Cp4 => true,
+            Phase::Cp3 => self.phases.is_permitted(),
+            _ => false,
+        }
     }
 
     fn unlocked(&self) -> Result<(), ServiceError> {
@@ -391,7 +457,9 @@ where
                 // Longer than the longest finding; a test looks.
                 let _ = match self.checks.finding {
                     None => Ok(()),
-                    Some(Finding::DataBlock(invalid)) => write!(text, "{invalid}"),
+                    Some(Finding::DataBlock(invalid) | Finding::WriteOf(invalid)) => write!(text, "{invalid}"),
+                    Some(Finding::Settings(setting) | Finding::Write(setting)) => write!(text, "{setting}"),
+                    Some(Finding::LoadInOperation) => write!(text, "S-0-0262 changes what is protected in CP4"),
                     Some(Finding::NotSynchronised) => write!(text, "the loops have not locked to the ring"),
                     Some(Finding::Homing(HomingFailure::Way(error))) => write!(text, "{error}"),
                     Some(Finding::Homing(HomingFailure::Torque)) => write!(text, "the torque went while homing"),
@@ -465,18 +533,19 @@ where
         Ok(())
     }
 
-    fn written(&mut self, idn: Idn, parameters: &mut Parameters) {
+    fn written(&mut self, idn: Idn, parameters: &mut Parameters) -> Result<(), ServiceError> {
         if idn == oscilloscope::CONTROL {
             match (parameters.get_word(idn), scope_configuration(parameters)) {
                 (1, Ok(configuration)) => self.motion.lock(|motion| motion.oscilloscope().arm(configuration)),
                 _ => self.motion.lock(|motion| motion.oscilloscope().stop()),
             }
         }
-        if oscilloscope::is_own(idn) {
+        let block = dictionary::find(idn).filter(|block| block.location == Location::Parameter);
+        let Some(block) = block.filter(|_| !oscilloscope::is_own(idn)) else {
             // The loops know nothing of them.
-            return;
-        }
-        let needed_for = dictionary::find(idn).map_or(NeededFor::Neither, |block| block.needed_for);
+            return Ok(());
+        };
+        let needed_for = block.needed_for;
         let checked = match self.phases.current() {
             Phase::Cp2 => needed_for == NeededFor::Cp3,
             Phase::Cp3 => needed_for == NeededFor::Cp4,
@@ -485,7 +554,28 @@ where
         if checked {
             self.phases.withdraw();
         }
-        *self.settings_changed = true;
+        if !self.loops_work() {
+            self.settings_changed = true;
+        } else {
+            // Some 200 us, which the step is held for: its answer depends on it, and what is acknowledged is in effect.
+            let settings = match (MotionSettings::new(parameters, H::LOOP_TIMER_COUNTS), self.first_invalid(parameters))
+            {
+                (Ok(settings), None) => settings,
+                (Err(setting), _) => {
+                    self.checks.finding = Some(Finding::Write(setting));
+                    return Err(ServiceError::InvalidData);
+                }
+                (_, Some(invalid)) => {
+                    self.checks.finding = Some(Finding::WriteOf(invalid));
+                    return Err(ServiceError::InvalidData);
+                }
+            };
+            self.motion.lock(|motion| motion.apply_settings(settings));
+        }
+        if matches!(self.checks.finding, Some(Finding::Write(_) | Finding::WriteOf(_))) {
+            self.checks.finding = None;
+        }
+        Ok(())
     }
 
     fn command(
@@ -567,6 +657,11 @@ where
         if let Some(error) = oscilloscope::refuses_setting(idn, value, parameters) {
             return Some(error);
         }
+        // What somebody else sets would not last: only what is there already is taken.
+        if let Some((mask, wanted)) = controlled_bits(idn, value) {
+            let (bits, owned) = self.motion.lock(|motion| motion.controlled_bits());
+            return ((bits ^ wanted) & mask & owned != 0).then_some(ServiceError::ProtectedBySettings);
+        }
         if idn == COMMAND_VALUE_MODE && Direction::from_parameter(value as u16).is_none() {
             return Some(ServiceError::InvalidData);
         }
@@ -603,9 +698,25 @@ fn scope_configuration(parameters: &Parameters) -> Result<Configuration, Service
     Configuration::new(|idn| parameters.get(idn), parameters).map_err(|invalid| invalid.service_error())
 }
 
+/// What S-0-0128 tells of a parameter that the loops cannot work with.
+const fn reason_of(setting: &InvalidSetting) -> Reason {
+    match setting.reason {
+        Some(_) => Reason::NotTogether,
+        None => Reason::NotSupported,
+    }
+}
+
 /// Whether the loops can work with the parameters.
 fn loops_accept<H: Hardware>(parameters: &Parameters) -> Result<(), InvalidSetting> {
     MotionSettings::new(parameters, H::LOOP_TIMER_COUNTS).map(|_| ())
+}
+
+/// For a data block of single bits that the control sets: where they lie, and how `value` wants them.
+fn controlled_bits(idn: Idn, value: u64) -> Option<(u32, u32)> {
+    if idn == APPLICATION_WORD {
+        return Some((0xFFFF, (value & 0xFFFF) as u32));
+    }
+    enable_bit(idn).map(|bit| (bit, if value & 1 != 0 { bit } else { 0 }))
 }
 
 /// S-0-0052, in the weight of the position data.
@@ -641,3 +752,10 @@ fn chip_configuration(cyclic: &CyclicConfiguration) -> sercon816::CyclicConfigur
         record_position_words: cyclic.record_position_bytes.saturating_sub(1) / 2,
     }
 }
+
+#[cfg(test)]
+mod effects;
+#[cfg(test)]
+mod rig;
+#[cfg(test)]
+mod tests;

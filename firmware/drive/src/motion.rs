@@ -129,7 +129,10 @@ pub struct Motion<B, H> {
     shown: ShownValues,
     supervision: Supervision,
     lost: Option<PhaseError>,
+    /// The control asks for a mode that is not set.
     uninitialised_mode: bool,
+    /// Control word bits 11, 9, 8 of the mode in force.
+    mode_bits: u16,
     class_2: Class2,
     class_3: Class3,
     manufacturer_1: Manufacturer1,
@@ -201,7 +204,7 @@ impl<B: Bus + Clone, H: Hardware> Motion<B, H> {
             mst: MstMonitor::new(bus),
             axis: Axis::new(settings.with_lag, position),
             encoder,
-            clock: LoopClock::new(settings.clock),
+            clock: LoopClock::new(settings.cycle.clock),
             clock_monitor: ClockMonitor::default(),
             settings,
             records: Records::default(),
@@ -224,6 +227,7 @@ impl<B: Bus + Clone, H: Hardware> Motion<B, H> {
             supervision: Supervision::new(),
             lost: None,
             uninitialised_mode: false,
+            mode_bits: 0,
             class_1: Class1::empty(),
             class_2: Class2::empty(),
             class_3: Class3::empty(),
@@ -279,7 +283,7 @@ impl<B: Bus + Clone, H: Hardware> Motion<B, H> {
             Phase::Cp3 | Phase::Cp4 => {
                 self.clock.on_t3(self.edge_phase);
                 self.clock_monitor.take(self.clock.phase_error(), self.clock.is_locked());
-                self.until_overdue = self.settings.ticks_to_overdue;
+                self.until_overdue = self.settings.cycle.ticks_to_overdue;
                 self.take_cycle()
             }
         }

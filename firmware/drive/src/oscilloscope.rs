@@ -17,6 +17,7 @@
 
 use core::fmt;
 
+use sercos::attribute::{Attribute, Format, Length};
 use sercos::data_block::Location;
 use sercos::parameters::Parameters;
 use sercos::service::{LIVE_LONG_ENTRIES, ServiceError};
@@ -105,15 +106,47 @@ pub enum Signal {
     #[default]
     Off,
     /// A command value as it came last.
-    Command(Command),
+    Command(Command, Width),
     /// A feedback value of the last t4.
-    Feedback(Feedback),
+    Feedback(Feedback, Width),
     /// A word of bits, or one of them in bit 0.
     Bits(Source),
     /// A parameter, as it was when the recording was armed.
     Constant(i32),
     /// A signal that has no IDN.
     Internal(Internal),
+}
+
+/// Length and sign of a value as its data block is transmitted.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
+pub enum Width {
+    /// Two bytes that are extended by zeros.
+    Word,
+    /// Two bytes that are extended by their sign.
+    SignedWord,
+    /// Four bytes, which keep their bits: numbers without sign from 2^31 up turn negative.
+    Long,
+}
+
+impl Width {
+    /// That of a data block of two or four bytes.
+    #[must_use]
+    pub const fn of(attribute: Attribute) -> Self {
+        match (attribute.length(), attribute.format()) {
+            (Length::Two, Format::Signed) => Self::SignedWord,
+            (Length::Two, _) => Self::Word,
+            _ => Self::Long,
+        }
+    }
+
+    const fn extend(self, raw: u32) -> i32 {
+        match self {
+            Self::Word => (raw & 0xFFFF) as i32,
+            Self::SignedWord => (raw as u16).cast_signed() as i32,
+            Self::Long => raw.cast_signed(),
+        }
+    }
 }
 
 impl Signal {
@@ -132,21 +165,18 @@ impl Signal {
             return Ok(Self::Internal(internal));
         }
         let block = dictionary::find(idn).ok_or(ServiceError::IdnNotAvailable)?;
+        let width = Width::of(block.attribute);
         if let Some(source) = Source::from_idn(idn) {
             return Ok(Self::Bits(source));
         }
         if let Some(feedback) = Feedback::from_idn(idn) {
-            return Ok(Self::Feedback(feedback));
+            return Ok(Self::Feedback(feedback, width));
         }
         if let Some(command) = Command::from_idn(idn) {
-            return Ok(Self::Command(command));
+            return Ok(Self::Command(command, width));
         }
         match (block.location, block.fixed_bytes()) {
-            (Location::Parameter, Some(2 | 4)) => {
-                // Unsigned numbers from 2^31 up keep their bits, as everywhere in a recording.
-                let low = parameters.get_signed(idn) & 0xFFFF_FFFF;
-                Ok(Self::Constant((low as u32).cast_signed()))
-            }
+            (Location::Parameter, Some(2 | 4)) => Ok(Self::Constant(width.extend(parameters.get(idn)))),
             _ => Err(ServiceError::InvalidData),
         }
     }
@@ -170,17 +200,14 @@ pub trait SignalValues {
     fn current_loop(&self) -> &CurrentLoopValues;
 }
 
-/// The value of a signal in this tick. Two-byte values with a sign are extended by it, the others by zeros.
+/// The value of a signal in this tick.
 #[inline]
 pub fn sample_source(signal: Signal, values: &impl SignalValues) -> i32 {
-    let signed = |raw: u32| i32::from((raw as u16).cast_signed());
     match signal {
         Signal::Off => 0,
         Signal::Constant(value) => value,
-        Signal::Command(command @ (Command::Torque | Command::AdditiveTorque)) => signed(values.command(command)),
-        Signal::Command(command) => values.command(command).cast_signed(),
-        Signal::Feedback(Feedback::Torque) => signed(values.feedback(Feedback::Torque)),
-        Signal::Feedback(feedback) => values.feedback(feedback).cast_signed(),
+        Signal::Command(command, width) => width.extend(values.command(command)),
+        Signal::Feedback(feedback, width) => width.extend(values.feedback(feedback)),
         Signal::Bits(source) => i32::from(values.bits(source)),
         Signal::Internal(internal) => internal.value(values.loops(), values.current_loop()),
     }

@@ -1,5 +1,7 @@
 //! From the parameters of the master to the settings of the hot tasks: every division is made here.
 
+use core::fmt;
+
 use sercos::Idn;
 use sercos::parameters::Parameters;
 use sercos::transition::OPERATION_MODES;
@@ -24,7 +26,7 @@ use crate::coordinates::Coordinates;
 use crate::hardware::LOOP_PERIOD_MICROSECONDS;
 use crate::motor::READ_TWICE;
 
-/// A parameter that the drive cannot work with; S-0-0128 lists it in S-0-0022.
+/// A parameter that the drive cannot work with: a write in operation is refused for it, and S-0-0128 lists it in S-0-0022.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub struct InvalidSetting {
@@ -32,6 +34,15 @@ pub struct InvalidSetting {
     pub idn: Idn,
     /// What is wrong with it, where the motion side says more than "not supported".
     pub reason: Option<SettingsError>,
+}
+
+impl fmt::Display for InvalidSetting {
+    fn fmt(&self, formatter: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match &self.reason {
+            Some(reason) => write!(formatter, "{}: {reason}", self.idn),
+            None => write!(formatter, "{}: a value this drive does not support", self.idn),
+        }
+    }
 }
 
 /// What a mode of operation does with the command values (sercos2.md 6.2).
@@ -186,6 +197,38 @@ impl Polarity {
     }
 }
 
+/// What the cycle of the ring is to the loops: what S-0-0127 has accepted of S-0-0001 and S-0-0002 counts from CP3 on, whatever else is
+/// still missing.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
+pub struct CycleSettings {
+    /// The loop timer's clock on the ring's clock.
+    pub clock: LoopClockSettings,
+    /// Loop ticks in a communication cycle (S-0-0002).
+    pub ticks_per_cycle: u16,
+    /// Loop ticks from one t3 event to the time at which the next is overdue: a cycle and a quarter, at least two ticks.
+    pub ticks_to_overdue: u16,
+    /// Communication cycles in a control unit cycle (S-0-0001): the command value changes once in so many.
+    pub cycles_per_command: u16,
+}
+
+impl CycleSettings {
+    /// From S-0-0001 and S-0-0002. Divides.
+    ///
+    /// # Errors
+    /// The first of the two that the loops cannot run with.
+    pub fn new(parameters: &Parameters, loop_timer_counts: u16) -> Result<Self, InvalidSetting> {
+        let ticks_per_cycle = ticks(parameters, 2);
+        let cycles_per_command =
+            ticks(parameters, 1).checked_div(ticks_per_cycle).filter(|&cycles| cycles > 0).ok_or(unsupported(1))?;
+        // The ring gives one t3 event a communication cycle, whatever the control unit's own cycle is.
+        let clock = LoopClockSettings::new(loop_timer_counts, ticks_per_cycle, three_quarters(loop_timer_counts))
+            .map_err(invalid(2))?;
+        let ticks_to_overdue = ticks_per_cycle.saturating_add((ticks_per_cycle >> 2).max(2));
+        Ok(Self { clock, ticks_per_cycle, ticks_to_overdue, cycles_per_command })
+    }
+}
+
 /// Everything the hot tasks need of the parameters, scaled.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
@@ -218,14 +261,8 @@ pub struct MotionSettings {
     pub encoder_reversed: bool,
     /// P-0-2705: S-0-0053 shows the motor encoder.
     pub has_feedback_2: bool,
-    /// The loop timer's clock on the ring's clock.
-    pub clock: LoopClockSettings,
-    /// Loop ticks in a communication cycle (S-0-0002).
-    pub ticks_per_cycle: u16,
-    /// Loop ticks from one t3 event to the time at which the next is overdue: a cycle and a quarter, at least two ticks.
-    pub ticks_to_overdue: u16,
-    /// Communication cycles in a control unit cycle (S-0-0001): the command value changes once in so many.
-    pub cycles_per_command: u16,
+    /// The cycle of the ring.
+    pub cycle: CycleSettings,
     /// S-0-0057.
     pub position_window: Position,
     /// S-0-0157.
@@ -256,6 +293,8 @@ pub struct MotionSettings {
     pub class_3_mask: u16,
     /// Real-time bits and signal words.
     pub bits: BitSettings,
+    /// S-0-0147 bit 2: the home switch is an input of the drive, not S-0-0400.
+    pub home_switch_at_drive: bool,
 }
 
 impl MotionSettings {
@@ -270,13 +309,7 @@ impl MotionSettings {
         let coordinates = scaling::coordinates(parameters)?;
         let velocity_polarity = Polarity::from_parameter(parameters.get_word(Idn::standard(43)));
         let torque = TorqueScale::new(parameters)?;
-        let ticks_per_cycle = ticks(parameters, 2);
-        let ticks_per_command = ticks(parameters, 1);
-        let cycles_per_command =
-            ticks_per_command.checked_div(ticks_per_cycle).filter(|&cycles| cycles > 0).ok_or(unsupported(1))?;
-        // The ring gives one t3 event a communication cycle, whatever the control unit's own cycle is.
-        let clock = LoopClockSettings::new(loop_timer_counts, ticks_per_cycle, three_quarters(loop_timer_counts))
-            .map_err(invalid(2))?;
+        let cycle = CycleSettings::new(parameters, loop_timer_counts)?;
         let monitoring_window = position.to_position(signed(parameters, 159));
         let fastest = Velocity::from_ten_thousandths_rpm(signed(parameters, 113));
         let bipolar = velocity.to_velocity(signed(parameters, 91)).min(fastest);
@@ -289,7 +322,7 @@ impl MotionSettings {
         let ramp = (derivatives.acceleration(parameters, 136), derivatives.acceleration(parameters, 137));
         let peak_current = parameters.get(Idn::standard(110));
         let axis = AxisParameters {
-            ticks_per_cycle: ticks_per_command,
+            ticks_per_cycle: ticks(parameters, 1),
             modulo: Some(coordinates.range),
             position_gain: parameters.get_word(Idn::standard(104)),
             feed_forward: 0,
@@ -311,16 +344,16 @@ impl MotionSettings {
             },
             standstill_window: velocity.to_velocity(signed(parameters, 124)),
             monitoring_window,
-            largest_step: largest_step(bipolar, ticks_per_command, &position),
+            largest_step: largest_step(bipolar, ticks(parameters, 1), &position),
         };
-        let feed_forward = parameters.get_word(Idn::standard(296)).saturating_mul(10).min(10_000);
+        let feed_forward = parameters.get_word(Idn::standard(296)).saturating_mul(10);
         let increments = parameters.get(Idn::standard(116)).saturating_mul(parameters.get(Idn::standard(256)));
         let feedback_type = parameters.get_word(Idn::standard(277));
         if feedback_type & !REVERSED != 0 {
             return Err(unsupported(277));
         }
         Ok(Self {
-            with_lag: as_measured(AxisSettings::new(&axis).map_err(invalid(100))?),
+            with_lag: as_measured(AxisSettings::new(&axis).map_err(blamed)?),
             without_lag: as_measured(
                 AxisSettings::new(&AxisParameters {
                     feed_forward,
@@ -328,7 +361,7 @@ impl MotionSettings {
                     acceleration_gain: u32::from(parameters.get_word(Idn::standard(348))).saturating_mul(100),
                     ..axis
                 })
-                .map_err(invalid(296))?,
+                .map_err(blamed)?,
             ),
             modes: modes(parameters)?,
             position,
@@ -342,10 +375,7 @@ impl MotionSettings {
             encoder: TwiceReadSettings::new(increments).map_err(invalid(116))?,
             encoder_reversed: feedback_type & REVERSED != 0,
             has_feedback_2: parameters.get_word(Idn::POSITION_FEEDBACK_2_SOURCE) != 0,
-            clock,
-            ticks_per_cycle,
-            ticks_to_overdue: ticks_per_cycle.saturating_add((ticks_per_cycle >> 2).max(2)),
-            cycles_per_command,
+            cycle,
             position_window: position.to_position(signed(parameters, 57)),
             velocity_window: velocity.to_velocity(signed(parameters, 157)),
             overspeed: Velocity::saturating_from_bits(i64::from(fastest.to_bits()).saturating_mul(5) / 4),
@@ -367,12 +397,16 @@ impl MotionSettings {
             class_2_mask: parameters.get_word(Idn::standard(97)),
             class_3_mask: parameters.get_word(Idn::standard(98)),
             bits: BitSettings::new(parameters),
+            home_switch_at_drive: parameters.get_word(Idn::standard(147)) & SWITCH_AT_DRIVE != 0,
         })
     }
 }
 
 /// Velocity commands within which the friction compensation grows in proportion: 1 rpm.
 const FRICTION_BAND: u32 = 10_000;
+
+/// Bit 2 of S-0-0147.
+const SWITCH_AT_DRIVE: u16 = 1 << 2;
 
 const COMMAND_VALUE_MODE: Idn = Idn::standard(393);
 
@@ -384,6 +418,19 @@ const REVERSED: u16 = 1 << 3;
 
 fn invalid(number: u16) -> impl Fn(SettingsError) -> InvalidSetting {
     move |reason| InvalidSetting { idn: Idn::standard(number), reason: Some(reason) }
+}
+
+/// A complaint of the loops, with the parameter that it is about.
+fn blamed(reason: SettingsError) -> InvalidSetting {
+    let number = match reason {
+        SettingsError::TicksPerCycle { .. } => 1,
+        SettingsError::Zero { .. } => 91,
+        SettingsError::FeedForward { .. } => 296,
+        SettingsError::ModuloOutOfRange => 103,
+        SettingsError::TooSmooth { .. } | SettingsError::BrakingTime { .. } => 349,
+        _ => 100,
+    };
+    invalid(number)(reason)
 }
 
 fn unsupported(number: u16) -> InvalidSetting {
@@ -399,6 +446,9 @@ fn ticks(parameters: &Parameters, number: u16) -> u16 {
     parameters.get_word(Idn::standard(number)) / LOOP_PERIOD_MICROSECONDS
 }
 
+/// S-0-0108 of 100 %.
+const FULL_OVERRIDE: u16 = 10_000;
+
 /// Where t3 falls between two ticks: the first tick with a new command comes a quarter of a period after it.
 const fn three_quarters(counts: u16) -> u16 {
     counts.saturating_sub(counts / 4)
@@ -411,21 +461,27 @@ fn largest_step(fastest: Velocity, ticks_per_command: u16, scale: &PositionScale
     Position::from_bits(way.saturating_add(way >> 2)) + scale.to_position(2)
 }
 
-/// Limits of positioning, with the feedrate override S-0-0108.
+/// Limits of positioning, with the feedrate override S-0-0108: beyond 100 % it makes S-0-0259 more, within S-0-0091.
 fn positioning(
     parameters: &Parameters,
     scale: &VelocityScale,
     derivatives: DerivativeScale,
     fastest: Velocity,
 ) -> Result<MotionLimits, InvalidSetting> {
-    let velocity = scale.to_velocity(signed(parameters, 259)).min(fastest);
+    let percent = parameters.get_word(Idn::standard(108));
+    let wanted = i64::from(scale.to_velocity(signed(parameters, 259)).to_bits());
+    let wanted = wanted.saturating_mul(percent.max(FULL_OVERRIDE).into()).checked_div(FULL_OVERRIDE.into());
+    let velocity = Velocity::saturating_from_bits(wanted.unwrap_or(i64::MAX)).min(fastest);
     let acceleration = derivatives.acceleration(parameters, 260);
     let deceleration = derivatives.acceleration(parameters, 359);
     let deceleration = if deceleration.to_bits() == 0 { acceleration } else { deceleration };
-    let feedrate = FeedrateOverride::new(parameters.get_word(Idn::standard(108))).map_err(invalid(108))?;
+    let feedrate = FeedrateOverride::new(percent.min(FULL_OVERRIDE)).map_err(invalid(108))?;
     MotionLimits::new(velocity, acceleration, deceleration, derivatives.jerk(parameters, 193))
         .map(|limits| limits.with_override(feedrate))
-        .map_err(invalid(259))
+        .map_err(|reason| match reason {
+            SettingsError::TooSmooth { .. } | SettingsError::BrakingTime { .. } => invalid(193)(reason),
+            _ => invalid(259)(reason),
+        })
 }
 
 /// What homing S-0-0148 works with: its way and the limits of its movements.
@@ -552,7 +608,7 @@ mod tests {
     #[test]
     fn the_defaults_of_the_table_make_a_drive() {
         let settings = MotionSettings::new(&Parameters::new(), TIMER).unwrap();
-        assert_eq!(settings.ticks_per_cycle, 16);
+        assert_eq!(settings.cycle.ticks_per_cycle, 16);
         assert_eq!(settings.modes[0], Some(OperationMode::Velocity));
         assert_eq!(settings.modes[1..], [None; 7]);
         // Preferred scaling: 3 600 000 increments and 10 000 increments per rpm.
@@ -577,6 +633,24 @@ mod tests {
             let result = MotionSettings::new(&with(changes), TIMER);
             assert_eq!(result.map_err(|error| error.idn).err(), Some(Idn::standard(culprit)), "{changes:?}");
         }
+    }
+
+    #[test]
+    fn a_feedrate_override_beyond_100_per_cent_is_more_velocity_within_s_0_0091() {
+        let positioning = |changes: &[(u16, u32)]| MotionSettings::new(&with(changes), TIMER).unwrap().positioning;
+        let doubled = positioning(&[(259, 1_000_000), (108, 20_000)]);
+        assert_eq!(doubled, positioning(&[(259, 2_000_000)]));
+        assert_ne!(doubled, positioning(&[(259, 1_000_000)]));
+        let most = positioning(&[(259, 30_000_000)]);
+        assert_eq!(positioning(&[(259, 29_000_000), (108, 32_767)]), most, "S-0-0091 is 3000 rpm");
+        assert_ne!(positioning(&[(259, 30_000_000), (108, 9_999)]), most);
+    }
+
+    #[test]
+    fn a_feed_forward_of_120_per_cent_is_more_than_one_of_100() {
+        let [whole, more] = [1_000, 1_200].map(|gain| MotionSettings::new(&with(&[(296, gain)]), TIMER).unwrap());
+        assert_ne!(whole.without_lag, more.without_lag);
+        assert_eq!(whole.with_lag, more.with_lag);
     }
 
     #[test]

@@ -33,8 +33,8 @@ pub struct DataBlock {
     pub cyclic: Cyclic,
     /// What a real-time bit or a bit of a signal word can do with it.
     pub bits: Bits,
-    /// Not every value within the limits is taken: the drive refuses some with 7008H, 700CH, or 1001H for an allocation to
-    /// an unknown IDN.
+    /// Not every value within the limits is taken: the drive refuses some with 7008H (in operation also where the loops cannot work with it
+    /// and the other parameters), 700CH, or 1001H for an allocation to an unknown IDN.
     pub restricted: bool,
     /// One line for the reader of the manual.
     pub documentation: &'static str,

@@ -282,9 +282,9 @@ dictionary! {
     /// Added to S-0-0047: the angle of this axis against the line shaft.
     S 48 "Additive position command value" [position] I32 written ALWAYS (-2_147_483_648 to 2_147_483_647) = 0 => Live, in_mdt;
     /// Highest position, while bit 4 of S-0-0055 is set and the axis is homed; not below S-0-0050. Beyond it the axis may be held and go back.
-    S 49 "Positive position limit value" [position] I32 written ALWAYS (-2_147_483_648 to 2_147_483_647) = 2_147_483_647 => Parameter, stored;
+    S 49 "Positive position limit value" [position] I32 written ALWAYS (-2_147_483_648 to 2_147_483_647) = 2_147_483_647 => Parameter, stored, restricted;
     /// Lowest position, while bit 4 of S-0-0055 is set and the axis is homed.
-    S 50 "Negative position limit value" [position] I32 written ALWAYS (-2_147_483_648 to 2_147_483_647) = -2_147_483_647 => Parameter, stored;
+    S 50 "Negative position limit value" [position] I32 written ALWAYS (-2_147_483_648 to 2_147_483_647) = -2_147_483_647 => Parameter, stored, restricted;
     /// Position of the motor encoder, captured at t4.
     S 51 "Position feedback value 1 (motor feedback)" [position] I32 written NEVER () = 0 => Live, in_at;
     /// Position that S-0-0148 and S-0-0447 give to the place where the motor stands. Not while S-0-0148 is set (700CH).
@@ -328,7 +328,7 @@ dictionary! {
     /// End of the MDT to the earliest t3.
     S 90 "Command value proceeding time (tMTSG)" ["us"] U16/0 written NEVER () = 2 => Parameter;
     /// Largest velocity that the drive commands in either direction.
-    S 91 "Bipolar velocity limit value" [velocity] U32 written ALWAYS (1 to 2_147_483_647) = 30_000_000 => Parameter, stored, needed_for_cp4;
+    S 91 "Bipolar velocity limit value" [velocity] U32 written ALWAYS (1 to 2_147_483_647) = 30_000_000 => Parameter, stored, needed_for_cp4, restricted;
     /// Largest torque in either direction.
     S 92 "Bipolar torque limit value" [torque] U16 written ALWAYS (0 to 65_535) = 2_000 => Parameter, stored, needed_for_cp4;
     /// Weight of one torque increment in N or Nm, with the exponent of S-0-0094.
@@ -346,19 +346,19 @@ dictionary! {
     /// Clears errors whose cause is gone.
     S 99 "Reset class 1 diagnostic" [""] COMMAND/0 written ALWAYS () = 0 => Command;
     /// Current for one unit of velocity difference at the motor; one increment is 1 mA s/rad.
-    S 100 "Velocity loop proportional gain" ["As/rad"] U16/3 written ALWAYS (0 to 65_535) = 100 => Parameter, stored;
+    S 100 "Velocity loop proportional gain" ["As/rad"] U16/3 written ALWAYS (0 to 65_535) = 100 => Parameter, stored, restricted;
     /// Time in which the integral part reaches the proportional part; 0 switches the integral part off.
-    S 101 "Velocity loop integral action time" ["ms"] U16/1 written ALWAYS (0 to 65_535) = 100 => Parameter, stored;
+    S 101 "Velocity loop integral action time" ["ms"] U16/1 written ALWAYS (0 to 65_535) = 100 => Parameter, stored, restricted;
     /// Position range if bit 7 of S-0-0076 is set.
     S 103 "Modulo value" [position] I32 written IN_CP2_CP3 (0 to 2_147_483_647) = 3_600_000 => Parameter, stored, needed_for_cp4;
     /// Velocity for one unit of following distance.
     S 104 "Position loop Kv-factor" ["1000/min"] U16/2 written ALWAYS (1 to 65_535) = 100 => Parameter, stored;
     /// Voltage for one ampere of current difference in the d and q axis.
-    S 106 "Current loop proportional gain 1" ["V/A"] U16/3 written ALWAYS (1 to 65_535) = 40_000 => Parameter, stored, needed_for_cp4;
+    S 106 "Current loop proportional gain 1" ["V/A"] U16/3 written ALWAYS (1 to 65_535) = 40_000 => Parameter, stored, needed_for_cp4, restricted;
     /// Time in which the integral part of the current loop reaches the proportional part; 0 switches it off.
-    S 107 "Current loop integral action time 1" ["ms"] U16/1 written ALWAYS (0 to 65_535) = 50 => Parameter, stored, needed_for_cp4;
-    /// Share of S-0-0259 that positioning may use.
-    S 108 "Feedrate override" ["%"] U16/2 written ALWAYS (0 to 10_000) = 10_000 => Parameter, stored;
+    S 107 "Current loop integral action time 1" ["ms"] U16/1 written ALWAYS (0 to 65_535) = 50 => Parameter, stored, needed_for_cp4, restricted;
+    /// Share of S-0-0259 that positioning may use, within S-0-0091 whatever it is.
+    S 108 "Feedrate override" ["%"] U16/2 written ALWAYS (0 to 32_767) = 10_000 => Parameter, stored;
     /// Largest current of the motor.
     S 109 "Motor peak current" ["A"] U32/3 written IN_CP2_CP3 (1 to 500_000) = 20_000 => Parameter, stored, needed_for_cp4;
     /// Current at full scale of the amplifier's command input; writable, because the amplifier is chosen by the builder.
@@ -404,11 +404,11 @@ dictionary! {
     /// The status word of the last AT.
     S 135 "Drive status word" [""] BITS/0 written NEVER () = 0 => Live, bit_source;
     /// Largest acceleration of velocity commands away from standstill; 0 with S-0-0137 also 0: they are followed as they come.
-    S 136 "Positive acceleration limit value" [acceleration] I32 written ALWAYS (0 to 2_147_483_647) = 0 => Parameter, stored;
+    S 136 "Positive acceleration limit value" [acceleration] I32 written ALWAYS (0 to 2_147_483_647) = 0 => Parameter, stored, restricted;
     /// Largest acceleration of velocity commands towards standstill; see S-0-0136.
-    S 137 "Negative acceleration limit value" [acceleration] I32 written ALWAYS (0 to 2_147_483_647) = 0 => Parameter, stored;
+    S 137 "Negative acceleration limit value" [acceleration] I32 written ALWAYS (0 to 2_147_483_647) = 0 => Parameter, stored, restricted;
     /// Ramp of halt and of stopping after an error or Drive OFF.
-    S 138 "Bipolar acceleration limit value" [acceleration] I32 written ALWAYS (1 to 2_147_483_647) = 1_000_000 => Parameter, stored;
+    S 138 "Bipolar acceleration limit value" [acceleration] I32 written ALWAYS (1 to 2_147_483_647) = 1_000_000 => Parameter, stored, restricted;
     /// Takes the axis out: no torque until it is cancelled or the next run-up passes CP2.
     S 139 "Park axis" [""] COMMAND/0 written IN_CP2 () = 0 => Command;
     /// Type of the drive.
@@ -432,7 +432,7 @@ dictionary! {
     /// From the marker, or the edge of the switch, to the reference point.
     S 150 "Reference offset 1" [position] I32 written ALWAYS (-2_147_483_648 to 2_147_483_647) = 0 => Parameter, stored;
     /// Coulomb friction that the velocity loop is helped with.
-    S 155 "Friction compensation" [torque] U16 written ALWAYS (0 to 1_000) = 0 => Parameter, stored;
+    S 155 "Friction compensation" [torque] U16 written ALWAYS (0 to 1_000) = 0 => Parameter, stored, restricted;
     /// Velocity difference below which C3D bit 0 (n_feedback = n_command) is set.
     S 157 "Velocity window" [velocity] I32 written ALWAYS (1 to 2_147_483_647) = 100_000 => Parameter, stored;
     /// Following distance above which the drive shuts down with C1D bit 11; 0: not monitored.
@@ -469,15 +469,15 @@ dictionary! {
     /// IDNs that a control saves and restores.
     S 192 "IDN list of backup operation data" [""] IDNS/0 written NEVER () = 0 => Dictionary(Selection::Backup);
     /// Jerk of positioning; 0: not limited.
-    S 193 "Positioning jerk" [jerk] I32 written ALWAYS (0 to 2_147_483_647) = 0 => Parameter, stored;
+    S 193 "Positioning jerk" [jerk] I32 written ALWAYS (0 to 2_147_483_647) = 0 => Parameter, stored, restricted;
     /// Heat sink temperature from which C2D bit 1 warns.
-    S 200 "Amplifier warning temperature" ["C"] U16/1 written ALWAYS (1 to 2_000) = 800 => Parameter, stored, needed_for_cp4;
+    S 200 "Amplifier warning temperature" ["C"] U16/1 written ALWAYS (1 to 2_000) = 800 => Parameter, stored, needed_for_cp4, restricted;
     /// Motor temperature from which C2D bit 2 warns.
-    S 201 "Motor warning temperature" ["C"] U16/1 written ALWAYS (1 to 2_500) = 1_150 => Parameter, stored, needed_for_cp4;
+    S 201 "Motor warning temperature" ["C"] U16/1 written ALWAYS (1 to 2_500) = 1_150 => Parameter, stored, needed_for_cp4, restricted;
     /// Heat sink temperature at which the drive shuts down (C1D bit 1).
-    S 203 "Amplifier shut-down temperature" ["C"] U16/1 written ALWAYS (2 to 2_000) = 900 => Parameter, stored, needed_for_cp4;
+    S 203 "Amplifier shut-down temperature" ["C"] U16/1 written ALWAYS (2 to 2_000) = 900 => Parameter, stored, needed_for_cp4, restricted;
     /// Motor temperature at which the drive shuts down (C1D bit 2).
-    S 204 "Motor shut-down temperature" ["C"] U16/1 written ALWAYS (2 to 2_500) = 1_300 => Parameter, stored, needed_for_cp4;
+    S 204 "Motor shut-down temperature" ["C"] U16/1 written ALWAYS (2 to 2_500) = 1_300 => Parameter, stored, needed_for_cp4, restricted;
     /// From the brake's current to its opening: no movement before.
     S 206 "Drive on delay time" ["ms"] U16/0 written ALWAYS (0 to 10_000) = 100 => Parameter, stored;
     /// From the end of the brake's current to its holding: torque stays so long.
@@ -489,12 +489,12 @@ dictionary! {
     /// Where the drive goes by itself in the modes 0013H and 001BH; a modulo axis in the direction of S-0-0393, an absolute one never over the border between its highest and its lowest number. If S-0-0393 drops the target when the mode begins, this becomes the position where the axis stands, unless it was written since the mode ended.
     S 258 "Target position" [position] I32 written ALWAYS (-2_147_483_648 to 2_147_483_647) = 0 => Live, in_mdt;
     /// Speed of positioning, within S-0-0091.
-    S 259 "Positioning velocity" [velocity] I32 written ALWAYS (1 to 2_147_483_647) = 1_000_000 => Parameter, stored, needed_for_cp4;
+    S 259 "Positioning velocity" [velocity] I32 written ALWAYS (1 to 2_147_483_647) = 1_000_000 => Parameter, stored, needed_for_cp4, restricted;
     /// Acceleration of positioning; also its deceleration if S-0-0359 is 0.
-    S 260 "Positioning acceleration" [acceleration] I32 written ALWAYS (1_000 to 2_147_483_647) = 1_000_000 => Parameter, stored;
+    S 260 "Positioning acceleration" [acceleration] I32 written ALWAYS (1_000 to 2_147_483_647) = 1_000_000 => Parameter, stored, restricted;
     /// Way to S-0-0430 within which C3D bit 11 (in coarse position) is set.
     S 261 "Coarse position window" [position] I32 written ALWAYS (0 to 2_147_483_647) = 100_000 => Parameter, stored;
-    /// Gives everything in S-0-0192 its default. Not while torque is on.
+    /// Gives everything in S-0-0192 its default. Not in CP4, which protects some of it, and not while torque is on (7012H).
     S 262 "Load defaults procedure command" [""] COMMAND/0 written ALWAYS () = 0 => Command;
     /// Language of S-0-0095, P-0-0003, P-0-0010 and P-0-0011: 0 German (S-0-0095 only, the others stay English), 1 English.
     S 265 "Language selection" [""] U16/0 written ALWAYS (0 to 1) = 1 => Parameter, stored;
@@ -524,8 +524,8 @@ dictionary! {
     S 287 "Secondary operation mode 7" [""] BITS/0 written IN_CP2_CP3 () = 0 => Parameter, stored, needed_for_cp4;
     /// Operation modes that S-0-0032 to S-0-0035 and S-0-0284 to S-0-0287 may name.
     S 292 "List of supported operation modes" [""] HEXES/0 written NEVER () = 0 => Live;
-    /// Part of the commanded velocity that goes past the position loop in modes without lag; 100 % leaves no lag.
-    S 296 "Velocity feed-forward gain" ["%"] U16/1 written ALWAYS (0 to 1_000) = 1_000 => Parameter, stored;
+    /// Part of the commanded velocity that goes past the position loop in modes without lag; 100 % leaves no lag, above it the axis leads.
+    S 296 "Velocity feed-forward gain" ["%"] U16/1 written ALWAYS (0 to 1_200) = 1_000 => Parameter, stored;
     /// From the edge of the home switch to where the marker counts, at most a revolution of the motor.
     S 299 "Home switch offset 1" [position] I32 written ALWAYS (0 to 2_147_483_647) = 0 => Parameter, stored;
     /// Bit 0 is control word bit 6 of the last MDT.
@@ -591,11 +591,11 @@ dictionary! {
     /// Current for one unit of commanded acceleration at the motor, in mode 11.
     S 348 "Acceleration feed-forward gain" ["mAs^2/rad"] U16/1 written ALWAYS (0 to 65_535) = 0 => Parameter, stored;
     /// Jerk of halt and of the ramps of velocity commands; 0: not limited.
-    S 349 "Bipolar jerk limit value" [jerk] I32 written ALWAYS (0 to 2_147_483_647) = 0 => Parameter, stored;
+    S 349 "Bipolar jerk limit value" [jerk] I32 written ALWAYS (0 to 2_147_483_647) = 0 => Parameter, stored, restricted;
     /// Deceleration of positioning; 0: as S-0-0260.
-    S 359 "Positioning deceleration" [acceleration] I32 written ALWAYS (0 to 2_147_483_647) = 0 => Parameter, stored;
+    S 359 "Positioning deceleration" [acceleration] I32 written ALWAYS (0 to 2_147_483_647) = 0 => Parameter, stored, restricted;
     /// Ramp of halt; 0: as S-0-0138.
-    S 372 "Drive halt acceleration bipolar" [acceleration] I32 written ALWAYS (0 to 2_147_483_647) = 0 => Parameter, stored;
+    S 372 "Drive halt acceleration bipolar" [acceleration] I32 written ALWAYS (0 to 2_147_483_647) = 0 => Parameter, stored, restricted;
     /// S-0-0390 of the last 32 errors since the supply came on, the newest first; their times are in P-0-0004.
     S 375 "List of diagnostic numbers" [""] HEXES/0 written NEVER () = 0 => Live;
     /// Velocity deviation above which C2D bit 11 warns; 0: not monitored.
@@ -616,8 +616,8 @@ dictionary! {
     S 398 "IDN list of configurable data for status bits" [""] IDNS/0 written NEVER () = 0 => Dictionary(Selection::BitSources);
     /// What S-0-0301, S-0-0303 and S-0-0027 may name.
     S 399 "IDN list of configurable data for control bits" [""] IDNS/0 written NEVER () = 0 => Dictionary(Selection::BitTargets);
-    /// Bit 0: the home switch. Written where S-0-0147 bit 2 says that the control has it.
-    S 400 "Home switch" [""] BITS/0 written ALWAYS (0 to 1) = 0 => Live, bit_target;
+    /// Bit 0: the home switch, that at the drive or, where S-0-0147 bit 2 is 0, what the control has written. Whatever has another owner, the input or a bit of the MDT (S-0-0301, 303, 27), takes no other value over the service channel (700CH); S-0-0405 to 0407 and P-0-0019 likewise.
+    S 400 "Home switch" [""] BITS/0 written ALWAYS (0 to 1) = 0 => Live, bit_target, restricted;
     /// Bit 0: level of probe 1.
     S 401 "Probe 1" [""] BITS/0 written NEVER () = 0 => Live, bit_source;
     /// Bit 0: level of probe 2.
@@ -625,11 +625,11 @@ dictionary! {
     /// Bit 0: the position refers to the reference point.
     S 403 "Position feedback value status" [""] BITS/0 written NEVER () = 0 => Live, in_at, bit_source;
     /// Bit 0 from 0 to 1 arms probe 1.
-    S 405 "Probe 1 enable" [""] BITS/0 written ALWAYS (0 to 1) = 0 => Live, bit_target;
+    S 405 "Probe 1 enable" [""] BITS/0 written ALWAYS (0 to 1) = 0 => Live, bit_target, restricted;
     /// Bit 0 from 0 to 1 arms probe 2.
-    S 406 "Probe 2 enable" [""] BITS/0 written ALWAYS (0 to 1) = 0 => Live, bit_target;
+    S 406 "Probe 2 enable" [""] BITS/0 written ALWAYS (0 to 1) = 0 => Live, bit_target, restricted;
     /// Bit 0: switch and marker may be taken, if S-0-0147 bit 4 asks for it.
-    S 407 "Homing enable" [""] BITS/0 written ALWAYS (0 to 1) = 0 => Live, bit_target;
+    S 407 "Homing enable" [""] BITS/0 written ALWAYS (0 to 1) = 0 => Live, bit_target, restricted;
     /// Bit 0: the marker has been found.
     S 408 "Reference marker pulse registered" [""] BITS/0 written NEVER () = 0 => Live, bit_source;
     /// Bit 0: positive edge of probe 1 taken.
@@ -662,8 +662,8 @@ dictionary! {
     P 1 "Reasons of S-0-0021" [""] HEXES/0 written NEVER () = 0 => Live;
     /// Why S-0-0128 blames each IDN of S-0-0022, in the same order; the codes are in the manual.
     P 2 "Reasons of S-0-0022" [""] HEXES/0 written NEVER () = 0 => Live;
-    /// The first finding of the last transition check that failed, in plain words.
-    P 3 "Finding of the last transition check" [""] TEXT/0 written NEVER () = 0 => Live;
+    /// What the last transition check or homing that failed has found, or why the last write was refused with 7008H, in plain words; empty after a success.
+    P 3 "Finding of the last check or write" [""] TEXT/0 written NEVER () = 0 => Live;
     /// When each error of S-0-0375 came, in seconds since the supply came on.
     P 4 "Times of the last errors" ["s"] LONGS/0 written NEVER () = 0 => Live;
     /// Time since the processor was started.
@@ -679,7 +679,7 @@ dictionary! {
     /// What to do about the error in S-0-0095; empty for a state that needs nothing.
     P 11 "Remedy for the diagnostic message" [""] TEXT/0 written NEVER () = 0 => Live;
     /// A word of the control's own choice that comes back in the AT. Real-time and signal bits can set its bits.
-    P 19 "Application word" [""] U16/0 written ALWAYS (0 to 65_535) = 0 => Live, in_at, bit_target;
+    P 19 "Application word" [""] U16/0 written ALWAYS (0 to 65_535) = 0 => Live, in_at, bit_target, restricted;
     /// Phase current at full deflection of the current sensors, 1 to 8 times S-0-0110.
     P 100 "Measuring range of the phase currents" ["A"] U32/3 written IN_CP2_CP3 (1 to 4_000_000) = 25_000 => Parameter, stored, needed_for_cp4;
     /// Bus voltage at the end of the converter's range.
@@ -689,9 +689,9 @@ dictionary! {
     /// Phase current up to which the dead time is compensated in proportion, 0.2 % of S-0-0110 at least; 0: no compensation.
     P 103 "Band of the dead-time compensation" ["A"] U16/3 written ALWAYS (0 to 65_535) = 200 => Parameter, stored;
     /// Bus voltage below which the torque goes (C1D bit 9). An eighth above it main power is there; below a sixteenth above it, it is gone, and an axis in operation is stopped out of the rest.
-    P 104 "Undervoltage threshold" ["V"] U16/0 written ALWAYS (1 to 4_000) = 150 => Parameter, stored, needed_for_cp4;
+    P 104 "Undervoltage threshold" ["V"] U16/0 written ALWAYS (1 to 4_000) = 150 => Parameter, stored, needed_for_cp4, restricted;
     /// Bus voltage above which the bridge is switched off (C1D bit 8).
-    P 105 "Overvoltage threshold" ["V"] U16/0 written ALWAYS (1 to 4_000) = 440 => Parameter, stored, needed_for_cp4;
+    P 105 "Overvoltage threshold" ["V"] U16/0 written ALWAYS (1 to 4_000) = 440 => Parameter, stored, needed_for_cp4, restricted;
     /// Phase current at which the current loop switches the bridge off (C1D bit 7); 0: 125 % of S-0-0110.
     P 106 "Trip level of the phase currents" ["A"] U32/3 written IN_CP2_CP3 (0 to 4_000_000) = 0 => Parameter, stored, needed_for_cp4;
     /// Largest current that weakens the field above the speed that the bus voltage reaches, in per cent of S-0-0110; 0: none, and a speed above it ends in an overcurrent.
@@ -701,9 +701,9 @@ dictionary! {
     /// Resistance of a phase.
     P 111 "Winding resistance" ["Ohm"] U32/3 written ALWAYS (1 to 1_000_000) = 1_200 => Parameter, stored;
     /// Inductance of a phase in the d axis; for the decoupling.
-    P 112 "Direct inductance" ["mH"] U32/3 written ALWAYS (0 to 1_000_000) = 6_000 => Parameter, stored, needed_for_cp4;
+    P 112 "Direct inductance" ["mH"] U32/3 written ALWAYS (0 to 1_000_000) = 6_000 => Parameter, stored, needed_for_cp4, restricted;
     /// Inductance of a phase in the q axis; for the decoupling.
-    P 113 "Quadrature inductance" ["mH"] U32/3 written ALWAYS (0 to 1_000_000) = 6_000 => Parameter, stored, needed_for_cp4;
+    P 113 "Quadrature inductance" ["mH"] U32/3 written ALWAYS (0 to 1_000_000) = 6_000 => Parameter, stored, needed_for_cp4, restricted;
     /// Flux linkage of the magnets with a phase, peak value: the torque constant over 1.5 times P-0-0110.
     P 114 "Flux linkage" ["mVs"] U32/3 written ALWAYS (0 to 2_499_999) = 133_333 => Parameter, stored, needed_for_cp4;
     /// Electrical angle at the encoder's index; -1: not known, the angle is then only that of the alignment.
@@ -737,7 +737,7 @@ dictionary! {
     /// Path between position commands: 0 straight lines, 1 cubic.
     P 141 "Interpolation" [""] U16/0 written ALWAYS (0 to 1) = 0 => Parameter, stored;
     /// Friction that grows with the velocity.
-    P 142 "Viscous friction compensation" ["mA/rpm"] U16/3 written ALWAYS (0 to 65_535) = 0 => Parameter, stored;
+    P 142 "Viscous friction compensation" ["mA/rpm"] U16/3 written ALWAYS (0 to 65_535) = 0 => Parameter, stored, restricted;
     /// Phase error of the loop tick to the ring at the last t3; positive: the tick comes early.
     P 150 "Phase error of the loops" ["ns"] I32/0 written NEVER () = 0 => Live;
     /// Largest magnitude of the phase error since the loops locked; 0 again in CP2.

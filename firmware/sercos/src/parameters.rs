@@ -213,6 +213,31 @@ impl Parameters {
         Ok(())
     }
 
+    /// What a parameter is, for [`Parameters::restore`].
+    pub(crate) fn save(&self, idn: Idn) -> Saved {
+        match storage_of(idn) {
+            Storage::None => Saved::Nothing,
+            Storage::Cell(_) => Saved::Value(self.get(idn)),
+            Storage::Idns(index) => Saved::Idns(self.idns.get(usize::from(index)).cloned().unwrap_or_default()),
+            Storage::Words(index) => Saved::Words(self.words.get(usize::from(index)).cloned().unwrap_or_default()),
+            Storage::Longs(index) => Saved::Longs(self.longs.get(usize::from(index)).cloned().unwrap_or_default()),
+            Storage::Text(index) => Saved::Text(self.texts.get(usize::from(index)).cloned().unwrap_or_default()),
+        }
+    }
+
+    /// Takes a write back.
+    pub(crate) fn restore(&mut self, idn: Idn, saved: Saved) {
+        // It was there before: nothing refuses it.
+        let _ = match saved {
+            Saved::Nothing => Ok(()),
+            Saved::Value(value) => self.set(idn, value.into()),
+            Saved::Idns(list) => self.set_list(idn, &list),
+            Saved::Words(list) => self.set_words(idn, &list),
+            Saved::Longs(list) => self.set_longs(idn, &list),
+            Saved::Text(text) => self.set_text(idn, text.as_bytes()),
+        };
+    }
+
     /// S-0-0262: everything that a control saves (S-0-0192) goes back to the table's defaults. The communication parameters, which
     /// the master writes anew in every run-up, stay.
     pub fn load_defaults(&mut self) {
@@ -305,6 +330,18 @@ impl Parameters {
             None => &[],
         }
     }
+}
+
+/// The value of one parameter, whatever its kind.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub(crate) enum Saved {
+    /// The data block is no parameter.
+    Nothing,
+    Value(u32),
+    Idns(Vec<Idn, LIST_ENTRIES>),
+    Words(Vec<u16, LIST_ENTRIES>),
+    Longs(Vec<u32, LONG_ENTRIES>),
+    Text(String<TEXT_BYTES>),
 }
 
 /// Checks a value of fixed length against the limits of its data block.

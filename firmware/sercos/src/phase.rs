@@ -93,7 +93,7 @@ pub enum PhaseChange {
     },
 }
 
-/// Why the slave has fallen back to CP0: the error bits of S-0-0014 (sercos2.md 2.4).
+/// An error of communication: the bits of S-0-0014 (sercos2.md 2.4). All but [`PhaseError::UninitialisedMode`] end in CP0.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub enum PhaseError {
@@ -296,11 +296,16 @@ impl PhaseMachine {
     ///
     /// The error bits add up until [`PhaseMachine::clear_error`]; the phase in S-0-0014 is that of the first one.
     pub fn fail(&mut self, error: PhaseError) -> PhaseError {
-        self.error = Some(self.interface_status().with_error(error));
+        self.note(error);
         self.current = Phase::Cp0;
         self.follows_master = false;
         self.withdraw();
         error
+    }
+
+    /// Shows an error that does not end the phase, [`PhaseError::UninitialisedMode`].
+    pub fn note(&mut self, error: PhaseError) {
+        self.error = Some(self.interface_status().with_error(error));
     }
 
     /// S-0-0099: forgets the error. Legal in every phase; a drive in CP0 needs no help of it to run up again.

@@ -23,7 +23,7 @@ use transfer::{Source, Staging, State, Transfer};
 pub const SEGMENT_WORDS: usize = 16;
 
 /// Most bytes of a text that the drive itself puts together; one that lies in flash can have any length.
-pub const LIVE_TEXT_BYTES: usize = 80;
+pub const LIVE_TEXT_BYTES: usize = 112;
 
 /// Most entries of a list of two-byte items that the drive itself supplies.
 pub const LIVE_LIST_ENTRIES: usize = 64;
@@ -110,9 +110,12 @@ pub trait Live {
     /// The text is refused, and nothing has changed.
     fn write_text(&mut self, idn: Idn, text: &[u8]) -> Result<(), ServiceError>;
 
-    /// Told after every accepted write but those to commands. A check that was passed is void if it looked at
+    /// Told after every write but those to commands, before it is acknowledged. A check that was passed is void if it looked at
     /// this data block ([`crate::data_block::DataBlock::needed_for`]).
-    fn written(&mut self, idn: Idn, parameters: &mut Parameters);
+    ///
+    /// # Errors
+    /// The drive cannot work with the parameters as they are now: the server gives a parameter its old value back.
+    fn written(&mut self, idn: Idn, parameters: &mut Parameters) -> Result<(), ServiceError>;
 
     /// Does what the master wants of a command, and says how far the command is now (the answer to
     /// [`CommandAction::Cancel`] only matters if it is an error).
@@ -415,6 +418,7 @@ impl Server {
         if let Some(error) = live.refuses(idn, value, parameters) {
             return Err(error);
         }
+        let before = parameters.save(idn);
         match (block.location, block.fixed_bytes()) {
             (Location::Command, _) => {
                 let value = (value & 0xFFFF) as u16;
@@ -438,8 +442,11 @@ impl Server {
                 ListKind::Longs => parameters.set_longs(idn, &transfer::written_longs(&self.staging))?,
             },
         }
+        if let Err(error) = live.written(idn, parameters) {
+            parameters.restore(idn, before);
+            return Err(error);
+        }
         parameters.mark_written(idn);
-        live.written(idn, parameters);
         Ok(())
     }
 

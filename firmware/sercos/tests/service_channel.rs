@@ -225,6 +225,30 @@ fn wrong_lengths_are_refused_and_change_nothing() {
 }
 
 #[test]
+fn a_write_that_the_drive_cannot_work_with_is_refused_and_leaves_everything_as_it_was() {
+    let slave = &mut Slave::in_cp2();
+    let written: [(Idn, &[u16], &[u16]); 6] = [
+        (s(104), &[250], &[300]),
+        (s(79), &[1, 2], &[3, 4]),
+        (s(26), &[4, 4, 11, 13], &[2, 2, 12]),
+        (s(328), &[4, 4, 1, 2], &[0, 0]),
+        (Idn::product(7), &[8, 8, 1, 2, 3, 4], &[4, 4, 5, 6]),
+        (s(142), &[2, 2, 0x4141], &[4, 4, 0x4242, 0x4242]),
+    ];
+    for (idn, first, second) in written {
+        slave.set(idn, first).unwrap();
+        slave.drive.after = Some(ServiceError::InvalidData);
+        refused(slave, idn, second, 0x7008);
+        slave.drive.after = None;
+        slave.set(idn, second).unwrap();
+    }
+    // S-0-0127 asks whether it was written: a refused write does not count.
+    slave.drive.after = Some(ServiceError::InvalidData);
+    refused(slave, s(2), &[4000], 0x7008);
+    assert!(!slave.parameters.is_written(s(2)));
+}
+
+#[test]
 fn the_masters_idea_of_the_maximum_length_is_ignored() {
     let mut slave = Slave::in_cp2();
     slave.set(Idn::AT_LIST, &[2, 0xFFFF, 51]).unwrap();

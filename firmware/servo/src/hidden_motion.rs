@@ -47,7 +47,7 @@ impl HiddenMotionSettings {
     pub(crate) fn new(flux: u32, compensated: bool) -> Result<Self, SettingsError> {
         let flux = u64::from(in_range("flux linkage P-0-0114", flux, 0, 2_500_000)?);
         // At most 8.2e7: 2.5 Vs in ticks of 500 us.
-        let whole = (flux << 14) / u64::from(SUPERVISION_PERIOD_MICROSECONDS).max(1);
+        let whole = (flux << 14).checked_div(SUPERVISION_PERIOD_MICROSECONDS.into()).unwrap_or(0);
         Ok(Self {
             limit: i32::try_from(whole / SHARE).unwrap_or(i32::MAX),
             per_mille: i32::try_from((1_000_u64 << 32).checked_div(whole).unwrap_or(0)).unwrap_or(i32::MAX),

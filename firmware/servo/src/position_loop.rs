@@ -15,31 +15,37 @@ pub struct PositionLoopSettings {
     feed_forward: Share,
     /// Velocity steps to the position steps that the axis lags behind at constant speed.
     lag: Gain,
+    /// It leads: more than the velocity is passed on.
+    leads: bool,
     /// In 2^-38 revolution; the largest value, which no deviation passes, when nothing is monitored.
     monitoring_window: i64,
 }
 
+/// In 0.01 %: drives and controls have 120 % (S-0-0296 of the AX5000).
+const LARGEST_FEED_FORWARD: u16 = 12_000;
+
 impl PositionLoopSettings {
     /// * `kv`: S-0-0104 in 0.01 * 1000/min, that is 1/6 1/s; at least 1.
-    /// * `feed_forward`: share of the commanded velocity that is passed on, in 0.01 %, at most 10 000. 0 is position control
-    ///   with lag, 10 000 without lag (S-0-0032 bit 3).
+    /// * `feed_forward`: share of the commanded velocity that is passed on, in 0.01 %, at most 12 000. 0 is position control
+    ///   with lag, 10 000 without lag (S-0-0032 bit 3); above it the axis leads.
     /// * `monitoring_window`: S-0-0159; zero switches the monitoring off, and one beyond 2^24 revolutions is never left.
     ///
     /// # Errors
-    /// [`SettingsError::Zero`] without gain, [`SettingsError::FeedForward`] above 100 %.
+    /// [`SettingsError::Zero`] without gain, [`SettingsError::FeedForward`] above 120 %.
     pub fn new(kv: u16, feed_forward: u16, monitoring_window: Position) -> Result<Self, SettingsError> {
-        if feed_forward > 10_000 {
+        if feed_forward > LARGEST_FEED_FORWARD {
             return Err(SettingsError::FeedForward { actual: feed_forward });
         }
         let zero = SettingsError::Zero { parameter: "position loop Kv-factor S-0-0104" };
         // v [2^-36 rev/tick] = e [2^-32 rev] * 2^4 * (kv / 6) / 8000
         let numerator = u128::from(kv) << 4;
         let denominator = u128::from(LOOP_TICKS_PER_SECOND).saturating_mul(6);
-        let left = u128::from(10_000_u16.saturating_sub(feed_forward));
+        let left = u128::from(feed_forward.abs_diff(10_000));
         Ok(Self {
             // Below 22 of 32.
             proportional: divide_rounding(i128::from(kv) << 26, 3_000) as i32,
-            feed_forward: Share::new(feed_forward.into(), 10_000),
+            feed_forward: Share::beyond_whole(feed_forward.into(), 10_000),
+            leads: feed_forward > 10_000,
             lag: Gain::from_ratio(denominator.saturating_mul(left), numerator.saturating_mul(10_000)).ok_or(zero)?,
             monitoring_window: match monitoring_window.abs().to_bits() {
                 0 => i64::MAX,
@@ -52,7 +58,8 @@ impl PositionLoopSettings {
     #[inline]
     #[must_use]
     pub fn lag(&self, velocity: Velocity) -> Position {
-        Position::from_bits(self.lag.apply(i64::from(velocity.to_bits())))
+        let lag = Position::from_bits(self.lag.apply(i64::from(velocity.to_bits())));
+        if self.leads { -lag } else { lag }
     }
 
     /// What a way in 2^-38 revolution asks for, rounded down, with what is fed forward.
@@ -209,6 +216,20 @@ mod tests {
     }
 
     #[test]
+    fn an_axis_that_is_fed_more_than_its_velocity_is_expected_to_lead() {
+        // Kv 62.5 1/s at 10 rev/s: 20 % too much are 0.032 revolutions, 20 % too little as many the other way.
+        let lag = |feed_forward| {
+            let settings = PositionLoopSettings::new(375, feed_forward, Position::ZERO).unwrap();
+            settings.lag(Velocity::from_bits(((10_i64 << 36) / 8_000) as i32)).to_bits()
+        };
+        for (feed_forward, expected) in
+            [(12_000, -(1 << 32) * 32 / 1_000), (8_000, (1 << 32) * 32 / 1_000), (10_000, 0)]
+        {
+            assert!((lag(feed_forward) - expected).abs() < 1 << 12, "{feed_forward}: {}", lag(feed_forward));
+        }
+    }
+
+    #[test]
     fn the_deviation_is_counted_from_the_expected_lag() {
         // Kv 62.5 1/s without feed-forward at 10 rev/s: 0.16 revolutions of lag, window 0.01.
         let settings = PositionLoopSettings::new(375, 0, Position::from_bits((1 << 32) / 100)).unwrap();
@@ -257,8 +278,8 @@ mod tests {
             Err(SettingsError::Zero { parameter: "position loop Kv-factor S-0-0104" })
         );
         assert_eq!(
-            PositionLoopSettings::new(1, 10_001, Position::ZERO),
-            Err(SettingsError::FeedForward { actual: 10_001 })
+            PositionLoopSettings::new(1, 12_001, Position::ZERO),
+            Err(SettingsError::FeedForward { actual: 12_001 })
         );
         assert!(
             PositionLoopSettings::new(1, 0, Position::ZERO).is_ok()

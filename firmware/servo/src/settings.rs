@@ -23,7 +23,7 @@ pub enum SettingsError {
         /// Ticks asked for.
         actual: u16,
     },
-    /// The velocity feed-forward must not exceed 100 % (10 000).
+    /// The velocity feed-forward must not exceed 120 % (12 000).
     FeedForward {
         /// In 0.01 %.
         actual: u16,
@@ -101,7 +101,7 @@ impl fmt::Display for SettingsError {
                 write!(formatter, "{actual} loop ticks per control unit cycle, expected 4 to 520")
             }
             Self::FeedForward { actual } => {
-                write!(formatter, "velocity feed-forward of {actual} in 0.01 %, expected at most 10000")
+                write!(formatter, "velocity feed-forward of {actual} in 0.01 %, expected at most 12000")
             }
             Self::VelocityGain { actual } => write!(formatter, "velocity loop gain of {actual} mA s/rad is too high"),
             Self::ModuloOutOfRange => {

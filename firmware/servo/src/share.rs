@@ -1,6 +1,6 @@
-//! A factor from 0 to 1.
+//! A factor from 0 to 1, or up to one and a half.
 
-/// A factor in `0 ..= 1`, in 2^-32, of which both ends are exact.
+/// A factor in 2^-32, of which 0 and 1 are exact.
 ///
 /// The low word is taken with a sign, as the processor multiplies; what is then missing of it is the whole value.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -27,11 +27,21 @@ impl Share {
         Self { low_word, whole: if low_word as i64 == share { 0 } else { -1 } }
     }
 
-    /// This share of `value`, to the nearest.
+    /// The same up to below one and a half: what is more than the whole is a share of its own. Divides.
+    pub(crate) const fn beyond_whole(part: u32, whole: u32) -> Self {
+        if part <= whole {
+            return Self::new(part, whole);
+        }
+        let beyond = Self::new(part.saturating_sub(whole), whole);
+        let low_word = if beyond.whole == 0 && beyond.low_word >= 0 { beyond.low_word } else { i32::MAX };
+        Self { low_word, whole: -1 }
+    }
+
+    /// This share of `value`, to the nearest; of more than the whole it ends at the range.
     #[inline]
     pub(crate) fn of(self, value: i32) -> i32 {
         let product = i64::from(value).wrapping_mul(i64::from(self.low_word)).wrapping_add(1 << 31);
-        ((product >> 32) as i32).wrapping_add(value & self.whole)
+        ((product >> 32) as i32).saturating_add(value & self.whole)
     }
 
     /// `sum`, in 2^-32, and this share of `value`, exactly; it wraps.
@@ -46,6 +56,18 @@ impl Share {
 mod tests {
     use super::*;
     use proptest::prelude::*;
+
+    #[test]
+    fn a_share_beyond_the_whole_is_exact_to_a_step_and_never_turns_its_sign() {
+        for (part, of_a_million) in [(10_000, 1_000_000), (10_001, 1_000_100), (12_000, 1_200_000), (14_999, 1_499_900)]
+        {
+            let share = Share::beyond_whole(part, 10_000);
+            assert!((share.of(1_000_000) - of_a_million).abs() <= 1, "{part}: {}", share.of(1_000_000));
+            assert!((share.of(-1_000_000) + of_a_million).abs() <= 1, "{part}");
+            assert_eq!((share.of(i32::MAX), share.of(i32::MIN)), (i32::MAX, i32::MIN), "{part}");
+        }
+        assert_eq!(Share::beyond_whole(7_000, 10_000), Share::new(7_000, 10_000));
+    }
 
     #[test]
     fn nothing_half_and_all_are_exact() {

@@ -6,12 +6,13 @@ use sercos::phase::{InterfaceStatus, PhaseError};
 use sercos::{Idn, Phase};
 use servo::{Axis, LoopClock, SUPERVISION_PERIOD_MICROSECONDS, TwiceReadEncoder};
 
-use super::{CommandValues, Motion, Positioning};
+use super::{CommandValues, HOME_SWITCH, Motion, Positioning};
+use crate::bits::BitSettings;
 use crate::diagnosis::{Circumstances, Manufacturer1, Manufacturer3};
 use crate::hardware::{Hardware, ResetCause};
 use crate::motion::clock_monitor::{ClockMonitor, PHASE_ERROR_CLASSES};
 use crate::record::{Command, Feedback, Records};
-use crate::settings::MotionSettings;
+use crate::settings::{CycleSettings, MotionSettings};
 use crate::snapshot::Snapshot;
 
 /// A value of [`Motion::motor_value`].
@@ -67,12 +68,13 @@ impl<B: Bus + Clone, H: Hardware> Motion<B, H> {
         self.switches = None;
         self.commands = CommandValues::default();
         self.uninitialised_mode = false;
+        self.mode_bits = 0;
         self.homing = false;
         self.abandon_homing();
         self.cancel_positive_stop();
         self.set_probing(None);
         self.positioning = Positioning::default();
-        self.until_overdue = if phase < Phase::Cp3 { 0 } else { self.settings.ticks_to_overdue };
+        self.until_overdue = if phase < Phase::Cp3 { 0 } else { self.settings.cycle.ticks_to_overdue };
         self.cycles_since_command = 0;
         self.entered_cyclic = phase == Phase::Cp3;
         match phase {
@@ -80,7 +82,7 @@ impl<B: Bus + Clone, H: Hardware> Motion<B, H> {
                 self.mst.restart();
                 let _ = self.command_port.take_cyclic();
                 self.supervision.clear();
-                self.clock = LoopClock::new(self.settings.clock);
+                self.clock = LoopClock::new(self.settings.cycle.clock);
                 self.latch_now();
                 self.capture_feedback();
             }
@@ -105,11 +107,11 @@ impl<B: Bus + Clone, H: Hardware> Motion<B, H> {
     pub fn apply_settings(&mut self, settings: MotionSettings) {
         let encoder =
             settings.encoder != self.settings.encoder || settings.encoder_reversed != self.settings.encoder_reversed;
-        let clock = settings.clock != self.settings.clock;
+        let clock = settings.cycle.clock != self.settings.cycle.clock;
         self.settings = settings;
         self.motor.apply_settings(settings.motor, settings.encoder_reversed);
         if clock {
-            self.clock = LoopClock::new(settings.clock);
+            self.clock = LoopClock::new(settings.cycle.clock);
         }
         if encoder {
             let count = self.hardware.encoder_count();
@@ -119,6 +121,19 @@ impl<B: Bus + Clone, H: Hardware> Motion<B, H> {
             self.positioning.forget();
         }
         self.apply_axis_settings();
+    }
+
+    /// The ring's cycle that S-0-0127 has accepted, before CP3 can begin.
+    pub(crate) fn apply_cycle(&mut self, cycle: CycleSettings) {
+        if cycle.clock != self.settings.cycle.clock {
+            self.clock = LoopClock::new(cycle.clock);
+        }
+        self.settings.cycle = cycle;
+    }
+
+    /// What the loops work with, for tests and tools beside the ring.
+    pub const fn settings(&self) -> &MotionSettings {
+        &self.settings
     }
 
     /// The error that supervision has found, once.
@@ -247,6 +262,24 @@ impl<B: Bus + Clone, H: Hardware> Motion<B, H> {
     /// One of the bits above P-0-0019, over the service channel.
     pub(crate) fn set_enable(&mut self, bit: u32, set: bool) {
         self.controlled = if set { self.controlled | bit } else { self.controlled & !bit };
+    }
+
+    /// P-0-0019 and the bits above it as they are, and those of them that somebody else sets: the MDT in every cycle, or an input.
+    pub(crate) fn controlled_bits(&self) -> (u32, u32) {
+        let BitSettings { control: [first, second], signal_control, .. } = self.settings.bits;
+        let mut owned = 0;
+        if self.phase == Phase::Cp4 {
+            owned = first | second;
+            if self.records.commands.contains(&Command::SignalControl) {
+                owned = signal_control.into_iter().fold(owned, |all, bit| all | bit);
+            }
+        }
+        let mut bits = self.controlled;
+        if self.settings.home_switch_at_drive {
+            owned |= HOME_SWITCH;
+            bits = if self.inputs.home_switch { bits | HOME_SWITCH } else { bits & !HOME_SWITCH };
+        }
+        (bits, owned)
     }
 
     /// P-0-0019 over the service channel.

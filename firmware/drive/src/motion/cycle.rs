@@ -17,6 +17,9 @@ use crate::work::Work;
 /// So long a lost telegram is a warning, in ticks of the supervision: one second.
 const LOSS_SHOWN_TICKS: u16 = 2_000;
 
+/// Control word bits 11, 9, 8.
+const MODE_BITS: u16 = 0x0B00;
+
 impl<B: Bus + Clone, H: Hardware> Motion<B, H> {
     /// A t3 event that is overdue by a quarter of a cycle (at least two ticks) is stood in for, so that supervision and
     /// extrapolation go on at the ring's rhythm whatever the chip does without an MST (G28).
@@ -26,7 +29,7 @@ impl<B: Bus + Clone, H: Hardware> Motion<B, H> {
         if self.until_overdue != 0 {
             return Work::empty();
         }
-        self.until_overdue = self.settings.ticks_per_cycle;
+        self.until_overdue = self.settings.cycle.ticks_per_cycle;
         self.take_cycle()
     }
 
@@ -65,14 +68,7 @@ impl<B: Bus + Clone, H: Hardware> Motion<B, H> {
         self.controlled = self.settings.bits.apply_control_word(self.controlled, self.commands.control_word);
         let switches = Switches::from_control_word(self.commands.control_word);
         self.switches = Some(switches);
-        let selected = self.selected_mode();
-        let mode = self.settings.modes.get(usize::from(selected)).copied().flatten();
-        if mode.is_none() && !self.uninitialised_mode {
-            self.uninitialised_mode = true;
-            self.lose(PhaseError::UninitialisedMode { selected });
-            return Work::PHASE_CHANGE;
-        }
-        self.mode = mode;
+        let work = self.select_mode(switches);
         if self.machine.would_switch_on(switches, || self.conditions()) {
             self.look_before_switching_on();
         }
@@ -83,7 +79,7 @@ impl<B: Bus + Clone, H: Hardware> Motion<B, H> {
         self.cycles_since_command = self.cycles_since_command.saturating_add(1);
         // A control unit slower than the ring repeats its values; a repeated value is no new point of the path.
         let fresh = before.path() != self.commands.path();
-        if fresh || self.cycles_since_command >= self.settings.cycles_per_command {
+        if fresh || self.cycles_since_command >= self.settings.cycle.cycles_per_command {
             self.cycles_since_command = 0;
             self.axis.command_velocity(self.commanded_velocity());
             if let Err(jump) = self.axis.command_position(self.commanded_position()) {
@@ -92,7 +88,34 @@ impl<B: Bus + Clone, H: Hardware> Motion<B, H> {
         }
         // A torque command is no point of a path: nothing is interpolated.
         self.axis.command_torque(self.commanded_torque());
+        work
+    }
+
+    /// Control word bits 11, 9, 8. A mode that is not set stays away; it is an error only of a control that wants the drive to switch on or
+    /// to stay on (bits 15, 14).
+    fn select_mode(&mut self, switches: Switches) -> Work {
+        let selected = self.selected_mode();
+        let mode = self.settings.modes.get(usize::from(selected)).copied().flatten();
+        if mode.is_none() {
+            return self.refuse_mode(selected, switches);
+        }
+        self.mode = mode;
+        self.mode_bits = self.commands.control_word & MODE_BITS;
+        self.uninitialised_mode = false;
         Work::empty()
+    }
+
+    /// The motor stops with C1D bit 12 and S-0-0014 bit 9, told once, and again after S-0-0099. The ring goes on.
+    #[cold]
+    fn refuse_mode(&mut self, selected: u8, switches: Switches) -> Work {
+        let asked = switches.on || switches.enable;
+        let told = self.uninitialised_mode && self.class_1.contains(Class1::COMMUNICATION);
+        self.uninitialised_mode = asked;
+        if !asked || told {
+            return Work::empty();
+        }
+        self.lose(PhaseError::UninitialisedMode { selected });
+        Work::PHASE_CHANGE
     }
 
     /// The command values of this drive's record, in their order.

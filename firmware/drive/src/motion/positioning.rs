@@ -43,6 +43,8 @@ struct Target {
     data: i32,
     /// The position command that it was made of; `None` for a distance, or where the axis just stopped.
     commanded: Option<i32>,
+    /// The set-point has been there: a HALT afterwards, which holds the shaft where it is, does not take that away.
+    attained: bool,
 }
 
 /// C3D bits that tell of the drive's own movements.
@@ -172,20 +174,27 @@ impl<B: Bus + Clone, H: Hardware> Motion<B, H> {
         if self.positioning.target.is_none() && self.axis.setpoint_rests() {
             self.stay_here();
         }
+        let attained = self.is_ready_for_next();
+        if let Some(target) = &mut self.positioning.target {
+            target.attained |= attained;
+        }
         self.positioning.target.map_or(Travel::Hold, |target| Travel::To(target.place))
     }
 
     /// Nothing is left of the last movement.
     fn is_ready_for_next(&self) -> bool {
         self.axis.setpoint_rests()
-            && self.positioning.target.is_none_or(|target| target.place == self.output.position_command)
+            && self
+                .positioning
+                .target
+                .is_none_or(|target| target.attained || target.place == self.output.position_command)
     }
 
     #[cold]
     fn stay_here(&mut self) {
         let place = self.output.position_command;
         let data = self.data_at(place);
-        self.positioning.target = Some(Target { place, data, commanded: None });
+        self.positioning.target = Some(Target { place, data, commanded: None, attained: false });
         if self.positioning.source == Some(TargetSource::Target) {
             self.commands.target_position = data;
         }
@@ -229,7 +238,7 @@ impl<B: Bus + Clone, H: Hardware> Motion<B, H> {
         // The nearest place with these data.
         let exact = here + coordinates.place(data) - within;
         let rounding = coordinates.range.around_zero(coordinates.range.reduce(ahead - exact));
-        Target { place: ahead - rounding, data, commanded: None }
+        Target { place: ahead - rounding, data, commanded: None, attained: false }
     }
 
     #[cold]
@@ -244,14 +253,15 @@ impl<B: Bus + Clone, H: Hardware> Motion<B, H> {
             Some(_) => self.way_to(coordinates.range.reduce(wanted - within)),
         };
         let data = coordinates.data(coordinates.range.reduce(wanted));
-        self.positioning.target = Some(Target { place: here + way, data, commanded: Some(commanded) });
+        self.positioning.target = Some(Target { place: here + way, data, commanded: Some(commanded), attained: false });
         self.refresh_reached();
     }
 
     /// The way to a position that was commanded, from where the axis is now.
     #[cold]
     fn aim_again(&mut self) {
-        if let Some(commanded) = self.positioning.target.and_then(|target| target.commanded) {
+        let unfinished = self.positioning.target.filter(|target| !target.attained);
+        if let Some(commanded) = unfinished.and_then(|target| target.commanded) {
             self.aim_at(commanded);
         }
     }
@@ -328,7 +338,7 @@ impl<B: Bus + Clone, H: Hardware> Motion<B, H> {
                 }
                 reached.set(Class3::INTERPOLATOR_HALTED, rests);
                 let Some(target) = self.positioning.target else { return reached };
-                let attained = rests && target.place == self.output.position_command;
+                let attained = self.is_ready_for_next();
                 let distance = (target.place - self.encoder.position()).abs();
                 reached.set(Class3::TARGET_ATTAINED, attained);
                 reached.set(Class3::IN_POSITION, attained && near);

@@ -153,6 +153,7 @@ impl<B: Bus + Clone, H: Hardware> Motion<B, H> {
         self.homing_run.result = None;
     }
 
+    /// The home switch of its owner.
     fn home_switch(&self, at_drive: bool) -> bool {
         if at_drive { self.inputs.home_switch } else { self.controlled & HOME_SWITCH != 0 }
     }
@@ -208,7 +209,7 @@ impl<B: Bus + Clone, H: Hardware> Motion<B, H> {
     pub(super) fn signals(&self) -> u16 {
         let enables = [PROBE_1_ENABLE, PROBE_2_ENABLE, HOMING_ENABLE].into_iter().rev();
         let enables = enables.fold(0, |word, bit| word << 1 | u16::from(self.controlled & bit != 0));
-        u16::from(self.inputs.home_switch || self.controlled & HOME_SWITCH != 0)
+        u16::from(self.home_switch(self.settings.home_switch_at_drive))
             | u16::from(self.inputs.probe_1) << 1
             | u16::from(self.inputs.probe_2) << 2
             | u16::from(self.homing_run.marker_registered) << 3

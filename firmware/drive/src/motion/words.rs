@@ -139,8 +139,7 @@ impl<B: Bus + Clone, H: Hardware> Motion<B, H> {
     }
 
     fn status_without_real_time_bits(&self) -> u16 {
-        let mode = (self.commands.control_word & 0x0300) | ((self.commands.control_word & 0x0800) >> 1);
-        let mode = if self.phase == Phase::Cp4 { mode } else { 0 };
+        let mode = (self.mode_bits & 0x0300) | ((self.mode_bits & 0x0800) >> 1);
         let class_2 = if self.class_2_change { CLASS_2_CHANGE } else { 0 };
         let class_3 = if self.class_3_change { CLASS_3_CHANGE } else { 0 };
         status_bits(self.machine.state(), self.conditions()) | mode | class_2 | class_3

@@ -1,5 +1,6 @@
 use super::*;
 use crate::bits::Word;
+use sercos::data_block::Selection;
 use servo::{AxisOutput, CommandSource, CurrentFraction, Position, ScopeState, Velocity};
 use std::boxed::Box;
 use std::vec::Vec;
@@ -101,6 +102,40 @@ fn the_values_of_data_blocks_have_the_sign_of_their_attribute() {
     ] {
         assert_eq!(sample_source(signal(number), &values), expected, "{}", Idn(number));
     }
+}
+
+#[test]
+fn every_value_of_the_telegrams_is_recorded_with_length_and_sign_of_its_attribute() {
+    struct Raw;
+    impl SignalValues for Raw {
+        fn command(&self, _: Command) -> u32 {
+            0xFFFF_FF38
+        }
+        fn feedback(&self, _: Feedback) -> u32 {
+            0xFFFF_FF38
+        }
+        fn bits(&self, _: Source) -> u16 {
+            0xFF38
+        }
+        fn loops(&self) -> &LoopValues {
+            unreachable!()
+        }
+        fn current_loop(&self) -> &CurrentLoopValues {
+            unreachable!()
+        }
+    }
+    let mut signed = Vec::new();
+    let cyclic = [Selection::ConfigurableInAt, Selection::ConfigurableInMdt];
+    for block in cyclic.into_iter().flat_map(dictionary::select) {
+        let recorded = sample_source(signal(block.idn.0), &Raw);
+        let shown = block.attribute.value_of(0xFFFF_FF38);
+        assert_eq!(i64::from(recorded), shown, "{}", block.idn);
+        if shown == -200 && block.fixed_bytes() == Some(2) {
+            signed.push(block.idn.0);
+        }
+    }
+    // Torque commands and feedback, temperatures below zero.
+    assert_eq!(signed, [84, 383, 384, 80, 81]);
 }
 
 #[test]
@@ -212,7 +247,7 @@ fn only_the_task_that_p_0_0208_names_records() {
         (65_535, Task::ControlLoop, Task::CurrentLoop, 81_918_750),
     ] {
         oscilloscope.arm(configuration(&[(SIGNALS[1], 40), (SAMPLING, sampling)]).unwrap());
-        let signals = [Signal::Off, Signal::Feedback(Feedback::Velocity), Signal::Off, Signal::Off];
+        let signals = [Signal::Off, Signal::Feedback(Feedback::Velocity, Width::Long), Signal::Off, Signal::Off];
         assert_eq!(oscilloscope.wanted(task), Some(signals), "{sampling}");
         assert_eq!(oscilloscope.wanted(other), None, "{sampling}");
         assert_eq!(oscilloscope.interval(625), interval);

@@ -123,10 +123,11 @@ impl DerivativeScale {
         Acceleration::from_milliradians_per_second_squared(self.milliradians(parameters, number))
     }
 
-    /// A jerk limit; `None` for 0.
+    /// A jerk limit; `None` for 0, but not for one that is less than a step: that is too small, and no limit at all would be the opposite.
     pub(super) fn jerk(self, parameters: &Parameters, number: u16) -> Option<Jerk> {
-        let jerk = Jerk::from_milliradians_per_second_cubed(self.milliradians(parameters, number));
-        (jerk.to_bits() != 0).then_some(jerk)
+        let milliradians = self.milliradians(parameters, number);
+        let jerk = Jerk::from_milliradians_per_second_cubed(milliradians);
+        (milliradians != 0).then(|| Jerk::from_bits(jerk.to_bits().max(1)))
     }
 
     /// Saturates, and never makes 0 of a value: 0 means "no limit" with some parameters.

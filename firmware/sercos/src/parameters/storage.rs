@@ -93,13 +93,10 @@ const fn defaults() -> [u32; COUNTS.cells] {
     let mut row = 0;
     while row < ROWS.len() {
         let block = &ROWS[row];
-        match LAYOUT.0[row] {
-            Storage::Cell(index) => {
-                let raw = default_of(block);
-                assert!(block.attribute.value_of(raw) == block.default, "a default does not fit its format");
-                cells[index as usize] = raw as u32;
-            }
-            _ => {}
+        if let Storage::Cell(index) = LAYOUT.0[row] {
+            let raw = default_of(block);
+            assert!(block.attribute.value_of(raw) == block.default, "a default does not fit its format");
+            cells[index as usize] = raw as u32;
         }
         row += 1;
     }

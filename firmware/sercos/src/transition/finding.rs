@@ -41,6 +41,8 @@ pub enum Reason {
     },
     /// An operation mode needs a command value that the MDT does not carry.
     CommandValueMissing(Idn),
+    /// Does not go together with other parameters: the drive's own text says how (P-0-0003).
+    NotTogether,
     /// Asks for position feedback 2, which this drive does not have (P-0-2705).
     NoFeedback2,
     /// Does not go together with this other data block.
@@ -70,11 +72,12 @@ impl Reason {
             Reason::Contradicts(_) => 0x000D,
             Reason::MixedPolarity => 0x000E,
             Reason::OldScaling => 0x000F,
+            Reason::NotTogether => 0x0010,
         }
     }
 
     /// One of each kind, for the manual.
-    pub const ALL: [Reason; 15] = [
+    pub const ALL: [Reason; 16] = [
         Reason::NeverWritten,
         Reason::OutOfRange,
         Reason::NotSupported,
@@ -90,6 +93,7 @@ impl Reason {
         Reason::Contradicts(Idn::standard(50)),
         Reason::MixedPolarity,
         Reason::OldScaling,
+        Reason::NotTogether,
     ];
 }
 
@@ -109,6 +113,7 @@ impl fmt::Display for Reason {
             }
             Reason::TooLate { latest_ns } => write!(formatter, "too late, at most {} us", latest_ns / 1_000),
             Reason::CommandValueMissing(idn) => write!(formatter, "the MDT does not carry {idn}"),
+            Reason::NotTogether => formatter.write_str("does not go together with other parameters"),
             Reason::NoFeedback2 => formatter.write_str("no position feedback 2, see P-0-2705"),
             Reason::Contradicts(idn) => write!(formatter, "contradicts {idn}"),
             Reason::MixedPolarity => formatter.write_str("bits 0 and 2, command and feedback, must be equal"),

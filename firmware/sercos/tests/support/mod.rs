@@ -26,6 +26,8 @@ pub(crate) struct Drive {
     pub(crate) invalid_cp3: std::vec::Vec<u16>,
     pub(crate) invalid_cp4: std::vec::Vec<u16>,
     pub(crate) refusal: Option<ServiceError>,
+    /// What the drive says of parameters that have been written.
+    pub(crate) after: Option<ServiceError>,
     pub(crate) locked: bool,
     pub(crate) written_text: std::vec::Vec<u8>,
     pub(crate) synchronised: bool,
@@ -71,10 +73,11 @@ impl Live for Drive {
         Ok(())
     }
 
-    fn written(&mut self, idn: Idn, _parameters: &mut Parameters) {
+    fn written(&mut self, idn: Idn, _parameters: &mut Parameters) -> Result<(), ServiceError> {
         if dictionary::find(idn).unwrap().needed_for != NeededFor::Neither {
             self.machine.withdraw();
         }
+        self.after.map_or(Ok(()), Err)
     }
 
     fn command(
@@ -168,6 +171,7 @@ impl Slave {
                 invalid_cp3: std::vec::Vec::new(),
                 invalid_cp4: std::vec::Vec::new(),
                 refusal: None,
+                after: None,
                 locked: false,
                 written_text: std::vec::Vec::new(),
                 synchronised: true,

@@ -17,6 +17,8 @@ const CLASS_1: u16 = 11;
 const CLASS_2: u16 = 12;
 const CLASS_3: u16 = 13;
 const INTERFACE: u16 = 14;
+/// Of S-0-0011.
+const COMMUNICATION: u64 = 1 << 12;
 const MST_ERRORS: u16 = 28;
 const MDT_ERRORS: u16 = 29;
 const DIAGNOSTIC_NUMBER: u16 = 390;
@@ -313,19 +315,46 @@ fn modes() -> Vec<Case> {
     let mut cases = Vec::new();
     const MODES: [u16; 8] = [32, 33, 34, 35, 284, 285, 286, 287];
     for (selected, idn) in MODES.into_iter().enumerate().skip(1) {
-        let rule = format!("mode {selected} not initialised: CP0, S-0-0014 bit 9, S-0-{idn:04} in S-0-0023");
+        let rule = format!("mode {selected} not initialised, bits 15 and 14 clear: no error");
         cases.push(Case::new(SECTION, rule, "sercos2.md 6.2", move |slave| {
             slave.run_up(4, Configuration::default())?;
             slave.control = select(selected);
-            slave.cycles(6);
-            slave.control = 0;
-            slave.to_cp2()?;
-            expect("S-0-0014", slave.number(INTERFACE)?, 1 << 9 | 4)?;
-            expect("S-0-0390", slave.number(DIAGNOSTIC_NUMBER)?, 0xF009)?;
-            expect("S-0-0023", slave.entries(23)?, vec![idn])?;
-            expect("S-0-0099", slave.command(99)?, 3)?;
-            expect("S-0-0023 after S-0-0099", slave.entries(23)?, vec![])
+            slave.cycles(20);
+            let at = slave.last.clone().ok_or("no AT")?;
+            expect("status bits 10 to 8: the mode in force", at.status >> 8 & 7, 0)?;
+            expect("S-0-0014", slave.number(INTERFACE)?, 4)?;
+            expect("S-0-0011", slave.number(CLASS_1)?, 0)
         }));
+        for (bits, name) in [(0x8000, "15"), (0x4000, "14"), (0xE000, "15 to 13")] {
+            let rule = format!(
+                "mode {selected} not initialised, bit {name} set: S-0-0014 bit 9, C1D bit 12, S-0-{idn:04} in S-0-0023, in CP4"
+            );
+            cases.push(Case::new(SECTION, rule, "sercos2.md 6.2", move |slave| {
+                slave.run_up(4, Configuration::default())?;
+                slave.cycles(50);
+                slave.control = select(selected) | bits;
+                slave.cycles(20);
+                let at = slave.last.clone().ok_or("no AT")?;
+                expect("status bits 15 and 14", at.status >> 14 == 3, false)?;
+                expect("status bits 13 and 10 to 8", (at.status >> 13 & 1, at.status >> 8 & 7), (1, 0))?;
+                expect("S-0-0014", slave.number(INTERFACE)?, 1 << 9 | 4)?;
+                expect("S-0-0011", slave.number(CLASS_1)?, COMMUNICATION)?;
+                expect("S-0-0390", slave.number(DIAGNOSTIC_NUMBER)?, 0xF009)?;
+                expect("S-0-0023", slave.entries(23)?, vec![idn])?;
+                // The cause is still there.
+                slave.command(99)?;
+                slave.cycles(5);
+                expect("S-0-0014 with the cause", slave.number(INTERFACE)?, 1 << 9 | 4)?;
+                expect("S-0-0011 with the cause", slave.number(CLASS_1)?, COMMUNICATION)?;
+                expect("S-0-0375", slave.entries(375)?, vec![0xF009, 0xF009])?;
+                slave.control = 0;
+                slave.cycles(2);
+                expect("S-0-0099", slave.command(99)?, 3)?;
+                expect("S-0-0023 after S-0-0099", slave.entries(23)?, vec![])?;
+                expect("S-0-0014 after S-0-0099", slave.number(INTERFACE)?, 4)?;
+                expect("S-0-0011 after S-0-0099", slave.number(CLASS_1)?, 0)
+            }));
+        }
         let rule = format!("mode {selected} (S-0-{idn:04}) is switched to in CP4 and echoed in status bits 10 to 8");
         cases.push(Case::new(SECTION, rule, "sercos2.md 1.7, 6.2", move |slave| {
             let configuration = Configuration::application(&[51], &[47, 36]).with(32, &[2]).with(idn, &[11]);
@@ -427,11 +456,23 @@ fn drive_errors() -> Vec<Case> {
         "a command that jumps beyond S-0-0159: C1D bit 11, F10BH",
         "sercos2.md 4.3, 6.3",
         |slave| {
+            in_operation(slave, 11, Configuration::standard(4))?;
+            let position = slave.last.clone().ok_or("no AT")?.long(0);
+            slave.commands = (position + 400_000).to_le_bytes().to_vec();
+            slave.cycles(500);
+            shut_down(slave, 1 << 11, 0xF10B)
+        },
+    ));
+    cases.push(Case::new(
+        SECTION,
+        "a command that jumps beyond S-0-0091 in a cycle: C1D bit 15, F11BH",
+        "sercos2.md 4.3, 6.3",
+        |slave| {
             in_operation(slave, 3, Configuration::standard(4))?;
             let position = slave.last.clone().ok_or("no AT")?.long(0);
             slave.commands = (position + 3_600_000).to_le_bytes().to_vec();
             slave.cycles(500);
-            shut_down(slave, 1 << 11, 0xF10B)
+            shut_down(slave, 1 << 15, 0xF11B)
         },
     ));
     cases.push(Case::new(

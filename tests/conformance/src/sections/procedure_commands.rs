@@ -31,7 +31,7 @@ fn engine() -> Vec<Case> {
         (PARK, &[2]),
         (HOME, &[4]),
         (CANCEL_REFERENCE, &[2, 3, 4]),
-        (LOAD_DEFAULTS, &[2, 4]),
+        (LOAD_DEFAULTS, &[2, 3]),
         (SET_POSITION, &[2, 3, 4]),
     ] {
         for &phase in phases {
@@ -209,6 +209,22 @@ fn effects() -> Vec<Case> {
             expect("data status", slave.open(HOME)?, 0)
         }));
     }
+    cases.push(Case::new(
+        SECTION,
+        "S-0-0262 in CP4, which protects some of what it would change: 7012H, and nothing changes",
+        "sercos2.md 3.5, 3.7",
+        |slave| {
+            let configuration = Configuration::default().with(79, &[0x1234, 0x0056]).with(76, &[0x0A]).with(33, &[2]);
+            slave.run_up(4, configuration)?;
+            slave.must_set(104, &[250])?;
+            expect("answer", slave.set(LOAD_DEFAULTS, &[3])?, Err(0x7012))?;
+            ensure(slave.text(0x8003)?.contains("S-0-0262"), || "P-0-0003 does not say why".to_owned())?;
+            for (idn, value) in [(104, 250), (79, 0x0056_1234), (76, 0x0A), (33, 2)] {
+                expect("operation data", slave.number(idn)?, value)?;
+            }
+            Ok(())
+        },
+    ));
     for (idn, what) in [(LOAD_DEFAULTS, "S-0-0262"), (SET_POSITION, "S-0-0447")] {
         let rule = format!("{what} while torque is on: 7012H");
         cases.push(Case::new(SECTION, rule, "sercos2.md 3.5", move |slave| {
@@ -309,7 +325,7 @@ fn findings_for_cp3() -> Vec<Case> {
     cases
 }
 
-const FOR_CP4: [Finding; 19] = [
+const FOR_CP4: [Finding; 21] = [
     ("S-0-0032 = 0, no primary mode", &[(32, &[0])], 32, 3, "support"),
     ("S-0-0032 = 4, position with encoder 2", &[(32, &[4])], 32, 3, "support"),
     ("S-0-0032 = 3 without S-0-0047 in the MDT", &[(32, &[3])], 32, 11, "S-0-0047"),
@@ -320,8 +336,10 @@ const FOR_CP4: [Finding; 19] = [
     ("S-0-0044 = 21H, preferred linear per second", &[(44, &[0x21])], 44, 3, "support"),
     ("S-0-0045, 46: increments beyond the drive", &[(44, &[0x0A]), (46, &[32])], 46, 3, "support"),
     ("S-0-0076 = 11H, position in inches", &[(76, &[0x11])], 76, 3, "support"),
-    ("S-0-0078: increments beyond the drive", &[(76, &[9]), (78, &[32])], 78, 3, "support"),
-    ("S-0-0079 = 1 increment a revolution", &[(76, &[0x0A]), (79, &[1, 0])], 79, 3, "support"),
+    ("S-0-0078: increments beyond the drive", &[(76, &[9]), (78, &[32])], 78, 16, "2^31"),
+    ("S-0-0079 = 1 increment a revolution", &[(76, &[0x0A]), (79, &[1, 0])], 79, 16, "4 to"),
+    ("S-0-0201 above S-0-0204", &[(201, &[1_400])], 201, 16, "1400"),
+    ("S-0-0193 = 1, below a step of the loops", &[(193, &[1, 0])], 193, 16, "jerk"),
     ("S-0-0103 = 0 with modulo", &[(76, &[0x82]), (103, &[0, 0])], 103, 2, "minimum"),
     ("S-0-0055 = 1, a command that counts against the feedback", &[(55, &[1])], 55, 14, "bits 0 and 2"),
     ("S-0-0055 = 25H, a reserved bit", &[(55, &[0x25])], 55, 3, "support"),

@@ -199,6 +199,93 @@ fn protection() -> Vec<Case> {
             expect("S-0-0047", slave.set(47, &[1, 0])?, Ok(()))
         }));
     }
+    for idn in [400, 405, 406, 407] {
+        let rule = format!("S-0-{idn:04} is not written past the control bit that sets it: 700CH");
+        cases.push(Case::new(SECTION, rule, "sercos2.md 3.5, 6.1", move |slave| {
+            slave.run_up(4, Configuration::default())?;
+            slave.must_set(idn, &[1])?;
+            slave.must_set(idn, &[0])?;
+            slave.must_set(301, &[idn])?;
+            for (control, owned) in [(0, 0), (1 << 6, 1)] {
+                slave.control = control;
+                slave.cycles(3);
+                expect("operation data", slave.number(idn)?, owned.into())?;
+                expect("another value", slave.set(idn, &[1 - owned])?, Err(0x700C))?;
+                expect("what is there", slave.set(idn, &[owned])?, Ok(()))?;
+                expect("operation data", slave.number(idn)?, owned.into())?;
+            }
+            slave.must_set(301, &[0])?;
+            slave.must_set(idn, &[0])?;
+            expect("operation data, free again", slave.number(idn)?, 0)
+        }));
+    }
+    cases.push(Case::new(
+        SECTION,
+        "P-0-0019: only the bits that no control bit and no signal bit sets are written, 700CH for the others",
+        "sercos2.md 3.5, 6.1",
+        |slave| {
+            let signals = Configuration::application(&[51], &[36, 145]).with(27, &[2, 2, 0x8013]).with(329, &[2, 2, 4]);
+            slave.run_up(4, signals.with(301, &[0x8013]).with(413, &[3]))?;
+            slave.commands = vec![0; 6];
+            slave.cycles(3);
+            expect("a free bit", slave.set(0x8013, &[1])?, Ok(()))?;
+            expect("bit 3, of the control word", slave.set(0x8013, &[9])?, Err(0x700C))?;
+            expect("bit 4, of S-0-0145", slave.set(0x8013, &[0x11])?, Err(0x700C))?;
+            slave.control = 1 << 6;
+            slave.commands[4] = 1;
+            slave.cycles(3);
+            expect("operation data", slave.number(0x8013)?, 0x19)?;
+            expect("bit 3 cleared", slave.set(0x8013, &[0x11])?, Err(0x700C))?;
+            expect("the others", slave.set(0x8013, &[0x8018])?, Ok(()))?;
+            slave.cycles(3);
+            expect("operation data", slave.number(0x8013)?, 0x8018)
+        },
+    ));
+    cases.push(Case::new(
+        SECTION,
+        "S-0-0400 is the switch at the drive with S-0-0147 bit 2, and what is written without it",
+        "sercos2.md 6.4",
+        |slave| {
+            slave.run_up(4, Configuration::default().with(147, &[0x64]))?;
+            for level in [false, true] {
+                slave.drive.motor_side.borrow_mut().change_inputs(|inputs| inputs.home_switch = level);
+                slave.cycles(5);
+                expect("operation data", slave.number(400)?, level.into())?;
+                expect("another value", slave.set(400, &[u16::from(!level)])?, Err(0x700C))?;
+                expect("what is there", slave.set(400, &[level.into()])?, Ok(()))?;
+            }
+            slave.must_set(147, &[0x60])?;
+            slave.must_set(400, &[0])?;
+            expect("written, with the input set", slave.number(400)?, 0)?;
+            slave.must_set(400, &[1])?;
+            expect("written", slave.number(400)?, 1)
+        },
+    ));
+    for (idn, words, culprit) in [
+        (201, &[1_400][..], "S-0-0201"),
+        (204, &[1_100], "S-0-0201"),
+        (193, &[1, 0], "S-0-0193"),
+        (349, &[1, 0], "S-0-0349"),
+    ] {
+        let rule = format!(
+            "in operation S-0-{idn:04} = {words:?}, which the loops cannot take, is refused: 7008H, and says why"
+        );
+        cases.push(Case::new(SECTION, rule, "sercos2.md 3.5", move |slave| {
+            super::error_handling::in_operation(slave, 1, Configuration::application(&[84], &[80]))?;
+            let before = slave.get(idn)?;
+            expect("answer", slave.set(idn, words)?, Err(0x7008))?;
+            expect("operation data", slave.get(idn)?, before)?;
+            let finding = slave.text(0x8003)?;
+            ensure(finding.starts_with(culprit) && finding.len() > 30, || format!("P-0-0003: {finding:?}"))?;
+            // The next write is taken, and in effect: 50 % are asked for, 10 % come.
+            slave.must_set(92, &[100])?;
+            expect("P-0-0003 after a success", slave.text(0x8003)?, String::new())?;
+            slave.commands = 500_i16.to_le_bytes().to_vec();
+            slave.cycles(10);
+            let torque = slave.number(84)?;
+            ensure((90..=110).contains(&torque), || format!("S-0-0084 = {torque} with S-0-0092 = 100"))
+        }));
+    }
     cases.push(Case::new(
         SECTION,
         "S-0-0267 locks what S-0-0279 lists: 7009H, until the password comes again",

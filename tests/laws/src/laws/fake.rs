@@ -46,7 +46,7 @@ impl Fake {
 
     /// An MST.
     pub(crate) fn phase(&mut self, phase: u8) {
-        self.time = self.time + CYCLE;
+        self.time += CYCLE;
         self.observer.arrived(self.time, self.time, Ok(&[255, phase]));
     }
 
@@ -73,7 +73,7 @@ impl Fake {
     /// So many cycles without a telegram.
     pub(crate) fn silence(&mut self, cycles: usize, acceleration: f64, mut change: impl FnMut(&mut Sight)) {
         for _ in 0..cycles {
-            self.time = self.time + CYCLE;
+            self.time += CYCLE;
             self.look(acceleration, &mut change);
         }
     }

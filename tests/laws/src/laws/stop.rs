@@ -107,7 +107,7 @@ impl Stop {
         running.stood |= speed < STANDSTILL.0 + STANDSTILL.1 * running.speed;
         if let Some(deadline) = &mut running.deadline {
             if scene.is_at_its_limit() {
-                *deadline = *deadline + scene.sight.time.saturating_sub(scene.before.time);
+                *deadline += scene.sight.time.saturating_sub(scene.before.time);
             }
             if !running.stood && scene.now > *deadline {
                 let (cause, begun, rpm) = (running.cause, running.begun, scene.sight.rpm());
