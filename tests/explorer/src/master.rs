@@ -86,6 +86,9 @@ pub(crate) struct Stubborn {
     last_at: Option<At>,
     /// Cycles in a row without an AT.
     silent: u32,
+    /// S-0-0103 of an axis with a modulo, and the first S-0-0051 outside.
+    modulo: Option<i64>,
+    outside: Option<i64>,
     /// Everything that came back, in one number.
     hash: u64,
     wire: Wire,
@@ -125,6 +128,8 @@ impl Stubborn {
             at: None,
             last_at: None,
             silent: 0,
+            modulo: None,
+            outside: None,
             hash: 0xCBF2_9CE4_8422_2325,
             wire: Wire::default(),
         }
@@ -147,8 +152,15 @@ impl Stubborn {
         before.unwrap_or(Field { idn, bytes, value: 0, per_control_cycle: 0 })
     }
 
-    pub(crate) fn wrap_at(&mut self, modulo: Option<i64>) {
-        self.wraps_at = modulo;
+    /// The axis has this modulo; its commands wrap in it, or not.
+    pub(crate) fn wrap_at(&mut self, modulo: Option<i64>, wraps: bool) {
+        self.modulo = modulo;
+        self.wraps_at = modulo.filter(|_| wraps);
+    }
+
+    /// The first S-0-0051 that was not within the modulo.
+    pub(crate) const fn outside(&self) -> Option<i64> {
+        self.outside
     }
 
     pub(crate) fn switch(&mut self, bits: u8) {
@@ -306,6 +318,11 @@ impl Stubborn {
     fn move_on(&mut self, at: Option<&At>) {
         let follows = at.is_some_and(|at| at.status & status::FOLLOWS != 0);
         let feedback = at.and_then(|at| self.layout.number(POSITION_FEEDBACK, &at.data));
+        if let (4, Some(modulo), Some(feedback)) = (self.sent_phase, self.modulo, feedback)
+            && !(0..modulo).contains(&feedback)
+        {
+            self.outside.get_or_insert(feedback);
+        }
         let due = self.cycles.is_multiple_of(u64::from(self.layout.control_cycles.max(1)));
         let (align, wraps_at) = (self.align, self.wraps_at);
         for field in &mut self.fields {

@@ -283,10 +283,10 @@ impl Rig {
             at: axis.at.clone(),
             mdt: axis.mdt.clone(),
         };
-        let modulo = Units::of(axis).modulo.filter(|_| axis.wraps);
-        let wraps_at = modulo.map(|modulo| modulo as i64);
+        let modulo = Units::of(axis).modulo.map(|modulo| modulo as i64);
+        let wraps = axis.wraps;
         self.master().set_layout(layout);
-        self.master().wrap_at(wraps_at);
+        self.master().wrap_at(modulo, wraps);
         Ok(slots)
     }
 

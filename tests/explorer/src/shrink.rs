@@ -101,7 +101,9 @@ impl Shrinker {
             for index in (0..if list { self.best.axis.mdt.len() } else { self.best.axis.at.len() }).rev() {
                 let mut simpler = self.best.clone();
                 let idns = if list { &mut simpler.axis.mdt } else { &mut simpler.axis.at };
-                if simpler.axis.telegram == 7 && index < idns.len() {
+                // A control aligns its command with S-0-0051.
+                let needed = !list && idns.get(index) == Some(&51);
+                if simpler.axis.telegram == 7 && index < idns.len() && !needed {
                     idns.remove(index);
                     self.tries(simpler);
                 }

@@ -30,7 +30,8 @@ fn lives_that_once_broke_a_law_break_none_any_more() {
         .iter()
         .filter_map(|(name, life)| {
             let outcome = live(life);
-            (outcome.ending != Ending::Lived).then(|| format!("{name}: {}", told(life, &outcome)))
+            // Some axes are refused by now, with a reason: so no law can be broken on them.
+            matches!(outcome.ending, Ending::Broken { .. }).then(|| format!("{name}: {}", told(life, &outcome)))
         })
         .collect();
     assert!(broken.is_empty(), "{}", broken.join("\n\n"));

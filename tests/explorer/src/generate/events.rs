@@ -128,6 +128,7 @@ impl Writer<'_> {
             (2, 16),
             (3, 17),
             (2, 18),
+            (2, 19),
         ]);
         match kind.unwrap_or(0) {
             0 => self.command(),
@@ -148,6 +149,7 @@ impl Writer<'_> {
             15 => self.command_of_any_kind(),
             16 => self.press_against_a_stop(),
             17 => self.read(),
+            19 => self.catch_at_speed(),
             _ => self.leave_alone(),
         }
     }
@@ -487,6 +489,29 @@ impl Writer<'_> {
         self.command();
         self.wait(120.0);
         self.event(Action::Load(0));
+    }
+
+    /// As fast as the machine goes, a moment without torque, and on again.
+    fn catch_at_speed(&mut self) {
+        let rpm = self.fastest * (0.7 + 0.25 * self.dice.share());
+        if self.axis.mdt.contains(&36) {
+            self.event(Action::Set(36, Self::long(rpm * self.units.rpm)));
+        } else if self.axis.mdt.contains(&47) {
+            for share in [5.0, 4.0, 3.0, 2.0, 1.0] {
+                self.event(Action::Ramp(47, Self::long(rpm / share / 60.0 * self.units.revolution)));
+                self.wait(40.0);
+            }
+        } else {
+            return;
+        }
+        let run = if self.axis.plant == Plant::Press { 700.0 } else { 60.0 };
+        self.wait(run);
+        let bits = self.dice.pick(&[NOTHING, DISABLE, OFF]).unwrap_or(NOTHING);
+        self.event(Action::Switches(bits));
+        let pause = 5.0 + 30.0 * self.dice.share();
+        self.wait(pause);
+        self.event(Action::Switches(FOLLOW));
+        self.wait(40.0);
     }
 
     fn read(&mut self) {
