@@ -326,7 +326,7 @@ fn every_position_is_in_the_coordinates_of_the_feedback_whatever_the_polarity() 
             // A command upwards makes the feedback rise, and the motor turn by the polarity; it lags behind by v/Kv.
             let (angle, start) = (axis.angle(), axis.position());
             axis.line(counting.increments(0.6), 200);
-            let sample = axis.bench.world.ring().master().report().samples.last().unwrap().clone();
+            let sample = *axis.bench.world.ring().master().report().samples.last().unwrap();
             let lag = counting.degrees(sample.following_distance.unwrap().into());
             // 50 rpm at the 62.5 1/s of the press are 4.8 degrees. The command of the AT's cycle is reached a cycle or two later.
             near(lag, 4.8, 0.2, &format!("{what}, S-0-0189"));

@@ -229,6 +229,11 @@ impl<B: Bus + Clone> Communication<B> {
             }
         }
         context.settle(&mut self.parameters);
+        // Behind the step, which is released: it takes divisions.
+        if let Some(preparation) = motion.lock(Motion::take_preparation) {
+            let prepared = preparation.carry_out();
+            motion.lock(|motion| motion.take_prepared(&prepared));
+        }
         self.announce(motion);
     }
 

@@ -95,6 +95,8 @@ bitflags! {
         const AMPLIFIER_NOT_READY = 1 << 2;
         /// The zero of the current sensors is not known yet, or not believable.
         const NOT_CALIBRATED = 1 << 3;
+        /// The MDT carries a limit that is not within the range of its data block, or that the loops cannot work with.
+        const LIMIT_OUT_OF_RANGE = 1 << 4;
     }
 }
 
@@ -166,6 +168,9 @@ diagnoses! {
     NOT_CALIBRATED = 0xE004 "Current sensors without zero", "Stromsensoren ohne Nullpunkt",
         "The current sensors show more than 5 % of their range without current.",
         "Check the supply and the wires of the current sensors.";
+    LIMIT_OUT_OF_RANGE = 0xE005 "Limit in the MDT out of range", "Grenzwert im MDT ungueltig",
+        "A limit in the MDT is not within its minimum and maximum and counts as the nearer of them, or its ramp cannot be made and the one before stays.",
+        "Check the values that the control sends for the limits of S-0-0024 against elements 5 and 6.";
     NO_POWER_AT_SWITCH_ON = 0xE009 "Switched on without main power", "Freigabe ohne Leistung",
         "Bits 15 and 14 of the control word are set, but the DC link is not charged.",
         "Switch the main power on, then give bit 15 a new edge.";
@@ -386,7 +391,7 @@ fn communication_error(interface: InterfaceStatus) -> Option<&'static Diagnosis>
 
 fn warning(now: &Circumstances) -> Option<&'static Diagnosis> {
     let own = now.manufacturer_2;
-    let warnings: [(bool, &'static Diagnosis); 9] = [
+    let warnings: [(bool, &'static Diagnosis); 10] = [
         (own.contains(Manufacturer2::AMPLIFIER_NOT_READY), &AMPLIFIER_NOT_READY),
         (own.contains(Manufacturer2::NOT_CALIBRATED), &NOT_CALIBRATED),
         (now.class_2.contains(Class2::OVERLOAD), &OVERLOAD_WARNING),
@@ -394,6 +399,7 @@ fn warning(now: &Circumstances) -> Option<&'static Diagnosis> {
         (now.class_2.contains(Class2::MOTOR_TEMPERATURE), &WINDING_WARNING),
         (now.class_2.contains(Class2::UNDERVOLTAGE), &NO_POWER_AT_SWITCH_ON),
         (now.class_2.contains(Class2::VELOCITY_DEVIATION), &VELOCITY_DEVIATION),
+        (own.contains(Manufacturer2::LIMIT_OUT_OF_RANGE), &LIMIT_OUT_OF_RANGE),
         (own.contains(Manufacturer2::TELEGRAM_LOST), &TELEGRAM_LOST),
         (own.contains(Manufacturer2::NOT_LOCKED), &NOT_LOCKED),
     ];

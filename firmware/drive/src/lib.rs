@@ -39,6 +39,7 @@ mod hardware;
 mod identification;
 mod identity;
 mod interrupts;
+mod limits;
 mod link;
 mod live;
 mod motion;
@@ -66,6 +67,7 @@ pub use hardware::{
 };
 pub use identity::{DriveAddress, Identity};
 pub use interrupts::Interrupts;
+pub use limits::Limit;
 pub use link::CurrentLink;
 pub use motion::{CommandValues, Motion};
 pub use record::{Command, Feedback, MOST_SIGNALS, Records};

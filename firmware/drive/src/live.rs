@@ -21,6 +21,7 @@ use crate::diagnosis::{Diagnosis, diagnose};
 use crate::error_memory::ErrorMemory;
 use crate::hardware::{Hardware, LOOP_PERIOD_MICROSECONDS};
 use crate::identity::Identity;
+use crate::limits::Limit;
 use crate::motion::{HomingFailure, Motion, MotorValue};
 use crate::oscilloscope::{self, Configuration};
 use crate::record::{Command, Feedback, Records};
@@ -437,6 +438,11 @@ where
             // Parameters and unknown IDNs are not asked for here.
             _ => 0,
         }
+    }
+
+    fn cyclic(&mut self, idn: Idn) -> Option<u64> {
+        let limit = Limit::from_idn(idn)?;
+        self.motion.lock(|motion| motion.cyclic_limit(limit)).map(u64::from)
     }
 
     fn read_text(

@@ -23,6 +23,7 @@ mod coordinates;
 mod cycle;
 mod following;
 mod identifying;
+mod limiting;
 mod positioning;
 mod positive_stop;
 mod range;
@@ -42,6 +43,7 @@ use crate::diagnosis::{Manufacturer1, Manufacturer2, Manufacturer3};
 use crate::feedback::ShownValues;
 use crate::hardware::{Hardware, Inputs, InterruptLine};
 use crate::identification::{Identification, Outcome};
+use crate::limits::CyclicLimits;
 use crate::link::CurrentLink;
 use crate::motor::{Motor, Progress};
 use crate::mst::MstMonitor;
@@ -179,6 +181,8 @@ pub struct Motion<B, H> {
     lock_patience: u16,
     /// CP3 was entered in this cycle.
     entered_cyclic: bool,
+    /// Limits of the MDT.
+    cyclic_limits: CyclicLimits,
     settings: MotionSettings,
 }
 
@@ -261,6 +265,7 @@ impl<B: Bus + Clone, H: Hardware> Motion<B, H> {
             cycles_since_command: 0,
             lock_patience: 0,
             entered_cyclic: false,
+            cyclic_limits: CyclicLimits::default(),
         }
     }
 
@@ -390,6 +395,9 @@ impl<B: Bus + Clone, H: Hardware> Motion<B, H> {
         if state != DriveState::Halted {
             self.abandon_identification();
         }
+        if self.cyclic_limits.is_carried() {
+            self.choose_limits(state);
+        }
         let mode = match (state, self.mode) {
             (DriveState::Off | DriveState::Fault, _) => Mode::Off,
             // Without an angle there is no torque that a loop could use.
@@ -428,6 +436,8 @@ impl<B: Bus + Clone, H: Hardware> Motion<B, H> {
     }
 
     fn apply_axis_settings(&mut self) {
+        let before = self.axis.settings().velocity_limits();
         self.axis.apply_settings(if self.without_lag { self.settings.without_lag } else { self.settings.with_lag });
+        self.keep_limits(before);
     }
 }

@@ -10,9 +10,9 @@ mod supervision;
 use servo::current::{BusScale, CurrentCommand, CurrentReadings, FieldWeakening, Trip};
 use servo::identification::CurrentRequest;
 use servo::{
-    Alignment, AlignmentError, BrakeOutput, BrakeSequencer, BusVoltage, CommutationAngle, CurrentFraction,
-    EncoderMonitor, EncoderMotion, IndexCorrection, Limiting, LoadModel, Position, Rotation, Temperature, TorqueLimits,
-    Velocity, VoltageOutput,
+    Alignment, AlignmentError, BrakeOutput, BrakeSequencer, BusVoltage, CommandedTorqueLimits, CommutationAngle,
+    CurrentFraction, EncoderMonitor, EncoderMotion, IndexCorrection, Limiting, LoadModel, Position, Rotation,
+    Temperature, TorqueLimitSettings, TorqueLimits, Velocity, VoltageOutput,
 };
 
 pub(crate) use sequence::{Progress, Sequence, SequenceInputs};
@@ -91,6 +91,10 @@ pub(crate) struct Motor {
     /// Ticks of the supervision for which the current has not followed.
     blind: u16,
     weakening: FieldWeakening,
+    /// Limits of the torque before the thermal models and the field weakening: those of the settings, or of the MDT.
+    torque_limits: TorqueLimitSettings,
+    /// What the field weakening leaves for the torque.
+    weakening_limit: Option<CurrentFraction>,
     limiting: Limiting,
     watched: Watched,
     measured: Measured,
@@ -141,6 +145,8 @@ impl Motor {
             weakened: CurrentFraction::ZERO,
             bus_scale: BusScale::default(),
             limits: TorqueLimits::symmetrical(CurrentFraction::ZERO, Limiting::AMPLIFIER_PEAK),
+            torque_limits: settings.torque_limits,
+            weakening_limit: None,
             limiting: Limiting::empty(),
             watched: Watched::default(),
             bridge_on: false,
@@ -168,6 +174,22 @@ impl Motor {
         self.direction = direction;
         self.angle_per_increment = settings.angle_per_increment.wrapping_mul(direction);
         self.settings = settings;
+        self.limit_torque(None);
+    }
+
+    /// Limits of the control in place of S-0-0082, S-0-0083 and S-0-0092, or these again. They act from the next tick on.
+    pub(crate) fn limit_torque(&mut self, commanded: Option<&CommandedTorqueLimits>) {
+        let stored = self.settings.torque_limits;
+        self.torque_limits = commanded.map_or(stored, |commanded| stored.with_commanded(commanded));
+        self.combine_limits();
+    }
+
+    fn combine_limits(&mut self) {
+        let [motor, amplifier] = self.watched.allowed;
+        self.limits = self.torque_limits.combine(motor, amplifier);
+        if let Some(limit) = self.weakening_limit {
+            self.limits = self.limits.narrowed(limit, Limiting::FIELD_WEAKENING);
+        }
     }
 
     /// The encoder counts half a tick before this tick, and with which it began. At 8 kHz there is only the second.

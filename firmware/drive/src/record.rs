@@ -5,6 +5,7 @@ use sercos::Idn;
 use servo::{Edge, Probe};
 
 use crate::bits::{Source, Word};
+use crate::limits::Limit;
 
 /// Most data blocks in a record (S-0-0016, S-0-0024).
 pub const MOST_SIGNALS: usize = 16;
@@ -33,12 +34,14 @@ pub enum Command {
     PositioningValue,
     /// S-0-0346, 2 bytes.
     PositioningControl,
+    /// A limit in place of its parameter.
+    Limit(Limit),
 }
 
 impl Command {
     /// The command value of an IDN; `None` if the MDT cannot carry it.
     #[must_use]
-    pub const fn from_idn(idn: Idn) -> Option<Self> {
+    pub fn from_idn(idn: Idn) -> Option<Self> {
         const SIGNAL_CONTROL: Idn = Idn::standard(145);
         const ADDITIVE_TORQUE: Idn = Idn::standard(81);
         const TARGET_POSITION: Idn = Idn::standard(258);
@@ -55,7 +58,7 @@ impl Command {
             TARGET_POSITION => Some(Self::TargetPosition),
             POSITIONING_VALUE => Some(Self::PositioningValue),
             POSITIONING_CONTROL => Some(Self::PositioningControl),
-            _ => None,
+            _ => Limit::from_idn(idn).map(Self::Limit),
         }
     }
 
@@ -64,6 +67,7 @@ impl Command {
     pub const fn words(self) -> u16 {
         match self {
             Self::Torque | Self::AdditiveTorque | Self::SignalControl | Self::PositioningControl => 1,
+            Self::Limit(limit) => limit.words(),
             _ => 2,
         }
     }
@@ -173,6 +177,14 @@ impl Records {
             records.feedback.push(Feedback::from_idn(idn)?).ok()?;
         }
         Some(records)
+    }
+
+    /// Limits in the MDT.
+    pub(crate) fn limits(&self) -> impl Iterator<Item = Limit> {
+        self.commands.iter().filter_map(|command| match command {
+            Command::Limit(limit) => Some(*limit),
+            _ => None,
+        })
     }
 }
 

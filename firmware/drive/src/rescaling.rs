@@ -174,8 +174,8 @@ fn put(parameters: &mut Parameters, idn: Idn, number: u32, before: Ratio, after:
         (false, true) => magnitude.saturating_neg(),
         (false, false) => magnitude,
     };
-    let within =
-        wanted.max(block.minimum.unwrap_or(i64::MIN)).min(block.maximum.unwrap_or(longest)).clamp(-longest, longest);
+    let lowest = block.minimum.unwrap_or(i64::MIN).max(longest.saturating_neg());
+    let within = wanted.max(lowest).min(block.maximum.unwrap_or(longest)).min(longest);
     let within = if unlimited { old } else { within };
     // Two's complement of the block's length.
     parameters.set(idn, within.cast_unsigned() & 0xFFFF_FFFF).is_ok() && within == wanted

@@ -6,11 +6,12 @@ use sercos::Idn;
 use sercos::parameters::Parameters;
 use sercos::transition::OPERATION_MODES;
 use servo::{
-    AxisParameters, AxisSettings, CurrentFilterSettings, FeedrateOverride, FilterSection, FrictionParameters,
-    FrictionSettings, HomingParameters, HomingSettings, Interpolation, LoopClockSettings, MotionLimits, Position,
-    PositionScale, SettingsError, TravelRange, TwiceReadSettings, Velocity, VelocityLimits, VelocityScale,
+    AxisParameters, AxisSettings, CurrentFilterSettings, FilterSection, FrictionParameters, FrictionSettings,
+    HomingParameters, HomingSettings, Interpolation, LoopClockSettings, MotionLimits, Position, PositionScale,
+    SettingsError, TravelRange, TwiceReadSettings, Velocity, VelocityScale,
 };
 
+mod limits;
 pub(crate) mod motor;
 mod scaling;
 mod torque;
@@ -18,12 +19,14 @@ mod torque;
 use scaling::DerivativeScale;
 pub(crate) use scaling::{Ratio, increments};
 
+pub(crate) use limits::LimitScale;
 pub use motor::MotorSettings;
 pub(crate) use torque::TorqueScale;
 
 use crate::bits::BitSettings;
 use crate::coordinates::Coordinates;
 use crate::hardware::LOOP_PERIOD_MICROSECONDS;
+use crate::limits::LimitValues;
 use crate::motor::READ_TWICE;
 
 /// A parameter that the drive cannot work with: a write in operation is refused for it, and S-0-0128 lists it in S-0-0022.
@@ -273,6 +276,10 @@ pub struct MotionSettings {
     pub standstill_window: Velocity,
     /// S-0-0049 and S-0-0050, while S-0-0055 bit 4 switches them on.
     pub position_limits: Option<TravelRange>,
+    /// The limits that the MDT can carry, as the parameters say.
+    pub limits: LimitValues,
+    /// What these are for the loops.
+    pub limit_scale: LimitScale,
     /// S-0-0261.
     pub coarse_window: Position,
     /// Movements to S-0-0258 and S-0-0282.
@@ -311,15 +318,9 @@ impl MotionSettings {
         let torque = TorqueScale::new(parameters)?;
         let cycle = CycleSettings::new(parameters, loop_timer_counts)?;
         let monitoring_window = position.to_position(signed(parameters, 159));
-        let fastest = Velocity::from_ten_thousandths_rpm(signed(parameters, 113));
-        let bipolar = velocity.to_velocity(signed(parameters, 91)).min(fastest);
-        let one_sided = |number| {
-            let value = signed(parameters, number);
-            (value != 0).then(|| velocity.to_velocity(value))
-        };
-        let velocity_limits = VelocityLimits::new(bipolar, one_sided(38), one_sided(39));
-        let velocity_limits = if velocity_polarity.command { velocity_limits.reversed() } else { velocity_limits };
-        let ramp = (derivatives.acceleration(parameters, 136), derivatives.acceleration(parameters, 137));
+        let limits = LimitValues::new(parameters);
+        let limit_scale = LimitScale::new(parameters, velocity, torque, derivatives, cycle.ticks_per_cycle)?;
+        let fastest = limit_scale.fastest();
         let peak_current = parameters.get(Idn::standard(110));
         let axis = AxisParameters {
             ticks_per_cycle: ticks(parameters, 1),
@@ -333,18 +334,22 @@ impl MotionSettings {
             friction: friction(parameters, &torque, peak_current)?,
             filter: filter(parameters)?,
             peak_current,
-            velocity_limits,
-            deceleration: derivatives.acceleration(parameters, 138),
-            halt_deceleration: derivatives.acceleration(parameters, 372),
-            jerk: derivatives.jerk(parameters, 349),
-            velocity_ramp: (ramp.0.to_bits() | ramp.1.to_bits() != 0).then_some(ramp),
+            velocity_limits: limit_scale.velocity_limits(&limits),
+            deceleration: limit_scale.deceleration(&limits),
+            halt_deceleration: limit_scale.halt_deceleration(),
+            jerk: limit_scale.jerk(&limits),
+            velocity_ramp: limit_scale.velocity_ramp(&limits),
             interpolation: match parameters.get_word(Idn::product(141)) {
                 0 => Interpolation::Linear,
                 _ => Interpolation::Cubic,
             },
             standstill_window: velocity.to_velocity(signed(parameters, 124)),
             monitoring_window,
-            largest_step: largest_step(bipolar, ticks(parameters, 1), &position),
+            largest_step: largest_step(
+                limit_scale.fastest_command(parameters, &limits),
+                ticks(parameters, 1),
+                &position,
+            ),
         };
         let feed_forward = parameters.get_word(Idn::standard(296)).saturating_mul(10);
         let increments = parameters.get(Idn::standard(116)).saturating_mul(parameters.get(Idn::standard(256)));
@@ -381,16 +386,21 @@ impl MotionSettings {
             overspeed: Velocity::saturating_from_bits(i64::from(fastest.to_bits()).saturating_mul(5) / 4),
             standstill_window: velocity.to_velocity(signed(parameters, 124)),
             position_limits: position_limits(parameters, &coordinates, increments)?,
+            limits,
+            limit_scale,
             coarse_window: position.to_position(signed(parameters, 261)),
             positioning: PositioningSettings {
-                limits: positioning(parameters, &velocity, derivatives, bipolar)?,
+                limits: limit_scale.positioning(&limits).map_err(|reason| match reason {
+                    SettingsError::TooSmooth { .. } | SettingsError::BrakingTime { .. } => invalid(193)(reason),
+                    _ => invalid(259)(reason),
+                })?,
                 direction: Direction::from_parameter(parameters.get_word(COMMAND_VALUE_MODE))
                     .ok_or(unsupported(393))?,
                 drops_target: parameters.get_word(COMMAND_VALUE_MODE) & DROPS_TARGET != 0,
                 window_behind: position.to_position(signed(parameters, 418)),
             },
             reaction: Reaction::from_parameter(parameters.get_word(Idn::product(140))),
-            motor: MotorSettings::new(parameters, &torque, increments, fastest)?,
+            motor: MotorSettings::new(parameters, &limit_scale.torque_limits(&limits), increments, fastest)?,
             monitoring_window,
             velocity_threshold: velocity.to_velocity(signed(parameters, 125)),
             velocity_monitoring_window: velocity.to_velocity(signed(parameters, 377)),
@@ -446,9 +456,6 @@ fn ticks(parameters: &Parameters, number: u16) -> u16 {
     parameters.get_word(Idn::standard(number)) / LOOP_PERIOD_MICROSECONDS
 }
 
-/// S-0-0108 of 100 %.
-const FULL_OVERRIDE: u16 = 10_000;
-
 /// Where t3 falls between two ticks: the first tick with a new command comes a quarter of a period after it.
 const fn three_quarters(counts: u16) -> u16 {
     counts.saturating_sub(counts / 4)
@@ -459,29 +466,6 @@ const fn three_quarters(counts: u16) -> u16 {
 fn largest_step(fastest: Velocity, ticks_per_command: u16, scale: &PositionScale) -> Position {
     let way = i64::from(fastest.to_bits()).saturating_mul(ticks_per_command.into()) >> 4;
     Position::from_bits(way.saturating_add(way >> 2)) + scale.to_position(2)
-}
-
-/// Limits of positioning, with the feedrate override S-0-0108: beyond 100 % it makes S-0-0259 more, within S-0-0091.
-fn positioning(
-    parameters: &Parameters,
-    scale: &VelocityScale,
-    derivatives: DerivativeScale,
-    fastest: Velocity,
-) -> Result<MotionLimits, InvalidSetting> {
-    let percent = parameters.get_word(Idn::standard(108));
-    let wanted = i64::from(scale.to_velocity(signed(parameters, 259)).to_bits());
-    let wanted = wanted.saturating_mul(percent.max(FULL_OVERRIDE).into()).checked_div(FULL_OVERRIDE.into());
-    let velocity = Velocity::saturating_from_bits(wanted.unwrap_or(i64::MAX)).min(fastest);
-    let acceleration = derivatives.acceleration(parameters, 260);
-    let deceleration = derivatives.acceleration(parameters, 359);
-    let deceleration = if deceleration.to_bits() == 0 { acceleration } else { deceleration };
-    let feedrate = FeedrateOverride::new(percent.min(FULL_OVERRIDE)).map_err(invalid(108))?;
-    MotionLimits::new(velocity, acceleration, deceleration, derivatives.jerk(parameters, 193))
-        .map(|limits| limits.with_override(feedrate))
-        .map_err(|reason| match reason {
-            SettingsError::TooSmooth { .. } | SettingsError::BrakingTime { .. } => invalid(193)(reason),
-            _ => invalid(259)(reason),
-        })
 }
 
 /// What homing S-0-0148 works with: its way and the limits of its movements.
@@ -509,9 +493,9 @@ pub(crate) fn homing(
     })
     .map_err(|_| unsupported(147))?;
     let derivatives = DerivativeScale::new(parameters)?;
-    let acceleration = derivatives.acceleration(parameters, 42);
-    let limits = MotionLimits::new(velocity, acceleration, acceleration, derivatives.jerk(parameters, 349))
-        .map_err(invalid(41))?;
+    let acceleration = derivatives.acceleration(parameters.get(Idn::standard(42)));
+    let jerk = derivatives.jerk(parameters.get(Idn::standard(349)));
+    let limits = MotionLimits::new(velocity, acceleration, acceleration, jerk).map_err(invalid(41))?;
     Ok((homing, limits))
 }
 
@@ -667,17 +651,17 @@ mod tests {
     fn a_torque_command_is_the_inverse_of_the_torque_feedback() {
         let settings = MotionSettings::new(&Parameters::new(), TIMER).unwrap();
         for command in [-4_000_i64, -1, 0, 1, 1_000, 4_000] {
-            let current = settings.torque.to_current(command);
-            assert!((settings.torque.from_current(current) - command).abs() <= 1, "{command}");
+            let current = settings.torque.current_of(command);
+            assert!((settings.torque.increments_of(current) - command).abs() <= 1, "{command}");
         }
-        assert_eq!(settings.torque.to_current(1_000).to_bits(), 1 << 13, "100 % of 5 A is a quarter of 20 A");
+        assert_eq!(settings.torque.current_of(1_000).to_bits(), 1 << 13, "100 % of 5 A is a quarter of 20 A");
     }
 
     #[test]
     fn torque_feedback_is_in_tenths_of_a_per_cent_of_the_stall_current() {
         // Full peak current 20 A is 400.0 % of 5 A.
         let settings = MotionSettings::new(&Parameters::new(), TIMER).unwrap();
-        assert_eq!(settings.torque.from_current(CurrentFraction::MAX), 4_000);
-        assert_eq!(settings.torque.from_current(CurrentFraction::from_bits(-(1 << 14))), -2_000);
+        assert_eq!(settings.torque.increments_of(CurrentFraction::MAX), 4_000);
+        assert_eq!(settings.torque.increments_of(CurrentFraction::from_bits(-(1 << 14))), -2_000);
     }
 }

@@ -259,9 +259,9 @@ dictionary! {
     /// Added to S-0-0036.
     S 37 "Additive velocity command value" [velocity] I32 written ALWAYS (-2_147_483_648 to 2_147_483_647) = 0 => Live, in_mdt;
     /// Highest velocity command; 0: only S-0-0091 counts.
-    S 38 "Positive velocity limit value" [velocity] I32 written ALWAYS (0 to 2_147_483_647) = 0 => Parameter, stored;
+    S 38 "Positive velocity limit value" [velocity] I32 written ALWAYS (0 to 2_147_483_647) = 0 => Parameter, stored, in_mdt;
     /// Lowest velocity command; 0: only S-0-0091 counts.
-    S 39 "Negative velocity limit value" [velocity] I32 written ALWAYS (-2_147_483_648 to 0) = 0 => Parameter, stored;
+    S 39 "Negative velocity limit value" [velocity] I32 written ALWAYS (-2_147_483_648 to 0) = 0 => Parameter, stored, in_mdt;
     /// Velocity of the motor encoder.
     S 40 "Velocity feedback value 1" [velocity] I32 written NEVER () = 0 => Live, in_at;
     /// Speed of homing.
@@ -309,9 +309,9 @@ dictionary! {
     /// Added to S-0-0080.
     S 81 "Additive torque command value" [torque] I16 written ALWAYS (-32_768 to 32_767) = 0 => Live, in_mdt;
     /// Highest torque.
-    S 82 "Positive torque limit value" [torque] I16 written ALWAYS (0 to 32_767) = 32_767 => Parameter, stored;
+    S 82 "Positive torque limit value" [torque] I16 written ALWAYS (0 to 32_767) = 32_767 => Parameter, stored, in_mdt;
     /// Lowest torque.
-    S 83 "Negative torque limit value" [torque] I16 written ALWAYS (-32_768 to 0) = -32_767 => Parameter, stored;
+    S 83 "Negative torque limit value" [torque] I16 written ALWAYS (-32_768 to 0) = -32_767 => Parameter, stored, in_mdt;
     /// Torque that the measured current makes.
     S 84 "Torque feedback value" [torque] I16 written NEVER () = 0 => Live, in_at;
     /// Bit 0 inverts the torque command, bit 1 the additive one, bit 2 the torque feedback.
@@ -328,9 +328,9 @@ dictionary! {
     /// End of the MDT to the earliest t3.
     S 90 "Command value proceeding time (tMTSG)" ["us"] U16/0 written NEVER () = 2 => Parameter;
     /// Largest velocity that the drive commands in either direction.
-    S 91 "Bipolar velocity limit value" [velocity] U32 written ALWAYS (1 to 2_147_483_647) = 30_000_000 => Parameter, stored, needed_for_cp4, restricted;
+    S 91 "Bipolar velocity limit value" [velocity] U32 written ALWAYS (1 to 2_147_483_647) = 30_000_000 => Parameter, stored, needed_for_cp4, in_mdt, restricted;
     /// Largest torque in either direction.
-    S 92 "Bipolar torque limit value" [torque] U16 written ALWAYS (0 to 65_535) = 2_000 => Parameter, stored, needed_for_cp4;
+    S 92 "Bipolar torque limit value" [torque] U16 written ALWAYS (0 to 65_535) = 2_000 => Parameter, stored, needed_for_cp4, in_mdt;
     /// Weight of one torque increment in N or Nm, with the exponent of S-0-0094.
     S 93 "Torque data scaling factor" [""] U16/0 written IN_CP2_CP3 (1 to 65_535) = 1 => Parameter, stored, needed_for_cp4;
     /// Power of ten of S-0-0093.
@@ -404,11 +404,11 @@ dictionary! {
     /// The status word of the last AT.
     S 135 "Drive status word" [""] BITS/0 written NEVER () = 0 => Live, bit_source;
     /// Largest acceleration of velocity commands away from standstill; 0 with S-0-0137 also 0: they are followed as they come.
-    S 136 "Positive acceleration limit value" [acceleration] I32 written ALWAYS (0 to 2_147_483_647) = 0 => Parameter, stored, restricted;
+    S 136 "Positive acceleration limit value" [acceleration] I32 written ALWAYS (0 to 2_147_483_647) = 0 => Parameter, stored, in_mdt, restricted;
     /// Largest acceleration of velocity commands towards standstill; see S-0-0136.
-    S 137 "Negative acceleration limit value" [acceleration] I32 written ALWAYS (0 to 2_147_483_647) = 0 => Parameter, stored, restricted;
+    S 137 "Negative acceleration limit value" [acceleration] I32 written ALWAYS (0 to 2_147_483_647) = 0 => Parameter, stored, in_mdt, restricted;
     /// Ramp of halt and of stopping after an error or Drive OFF.
-    S 138 "Bipolar acceleration limit value" [acceleration] I32 written ALWAYS (1 to 2_147_483_647) = 1_000_000 => Parameter, stored, restricted;
+    S 138 "Bipolar acceleration limit value" [acceleration] I32 written ALWAYS (1 to 2_147_483_647) = 1_000_000 => Parameter, stored, in_mdt, restricted;
     /// Takes the axis out: no torque until it is cancelled or the next run-up passes CP2.
     S 139 "Park axis" [""] COMMAND/0 written IN_CP2 () = 0 => Command;
     /// Type of the drive.
@@ -469,7 +469,7 @@ dictionary! {
     /// IDNs that a control saves and restores.
     S 192 "IDN list of backup operation data" [""] IDNS/0 written NEVER () = 0 => Dictionary(Selection::Backup);
     /// Jerk of positioning; 0: not limited.
-    S 193 "Positioning jerk" [jerk] I32 written ALWAYS (0 to 2_147_483_647) = 0 => Parameter, stored, restricted;
+    S 193 "Positioning jerk" [jerk] I32 written ALWAYS (0 to 2_147_483_647) = 0 => Parameter, stored, in_mdt, restricted;
     /// Heat sink temperature from which C2D bit 1 warns.
     S 200 "Amplifier warning temperature" ["C"] U16/1 written ALWAYS (1 to 2_000) = 800 => Parameter, stored, needed_for_cp4, restricted;
     /// Motor temperature from which C2D bit 2 warns.
@@ -489,9 +489,9 @@ dictionary! {
     /// Where the drive goes by itself in the modes 0013H and 001BH; a modulo axis in the direction of S-0-0393, an absolute one never over the border between its highest and its lowest number. If S-0-0393 drops the target when the mode begins, this becomes the position where the axis stands, unless it was written since the mode ended.
     S 258 "Target position" [position] I32 written ALWAYS (-2_147_483_648 to 2_147_483_647) = 0 => Live, in_mdt;
     /// Speed of positioning, within S-0-0091.
-    S 259 "Positioning velocity" [velocity] I32 written ALWAYS (1 to 2_147_483_647) = 1_000_000 => Parameter, stored, needed_for_cp4, restricted;
+    S 259 "Positioning velocity" [velocity] I32 written ALWAYS (1 to 2_147_483_647) = 1_000_000 => Parameter, stored, needed_for_cp4, in_mdt, restricted;
     /// Acceleration of positioning; also its deceleration if S-0-0359 is 0.
-    S 260 "Positioning acceleration" [acceleration] I32 written ALWAYS (1_000 to 2_147_483_647) = 1_000_000 => Parameter, stored, restricted;
+    S 260 "Positioning acceleration" [acceleration] I32 written ALWAYS (1_000 to 2_147_483_647) = 1_000_000 => Parameter, stored, in_mdt, restricted;
     /// Way to S-0-0430 within which C3D bit 11 (in coarse position) is set.
     S 261 "Coarse position window" [position] I32 written ALWAYS (0 to 2_147_483_647) = 100_000 => Parameter, stored;
     /// Gives everything in S-0-0192 its default. Not in CP4, which protects some of it, and not while torque is on (7012H).
@@ -591,7 +591,7 @@ dictionary! {
     /// Current for one unit of commanded acceleration at the motor, in mode 11.
     S 348 "Acceleration feed-forward gain" ["mAs^2/rad"] U16/1 written ALWAYS (0 to 65_535) = 0 => Parameter, stored;
     /// Jerk of halt and of the ramps of velocity commands; 0: not limited.
-    S 349 "Bipolar jerk limit value" [jerk] I32 written ALWAYS (0 to 2_147_483_647) = 0 => Parameter, stored, restricted;
+    S 349 "Bipolar jerk limit value" [jerk] I32 written ALWAYS (0 to 2_147_483_647) = 0 => Parameter, stored, in_mdt, restricted;
     /// Deceleration of positioning; 0: as S-0-0260.
     S 359 "Positioning deceleration" [acceleration] I32 written ALWAYS (0 to 2_147_483_647) = 0 => Parameter, stored, restricted;
     /// Ramp of halt; 0: as S-0-0138.

@@ -11,7 +11,7 @@ pub use error::{Element, ServiceError};
 
 use crate::attribute::{Format, Length};
 use crate::command::{CommandAction, CommandState, CommandStatus, Commands};
-use crate::data_block::{DataBlock, Location};
+use crate::data_block::{DataBlock, Location, Selection};
 use crate::dictionary;
 use crate::idn::Idn;
 use crate::parameters::{self, LIST_ENTRIES, LONG_ENTRIES, Parameters, TEXT_BYTES};
@@ -85,6 +85,9 @@ pub enum Reply {
 pub trait Live {
     /// Operation data of fixed length; values of two and four bytes in the low part.
     fn read(&mut self, idn: Idn, parameters: &Parameters) -> u64;
+
+    /// The value that the MDT carries in the place of a parameter's own, if it does in this phase.
+    fn cyclic(&mut self, idn: Idn) -> Option<u64>;
 
     /// A text: one that never changes is returned, any other is put into `text`, which is empty at the call.
     fn read_text(
@@ -347,7 +350,8 @@ impl Server {
                     transfer::stage_fixed(staging, 2, u64::from(self.commands.status(block.idn) as u16));
                 }
                 (Location::Parameter, Some(bytes)) => {
-                    transfer::stage_fixed(staging, bytes, parameters.get(block.idn).into());
+                    let cyclic = if block.is_in(Selection::ConfigurableInMdt) { live.cyclic(block.idn) } else { None };
+                    transfer::stage_fixed(staging, bytes, cyclic.unwrap_or_else(|| parameters.get(block.idn).into()));
                 }
                 (Location::Live, Some(bytes)) => {
                     transfer::stage_fixed(staging, bytes, live.read(block.idn, parameters));

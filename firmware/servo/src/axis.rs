@@ -1,9 +1,9 @@
 //! One axis: modes, loops and their bumpless hand-over.
 
 use crate::{
-    AxisSettings, CommandJump, CommandSource, CurrentFilter, CurrentFraction, FilteredVelocity, Interpolator, Limiting,
-    ModuloCounter, MotionLimits, Position, PositionLoop, Ramp, Setpoint, TorqueLimits, Trajectory, Velocity,
-    VelocityFilter, VelocityInterpolator, VelocityLoop,
+    AxisMovements, AxisSettings, CommandJump, CommandSource, CurrentFilter, CurrentFraction, FilteredVelocity,
+    Interpolator, Limiting, ModuloCounter, MotionLimits, Position, PositionLoop, Ramp, Setpoint, TorqueLimits,
+    Trajectory, Velocity, VelocityFilter, VelocityInterpolator, VelocityLimits, VelocityLoop,
 };
 
 /// What the axis does.
@@ -168,6 +168,19 @@ impl Axis {
             self.filter.reset(fine(self.current));
         }
         self.settings = settings;
+    }
+
+    /// Exchanges the limits of the velocity command, until new settings are applied.
+    #[inline]
+    pub fn set_velocity_limits(&mut self, limits: VelocityLimits) {
+        self.settings.velocity_limits = limits;
+    }
+
+    /// Exchanges the ramps, also while one of them is run, until new settings are applied.
+    pub fn set_movements(&mut self, movements: &AxisMovements) {
+        self.settings.deceleration = movements.deceleration;
+        self.settings.halt = movements.halt;
+        self.settings.velocity_ramp = movements.velocity_ramp;
     }
 
     /// Settings in force.

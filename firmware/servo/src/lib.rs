@@ -122,7 +122,7 @@ pub use scaling::{PositionScale, VelocityScale};
 pub use scope::{
     SCOPE_CHANNELS, SCOPE_POINTS, Scope, ScopeEdge, ScopeSettings, ScopeSettingsError, ScopeState, ScopeTrigger,
 };
-pub use settings::{AxisParameters, AxisSettings, SettingsError};
+pub use settings::{AxisMovements, AxisParameters, AxisSettings, SettingsError};
 pub use temperature::{Temperature, TemperatureError, TemperatureOutput, TemperatureParameters, TemperatureSettings};
 pub use trajectory::Trajectory;
 pub use travel_range::{Commanded, RangeEnd, RangeMonitor, TravelRange};

@@ -64,6 +64,8 @@ pub struct CommandedTorqueLimits {
     pub negative: CurrentFraction,
     /// Bipolar torque limit S-0-0092; negative counts as zero.
     pub bipolar: CurrentFraction,
+    /// S-0-0085 bit 0: torque data count against the motor. Each end limits the other direction, and keeps its name.
+    pub reversed: bool,
 }
 
 /// Limits of the torque, as the IDNs carry them.
@@ -122,17 +124,10 @@ impl TorqueLimitSettings {
     #[must_use]
     pub fn with_commanded(self, commanded: &CommandedTorqueLimits) -> Self {
         let common = self.peak.or_smaller(commanded.bipolar.to_bits(), Limiting::TORQUE_BIPOLAR);
-        Self {
-            peak: self.peak,
-            positive: common.or_smaller(commanded.positive.to_bits(), Limiting::TORQUE_POSITIVE),
-            negative: common.or_smaller(commanded.negative.saturating_neg().to_bits(), Limiting::TORQUE_NEGATIVE),
-        }
-    }
-
-    /// The same limits for torque data that count against the motor: each end limits the other direction, and keeps its name.
-    #[must_use]
-    pub const fn reversed(self) -> Self {
-        Self { positive: self.negative, negative: self.positive, ..self }
+        let positive = common.or_smaller(commanded.positive.to_bits(), Limiting::TORQUE_POSITIVE);
+        let negative = common.or_smaller(commanded.negative.saturating_neg().to_bits(), Limiting::TORQUE_NEGATIVE);
+        let (positive, negative) = if commanded.reversed { (negative, positive) } else { (positive, negative) };
+        Self { peak: self.peak, positive, negative }
     }
 
     /// The limits of this tick: those of the settings and what the thermal models allow ([`crate::LoadOutput::allowed`]).
@@ -249,6 +244,20 @@ impl VelocityLimits {
         }
     }
 
+    /// What is in force instead of `before` on the way to these limits: wider at once, narrower at once for an axis that is slower, and by
+    /// `step` at a time below the measured velocity of one that is faster. To be asked once in the time of a step.
+    #[must_use]
+    pub fn approached(self, before: &Self, measured: Velocity, step: Velocity) -> Self {
+        let mut limits = self;
+        if self.positive < before.positive {
+            limits.positive = self.positive.max(before.positive.min(measured) - step);
+        }
+        if self.negative > before.negative {
+            limits.negative = self.negative.min(before.negative.max(measured) + step);
+        }
+        limits
+    }
+
     /// The same limits for velocity data that count against the motor: each end limits the other direction, and keeps its name.
     #[must_use]
     pub fn reversed(self) -> Self {
@@ -319,6 +328,7 @@ mod tests {
             positive: CurrentFraction::MAX,
             negative: CurrentFraction::MIN,
             bipolar: CurrentFraction::MAX,
+            reversed: false,
         },
         motor_peak: 20_000,
         amplifier_peak: 20_000,
@@ -326,7 +336,10 @@ mod tests {
 
     fn with(positive: f64, negative: f64, bipolar: f64) -> TorqueLimitParameters {
         let [positive, negative, bipolar] = [positive, negative, bipolar].map(CurrentFraction::saturating_from_num);
-        TorqueLimitParameters { commanded: CommandedTorqueLimits { positive, negative, bipolar }, ..PARAMETERS }
+        TorqueLimitParameters {
+            commanded: CommandedTorqueLimits { positive, negative, bipolar, reversed: false },
+            ..PARAMETERS
+        }
     }
 
     fn limits(parameters: TorqueLimitParameters) -> TorqueLimits {
@@ -417,6 +430,7 @@ mod tests {
                 [positive, negative, bipolar].map(CurrentFraction::from_bits);
             let commanded = CommandedTorqueLimits {
                 positive: commanded_positive, negative: commanded_negative, bipolar: commanded_bipolar,
+                reversed: false,
             };
             let settings =
                 TorqueLimitSettings::new(&TorqueLimitParameters { commanded, motor_peak, amplifier_peak }).unwrap();
@@ -437,6 +451,25 @@ mod tests {
     }
 
     #[test]
+    fn a_narrower_velocity_limit_takes_an_axis_that_is_faster_along_step_by_step() {
+        let rpm = |value: i32| Velocity::from_ten_thousandths_rpm(value * 10_000);
+        let [wide, narrow] = [3_000, 100].map(|limit| VelocityLimits::new(rpm(limit), None, None));
+        let near = |velocity: Velocity, expected: i32| (velocity - rpm(expected)).abs() < Velocity::from_bits(100);
+        // 130 rpm forwards: the other direction is narrow at once.
+        let first = narrow.approached(&wide, rpm(130), rpm(10));
+        assert!(near(first.positive, 120) && near(first.negative, -100), "{first:?}");
+        // The axis lags behind, which holds nothing up.
+        let second = narrow.approached(&first, rpm(128), rpm(10));
+        assert!(near(second.positive, 110), "{second:?}");
+        let third = narrow.approached(&second, rpm(121), rpm(10));
+        assert_eq!(narrow.approached(&third, rpm(115), rpm(10)), narrow);
+        assert_eq!(narrow.approached(&wide, rpm(99), rpm(10)), narrow, "nothing is faster");
+        assert_eq!(wide.approached(&narrow, rpm(100), rpm(10)), wide, "wider at once");
+        let backwards = narrow.approached(&wide, rpm(-500), rpm(10));
+        assert!(near(backwards.positive, 100) && near(backwards.negative, -490), "{backwards:?}");
+    }
+
+    #[test]
     fn a_reversed_limit_keeps_its_name_and_changes_its_direction() {
         let rpm = |value: i32| Velocity::from_ten_thousandths_rpm(value * 10_000);
         let limits = VelocityLimits::new(rpm(3_000), Some(rpm(1_000)), None).reversed();
@@ -444,10 +477,11 @@ mod tests {
         assert_eq!(limits.apply(rpm(4_000)), (rpm(3_000), Limiting::VELOCITY_BIPOLAR));
         assert_eq!(limits.reversed(), VelocityLimits::new(rpm(3_000), Some(rpm(1_000)), None));
 
-        let parameters = with(0.25, -1.0, 1.0);
         let most = CurrentFraction::MAX;
+        let mut parameters = with(0.125, -1.0, 1.0);
         let plain = TorqueLimitSettings::new(&parameters).unwrap().combine(most, most);
-        let reversed = TorqueLimitSettings::new(&parameters).unwrap().reversed().combine(most, most);
+        parameters.commanded.reversed = true;
+        let reversed = TorqueLimitSettings::new(&parameters).unwrap().combine(most, most);
         assert_eq!((reversed.negative, reversed.negative_cause), (-plain.positive, Limiting::TORQUE_POSITIVE));
         assert_eq!((reversed.positive, reversed.positive_cause), (-plain.negative, plain.negative_cause));
     }

@@ -224,6 +224,46 @@ pub struct AxisSettings {
     pub(crate) age: i32,
 }
 
+/// Ramps of an axis, scaled: what may be exchanged while it moves, see [`crate::Axis::set_movements`].
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
+pub struct AxisMovements {
+    pub(crate) deceleration: Acceleration,
+    pub(crate) halt: MotionLimits,
+    pub(crate) velocity_ramp: Option<MotionLimits>,
+}
+
+impl AxisMovements {
+    /// * `fastest`: no velocity command is faster.
+    /// * The others as in [`AxisParameters`].
+    ///
+    /// Divides.
+    ///
+    /// # Errors
+    /// Those of [`MotionLimits::new`].
+    pub fn new(
+        fastest: Velocity,
+        deceleration: Acceleration,
+        halt_deceleration: Acceleration,
+        velocity_ramp: Option<(Acceleration, Acceleration)>,
+        jerk: Option<Jerk>,
+    ) -> Result<Self, SettingsError> {
+        let deceleration = or_unlimited(deceleration);
+        let halt = match halt_deceleration.to_bits() {
+            0 => deceleration,
+            _ => halt_deceleration,
+        };
+        Ok(Self {
+            deceleration,
+            halt: MotionLimits::new(Velocity::MAX, halt, halt, jerk)?,
+            velocity_ramp: match velocity_ramp {
+                Some((up, down)) => Some(MotionLimits::new(fastest, or_unlimited(up), or_unlimited(down), jerk)?),
+                None => None,
+            },
+        })
+    }
+}
+
 /// A quarter of a tick: from 2^-36 to 2^-32 revolution, and two bits more.
 const A_QUARTER: i32 = 1 << 26;
 
@@ -265,22 +305,19 @@ impl AxisSettings {
         if fastest <= Velocity::ZERO {
             return Err(SettingsError::Zero { parameter: "bipolar velocity limit S-0-0091" });
         }
-        let deceleration = or_unlimited(parameters.deceleration);
-        let halt = match parameters.halt_deceleration.to_bits() {
-            0 => deceleration,
-            _ => parameters.halt_deceleration,
-        };
+        let movements = AxisMovements::new(
+            fastest,
+            parameters.deceleration,
+            parameters.halt_deceleration,
+            parameters.velocity_ramp,
+            parameters.jerk,
+        )?;
         Ok(Self {
             age: 0,
             friction: parameters.friction,
             filter: parameters.filter,
-            halt: MotionLimits::new(Velocity::MAX, halt, halt, parameters.jerk)?,
-            velocity_ramp: match parameters.velocity_ramp {
-                Some((up, down)) => {
-                    Some(MotionLimits::new(fastest, or_unlimited(up), or_unlimited(down), parameters.jerk)?)
-                }
-                None => None,
-            },
+            halt: movements.halt,
+            velocity_ramp: movements.velocity_ramp,
             interpolator: InterpolatorSettings::new(parameters.ticks_per_cycle, parameters.modulo)?
                 .with_interpolation(parameters.interpolation)
                 .with_limits(CommandLimits::new(parameters.largest_step, parameters.monitoring_window)),
@@ -297,9 +334,15 @@ impl AxisSettings {
             )?,
             velocity_filter: VelocityFilter::from_microseconds(parameters.velocity_filter),
             velocity_limits: parameters.velocity_limits,
-            deceleration,
+            deceleration: movements.deceleration,
             standstill_window: parameters.standstill_window.abs(),
         })
+    }
+
+    /// Limits of the velocity command in force.
+    #[must_use]
+    pub const fn velocity_limits(&self) -> VelocityLimits {
+        self.velocity_limits
     }
 
     /// Ticks and modulo value of the command interpolation.

@@ -7,7 +7,7 @@ use std::fmt;
 use serde::{Serialize, Serializer};
 
 /// Ident number of a data block (sercos2.md 3.8): bit 15 product-specific, 14..12 parameter set, 11..0 number.
-#[derive(Copy, Clone, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
+#[derive(Copy, Clone, Debug, Default, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub struct Idn(pub u16);
 
 impl Idn {

@@ -77,6 +77,7 @@ impl<B: Bus + Clone, H: Hardware> Motion<B, H> {
         self.until_overdue = if phase < Phase::Cp3 { 0 } else { self.settings.cycle.ticks_to_overdue };
         self.cycles_since_command = 0;
         self.entered_cyclic = phase == Phase::Cp3;
+        self.cyclic_limits.restart(&self.settings.limits);
         match phase {
             Phase::Cp3 => {
                 self.mst.restart();
@@ -100,6 +101,7 @@ impl<B: Bus + Clone, H: Hardware> Motion<B, H> {
 
     /// Which values the cyclic records carry; before CP3.
     pub fn set_records(&mut self, records: Records) {
+        self.cyclic_limits.configure(records.limits());
         self.records = records;
     }
 
@@ -120,7 +122,12 @@ impl<B: Bus + Clone, H: Hardware> Motion<B, H> {
             self.referenced = false;
             self.positioning.forget();
         }
+        self.cyclic_limits.rescale(&self.settings.limits);
         self.apply_axis_settings();
+        if self.cyclic_limits.is_carried() {
+            // Not for a cycle may the parameters be in force in the place of what the MDT carries.
+            self.obey_limits();
+        }
     }
 
     /// The ring's cycle that S-0-0127 has accepted, before CP3 can begin.

@@ -73,6 +73,9 @@ impl<B: Bus + Clone, H: Hardware> Motion<B, H> {
             self.look_before_switching_on();
         }
         self.update_state();
+        if self.cyclic_limits.is_carried() {
+            self.obey_limits();
+        }
         if self.is_positioning() {
             self.position_to_target();
         }
@@ -152,6 +155,7 @@ impl<B: Bus + Clone, H: Hardware> Motion<B, H> {
             }
             Command::PositioningValue => self.commands.positioning_value = long,
             Command::PositioningControl => self.commands.positioning_control = word,
+            Command::Limit(limit) => self.cyclic_limits.take(limit, raw),
         }
     }
 
@@ -176,7 +180,7 @@ impl<B: Bus + Clone, H: Hardware> Motion<B, H> {
         let Polarity { command, additive, .. } = self.settings.torque_polarity;
         let signed = |value: i16, reversed: bool| i64::from(value).wrapping_mul(if reversed { -1 } else { 1 });
         let sum = signed(self.commands.torque, command).wrapping_add(signed(self.commands.additive_torque, additive));
-        self.settings.torque.to_current(sum)
+        self.settings.torque.current_of(sum)
     }
 
     /// Control word bits 11, 9, 8.

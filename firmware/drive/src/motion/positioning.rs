@@ -128,7 +128,8 @@ impl<B: Bus + Clone, H: Hardware> Motion<B, H> {
             Some(TargetSource::Control) => self.controlled_travel(),
             _ => self.targeted_travel(),
         };
-        self.axis.travel(self.settings.positioning.limits, travel);
+        let limits = self.cyclic_limits.movements().positioning.unwrap_or(self.settings.positioning.limits);
+        self.axis.travel(limits, travel);
     }
 
     fn targeted_travel(&mut self) -> Travel {

@@ -66,6 +66,7 @@ impl<B: Bus + Clone, H: Hardware> SignalValues for Values<'_, B, H> {
             Command::AdditiveTorque => commands.additive_torque.cast_unsigned().into(),
             Command::SignalControl => commands.signal_control.into(),
             Command::TargetPosition => commands.target_position.cast_unsigned(),
+            Command::Limit(limit) => self.motion.cyclic_limits.values().get(limit).cast_unsigned(),
             Command::PositioningValue => commands.positioning_value.cast_unsigned(),
             Command::PositioningControl => commands.positioning_control.into(),
         }

@@ -41,7 +41,7 @@ impl<B: Bus + Clone, H: Hardware> Motion<B, H> {
             || self.is_travelling_home()
             || self.is_identifying()
             || self.oscilloscope.is_recording();
-        self.watch_positive_stop() | self.tell_lock() | self.tell_news()
+        self.watch_positive_stop() | self.tell_lock() | self.tell_news() | self.tell_limits()
     }
 
     /// One loop tick of what must not wait for the supervision: a counter that says what no shaft does.

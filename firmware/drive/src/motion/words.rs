@@ -91,7 +91,7 @@ impl<B: Bus + Clone, H: Hardware> Motion<B, H> {
     }
 
     fn shown_torque(&self) -> i64 {
-        let torque = self.settings.torque.from_current(self.shown.current);
+        let torque = self.settings.torque.increments_of(self.shown.current);
         if self.settings.torque_polarity.feedback { torque.wrapping_neg() } else { torque }
     }
 
@@ -153,6 +153,7 @@ impl<B: Bus + Clone, H: Hardware> Motion<B, H> {
         own.set(Manufacturer2::TELEGRAM_LOST, self.loss_shown > 0);
         let known = self.class_1.contains(Class1::MANUFACTURER);
         own.set(Manufacturer2::AMPLIFIER_NOT_READY, !self.inputs.bridge_ready && !torque && !known);
+        own.set(Manufacturer2::LIMIT_OUT_OF_RANGE, self.cyclic_limits.complains());
         own.set(
             Manufacturer2::NOT_CALIBRATED,
             !self.motor.measured().calibrated && self.supervisions > CALIBRATION_TICKS,

@@ -87,8 +87,8 @@ impl Motor {
         self.watch_encoder(surroundings, &mut findings);
         self.watch_temperatures(&mut findings);
         self.watch_loads(&mut findings);
-        let [motor, amplifier] = self.watched.allowed;
-        self.limits = self.settings.torque_limits.combine(motor, amplifier);
+        self.weakening_limit = None;
+        self.combine_limits();
         self.limiting = Limiting::empty();
         if self.bridge_on {
             self.weaken(&mut findings);
@@ -106,6 +106,7 @@ impl Motor {
         self.weakened = output.direct;
         if output.active {
             self.limiting |= Limiting::FIELD_WEAKENING;
+            self.weakening_limit = Some(output.quadrature_limit);
             self.limits = self.limits.narrowed(output.quadrature_limit, Limiting::FIELD_WEAKENING);
         }
         // 97 % of the longest vector, squared.

@@ -7,12 +7,13 @@ use servo::current::{
     Protection, PwmFrequency,
 };
 use servo::{
-    AlignmentSettings, BrakeParameters, BrakeSettings, CommutationSettings, CurrentFraction, EncoderMonitorParameters,
-    EncoderMonitorSettings, Gain, LoadParameters, LoadSettings, Position, SettingsError, TemperatureParameters,
-    TemperatureSettings, TorqueLimitParameters, TorqueLimitSettings, Velocity, VoltageParameters, VoltageSettings,
+    AlignmentSettings, BrakeParameters, BrakeSettings, CommandedTorqueLimits, CommutationSettings, CurrentFraction,
+    EncoderMonitorParameters, EncoderMonitorSettings, Gain, LoadParameters, LoadSettings, Position, SettingsError,
+    TemperatureParameters, TemperatureSettings, TorqueLimitParameters, TorqueLimitSettings, Velocity,
+    VoltageParameters, VoltageSettings,
 };
 
-use super::{InvalidSetting, TorqueScale};
+use super::InvalidSetting;
 use crate::current_control::CurrentSettings;
 
 /// Everything the motor side needs of the parameters, scaled.
@@ -77,7 +78,7 @@ impl MotorSettings {
     /// The first parameter that the motor side cannot work with.
     pub fn new(
         parameters: &Parameters,
-        torque: &TorqueScale,
+        limits: &CommandedTorqueLimits,
         increments: u32,
         maximum_velocity: Velocity,
     ) -> Result<Self, InvalidSetting> {
@@ -193,7 +194,12 @@ impl MotorSettings {
             .map_err(of(P(121)))?,
             has_brake: brake_bits & BRAKE_FITTED != 0,
             aligns_with_open_brake: brake_bits & BRAKE_MAY_OPEN != 0,
-            torque_limits: torque_limits(parameters, torque).map_err(of(S(110)))?,
+            torque_limits: TorqueLimitSettings::new(&TorqueLimitParameters {
+                commanded: *limits,
+                motor_peak: long(S(109)),
+                amplifier_peak: peak,
+            })
+            .map_err(of(S(110)))?,
             weakening: FieldWeakeningSettings::new(&FieldWeakeningParameters {
                 limit: word(P(107)).saturating_mul(10),
                 voltage: 9_300,
@@ -207,17 +213,6 @@ impl MotorSettings {
                 .ok_or(InvalidSetting { idn: P(101), reason: None })?,
         })
     }
-}
-
-/// S-0-0082, S-0-0083, S-0-0092, S-0-0109, S-0-0110, in the direction that bit 0 of S-0-0085 gives torque commands.
-fn torque_limits(parameters: &Parameters, torque: &TorqueScale) -> Result<TorqueLimitSettings, SettingsError> {
-    const COMMAND_REVERSED: u16 = 1 << 0;
-    let limits = TorqueLimitSettings::new(&TorqueLimitParameters {
-        commanded: torque.limits(parameters),
-        motor_peak: parameters.get(S(109)),
-        amplifier_peak: parameters.get(S(110)),
-    })?;
-    Ok(if parameters.get_word(S(85)) & COMMAND_REVERSED != 0 { limits.reversed() } else { limits })
 }
 
 const BRAKE_FITTED: u16 = 1 << 0;

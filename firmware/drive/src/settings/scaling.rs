@@ -95,7 +95,8 @@ pub(super) fn decimal(weighting: &Weighting, scaling_type: u16) -> Result<(u64, 
 }
 
 /// Scaling of accelerations (S-0-0160) and of jerks, which have the same increments a second.
-#[derive(Clone, Copy)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub(super) struct DerivativeScale {
     /// Of 10^-3 rad/s² of the motor in an increment.
     milliradians: Ratio,
@@ -119,20 +120,21 @@ impl DerivativeScale {
         at_motor.map(|milliradians| Self { milliradians }).ok_or(unsupported(162))
     }
 
-    pub(super) fn acceleration(self, parameters: &Parameters, number: u16) -> Acceleration {
-        Acceleration::from_milliradians_per_second_squared(self.milliradians(parameters, number))
+    /// An acceleration of so many increments.
+    pub(super) fn acceleration(self, increments: u32) -> Acceleration {
+        Acceleration::from_milliradians_per_second_squared(self.milliradians(increments))
     }
 
-    /// A jerk limit; `None` for 0, but not for one that is less than a step: that is too small, and no limit at all would be the opposite.
-    pub(super) fn jerk(self, parameters: &Parameters, number: u16) -> Option<Jerk> {
-        let milliradians = self.milliradians(parameters, number);
-        let jerk = Jerk::from_milliradians_per_second_cubed(milliradians);
-        (milliradians != 0).then(|| Jerk::from_bits(jerk.to_bits().max(1)))
+    /// A jerk limit of so many increments; `None` for 0, but not for one that is less than a step: that is too small, and no limit at all
+    /// would be the opposite.
+    pub(super) fn jerk(self, increments: u32) -> Option<Jerk> {
+        let jerk = Jerk::from_milliradians_per_second_cubed(self.milliradians(increments));
+        (increments != 0).then(|| Jerk::from_bits(jerk.to_bits().max(1)))
     }
 
     /// Saturates, and never makes 0 of a value: 0 means "no limit" with some parameters.
-    fn milliradians(self, parameters: &Parameters, number: u16) -> u32 {
-        let value = u128::from(parameters.get(Idn::standard(number)));
+    fn milliradians(self, increments: u32) -> u32 {
+        let value = u128::from(increments);
         let scaled = value.saturating_mul(self.milliradians.numerator.into());
         let scaled = scaled.checked_div(self.milliradians.denominator.into()).unwrap_or(u128::MAX);
         u32::try_from(scaled.max(value.min(1))).unwrap_or(u32::MAX)
@@ -305,10 +307,7 @@ mod tests {
 
     /// rad/s² of the motor for a million increments of S-0-0138.
     fn acceleration(changes: &[(u16, i32)]) -> f64 {
-        let mut parameters = with(changes);
-        parameters.set(Idn::standard(138), 1_000_000).unwrap();
-        let scale = DerivativeScale::new(&parameters).unwrap();
-        f64::from(scale.milliradians(&parameters, 138)) / 1_000.0
+        f64::from(DerivativeScale::new(&with(changes)).unwrap().milliradians(1_000_000)) / 1_000.0
     }
 
     #[test]
@@ -327,13 +326,10 @@ mod tests {
 
     #[test]
     fn an_acceleration_too_small_to_count_is_not_taken_for_no_limit() {
-        let mut parameters = with(&[(160, 0x0A), (162, -10), (136, 1), (349, 1)]);
-        let scale = DerivativeScale::new(&parameters).unwrap();
-        assert_eq!((scale.milliradians(&parameters, 136), scale.milliradians(&parameters, 137)), (1, 0));
-        parameters.set(Idn::standard(162), 9).unwrap();
-        parameters.set(Idn::standard(136), 5).unwrap();
-        let scale = DerivativeScale::new(&parameters).unwrap();
-        assert_eq!(scale.milliradians(&parameters, 136), u32::MAX, "as much as there is");
+        let scale = DerivativeScale::new(&with(&[(160, 0x0A), (162, -10)])).unwrap();
+        assert_eq!((scale.milliradians(1), scale.milliradians(0)), (1, 0));
+        let scale = DerivativeScale::new(&with(&[(160, 0x0A), (162, 9)])).unwrap();
+        assert_eq!(scale.milliradians(5), u32::MAX, "as much as there is");
     }
 
     #[test]

@@ -3,10 +3,10 @@
 use sercos::Idn;
 use sercos::parameters::Parameters;
 use sercos::weighting::{Dimension, Kind};
-use servo::{CommandedTorqueLimits, CurrentFraction, Gain, SettingsError};
+use servo::{CurrentFraction, Gain, SettingsError};
 
+use super::InvalidSetting;
 use super::scaling::{FEED_EXPONENT, Ratio, TWO_PI, decimal, feed, gear, weighting};
-use super::{InvalidSetting, signed};
 
 /// Torque data as currents, and back.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -48,7 +48,7 @@ impl TorqueScale {
     /// The current that makes the torque of so many increments, limited to the peak current.
     #[inline]
     #[must_use]
-    pub fn to_current(&self, increments: i64) -> CurrentFraction {
+    pub fn current_of(&self, increments: i64) -> CurrentFraction {
         let fraction = self.to_fraction.apply(increments);
         CurrentFraction::from_bits(fraction.clamp(-MOST_CURRENT, MOST_CURRENT) as i16)
     }
@@ -56,7 +56,7 @@ impl TorqueScale {
     /// Increments of the torque that a current makes.
     #[inline]
     #[must_use]
-    pub fn from_current(&self, current: CurrentFraction) -> i64 {
+    pub fn increments_of(&self, current: CurrentFraction) -> i64 {
         self.from_fraction.apply(i64::from(current.to_bits()))
     }
 
@@ -70,12 +70,6 @@ impl TorqueScale {
         let scaled = u128::from(increments).saturating_mul(self.milliamperes.numerator.into());
         let scaled = scaled.checked_div(self.milliamperes.denominator.into()).unwrap_or(u128::MAX);
         u32::try_from(scaled).unwrap_or(u32::MAX)
-    }
-
-    /// S-0-0082, S-0-0083 and S-0-0092.
-    pub(super) fn limits(&self, parameters: &Parameters) -> CommandedTorqueLimits {
-        let limit = |number| self.to_current(signed(parameters, number).into());
-        CommandedTorqueLimits { positive: limit(82), negative: limit(83), bipolar: limit(92) }
     }
 }
 
@@ -170,22 +164,18 @@ mod tests {
             let scale = TorqueScale::new(&with(changes)).unwrap();
             // A fraction is 2^-15 of 20 A, which is up to 0.6 increments of 0.001 Nm.
             for increments in [-1_000, -1, 0, 1, 37, 1_000] {
-                let back = scale.from_current(scale.to_current(increments));
+                let back = scale.increments_of(scale.current_of(increments));
                 assert!((back - increments).abs() <= 1, "{increments} reads {back} under {changes:?}");
             }
         }
     }
 
     #[test]
-    fn limits_beyond_the_peak_current_are_the_peak_current() {
-        let mut parameters = with(&[(S(86), 0x0A), (S(94), -1)]);
-        parameters.set(S(92), 65_535).unwrap();
-        parameters.set(S(82), 32_767).unwrap();
-        parameters.set(S(83), (-40_i32 as u32).into()).unwrap();
-        let limits = TorqueScale::new(&parameters).unwrap().limits(&parameters);
-        assert_eq!((limits.positive, limits.bipolar), (CurrentFraction::MAX, CurrentFraction::MAX));
+    fn torques_beyond_the_peak_current_are_the_peak_current() {
+        let scale = TorqueScale::new(&with(&[(S(86), 0x0A), (S(94), -1)])).unwrap();
+        assert_eq!([65_535, -65_535].map(|limit| scale.current_of(limit).to_bits()), [i16::MAX, -i16::MAX]);
         // 4 Nm are 5 A, a quarter of 20 A.
-        let negative = limits.negative.to_num::<f64>();
+        let negative = scale.current_of(-40).to_num::<f64>();
         assert!((negative + 0.25).abs() < 5e-5, "{negative}");
     }
 

@@ -143,7 +143,10 @@ fn the_idn_lists_hold_what_the_reference_asks_for() {
         numbers(Selection::Commands),
         [99, 127, 128, 139, 148, 149, 170, 191, 262, 447, 0x80DC, 0x80E0, 0x80E1, 0x80E2]
     );
-    assert_eq!(numbers(Selection::ConfigurableInMdt), [36, 37, 47, 48, 80, 81, 145, 258, 282, 346]);
+    assert_eq!(
+        numbers(Selection::ConfigurableInMdt),
+        [36, 37, 38, 39, 47, 48, 80, 81, 82, 83, 91, 92, 136, 137, 138, 145, 193, 258, 259, 260, 282, 346, 349]
+    );
     assert_eq!(
         numbers(Selection::ConfigurableInAt),
         [

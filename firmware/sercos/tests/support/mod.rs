@@ -40,6 +40,10 @@ impl Live for Drive {
         self.values.get(&idn).copied().unwrap_or(0)
     }
 
+    fn cyclic(&mut self, idn: Idn) -> Option<u64> {
+        self.values.get(&idn).copied()
+    }
+
     fn read_text(
         &mut self,
         idn: Idn,

@@ -166,17 +166,19 @@ pub struct CommandValues {
     pub positioning: u16,
     /// Drive HALT, control word bit 13 = 0: of all drives, if one of them asks for it.
     pub halt: bool,
+    /// Limits that the MDT carries, with their values as they are transmitted.
+    pub limits: [(Idn, u32); 3],
 }
 
 impl CommandValues {
     /// A position; velocity and torque stay 0.
     pub const fn at_position(position: i32) -> Self {
-        Self { position, velocity: 0, torque: 0, positioning: 0, halt: false }
+        Self { position, velocity: 0, torque: 0, positioning: 0, halt: false, limits: [(Idn(0), 0); 3] }
     }
 
     /// A velocity; position and torque stay 0.
     pub const fn at_velocity(velocity: i32) -> Self {
-        Self { position: 0, velocity, torque: 0, positioning: 0, halt: false }
+        Self { position: 0, velocity, torque: 0, positioning: 0, halt: false, limits: [(Idn(0), 0); 3] }
     }
 
     pub(super) fn bytes_of(self, idn: Idn, length: usize) -> Vec<u8> {
@@ -185,7 +187,10 @@ impl CommandValues {
             Idn::VELOCITY_COMMAND => self.velocity.to_le_bytes().to_vec(),
             Idn::TORQUE_COMMAND => self.torque.to_le_bytes().to_vec(),
             Idn(346) => self.positioning.to_le_bytes().to_vec(),
-            _ => Vec::new(),
+            _ => {
+                let limit = self.limits.into_iter().find(|(limit, _)| *limit == idn);
+                limit.map_or_else(Vec::new, |(_, value)| value.to_le_bytes().to_vec())
+            }
         };
         bytes.resize(length, 0);
         bytes
