@@ -328,8 +328,7 @@ impl Run {
 
     /// Whether every error so far had a cause.
     pub(crate) fn judge(&mut self) -> Result<(), Stop> {
-        // S-0-0262 takes the modulo away with the other settings.
-        if let Some(outside) = self.rig.master().outside().filter(|_| !self.started.contains(&262)) {
+        if let Some(outside) = self.rig.master().outside() {
             let law = "S-0-0051 of a modulo axis is never below 0 and never S-0-0103";
             return Err(Stop::Broken { law: law.to_owned(), detail: format!("S-0-0051 = {outside}") });
         }
