@@ -56,7 +56,6 @@ impl defmt::Format for Limiting {
 
 /// The torque limits that a control sets, as the currents that make them.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-#[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub struct CommandedTorqueLimits {
     /// Positive torque limit S-0-0082; negative counts as zero.
     pub positive: CurrentFraction,

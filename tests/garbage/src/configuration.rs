@@ -50,7 +50,7 @@ pub fn configuration(bytes: &[u8]) {
             assert_eq!(slave.mst(4), Ok(()));
             if let Ok(settings) = scaled {
                 assert!(settings.modes[0].is_some(), "{settings:?}");
-                assert!(settings.ticks_per_cycle > 0 && settings.cycles_per_command > 0, "{settings:?}");
+                assert!(settings.cycle.ticks_per_cycle > 0 && settings.cycle.cycles_per_command > 0, "{settings:?}");
             }
         } else {
             assert_eq!(slave.drive.machine.current(), Phase::Cp3);

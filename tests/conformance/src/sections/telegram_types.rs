@@ -295,9 +295,13 @@ fn carries(slave: &mut Slave, configuration: Configuration, mdt: &[u16], at: &[u
     slave.run_up(phase, configuration)?;
     let mut expected = Vec::new();
     for (index, &idn) in (1_u32..).zip(mdt) {
-        let value = match bytes_of(idn) {
-            2 => 0x0120 + index,
-            _ => 0x0012_3400 + index,
+        // The negative limits are not above 0.
+        let is_negative = dictionary::find(sercos::Idn(idn)).is_some_and(|block| block.maximum == Some(0));
+        let value = match (bytes_of(idn), is_negative) {
+            (2, false) => 0x0120 + index,
+            (2, true) => 0xFEE0 - index,
+            (_, false) => 0x0012_3400 + index,
+            (_, true) => 0xFFED_CC00 - index,
         };
         slave.commands.extend(&value.to_le_bytes()[..usize::from(bytes_of(idn))]);
         expected.push((idn, value));
