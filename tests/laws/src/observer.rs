@@ -64,6 +64,7 @@ impl Observer {
             settings,
             machine,
             disturbed: None,
+            written: None,
             troubled: None,
             deceived: false,
             pins_changed: None,
@@ -157,6 +158,7 @@ impl Observer {
         match heard {
             Heard::Written(idn, Element::Data, words) => {
                 scene.settings.note(*idn, words.clone());
+                scene.written = Some(scene.now);
                 if REZEROES.contains(&idn.0) {
                     scene.rezeroed = Some(scene.now);
                 }

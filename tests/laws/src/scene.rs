@@ -33,6 +33,8 @@ pub struct Scene {
     pub cycle: Nanoseconds,
     /// When the load, or another torque from outside, last changed; a seized shaft and a shaft that is let go count too.
     pub disturbed: Option<Nanoseconds>,
+    /// When the service channel last wrote something.
+    pub written: Option<Nanoseconds>,
     /// When something outside the drive was last not as it should be.
     pub troubled: Option<Nanoseconds>,
     /// A sensor of current or position shows, or has shown since the bridge came on, what is not so.
@@ -89,10 +91,13 @@ impl Scene {
         Some(if counts == shows { 1.0 } else { -1.0 })
     }
 
-    /// Some polarity or counting direction is not the plain one.
+    /// Whether a movement or a torque of the shaft is positive for a limit of one sign, which bit 0 of S-0-0043 or S-0-0085 turns round;
+    /// `None` while that is not known.
     #[must_use]
-    pub fn is_turned(&self) -> bool {
-        [43, 55, 85, 277].iter().any(|idn| self.settings.word(Idn(*idn)).is_none_or(|word| word & 0xF != 0))
+    pub fn is_positive(&self, value: f64, polarity: Idn) -> Option<bool> {
+        let turned = self.settings.word(polarity)? & 1 != 0;
+        // With bit 3 of S-0-0277 the drive's own positive direction is another one than the machine's.
+        (self.settings.word(Idn(277))? & 8 == 0).then_some((value > 0.0) != turned)
     }
 
     /// The operation mode that the control word asks for.
@@ -170,7 +175,8 @@ impl Scene {
     pub fn is_at_its_limit(&self) -> bool {
         let [d, q] = self.sight.machine.current;
         let starved = self.sight.machine.bus_voltage < 0.9 * self.machine.supply.voltage;
-        starved || self.current_limit(q > 0.0).is_none_or(|limit| d.hypot(q) > 0.9 * limit)
+        let limit = self.is_positive(q, Idn(85)).and_then(|positive| self.current_limit(positive));
+        starved || limit.is_none_or(|limit| d.hypot(q) > 0.9 * limit)
     }
 
     /// So many cycles, and so many microseconds beyond them.

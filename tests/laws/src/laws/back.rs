@@ -13,7 +13,7 @@ const PATIENCE: Nanoseconds = Nanoseconds::from_millis(5_000);
 /// Nothing outside has changed for so long: supply, load, pins.
 const QUIET: Nanoseconds = Nanoseconds::from_millis(500);
 /// In operation so long without an error, it is back.
-const BACK: Nanoseconds = Nanoseconds::from_millis(20);
+const BACK: Nanoseconds = Nanoseconds::from_millis(250);
 /// A command may be this share of S-0-0159 away.
 const NEAR: f64 = 0.5;
 /// rad/s: 3 rpm.
@@ -31,11 +31,24 @@ pub(crate) struct Back {
 struct Begun {
     edge: Nanoseconds,
     control: u16,
-    commands: Vec<(Idn, u32)>,
     operates: Option<Nanoseconds>,
 }
 
 impl Back {
+    /// The command is near the shaft, and near enough at every cycle.
+    fn asks_for_rest(scene: &Scene) -> bool {
+        let settings = &scene.settings;
+        match scene.asked_mode() {
+            Some(3 | 11) => {
+                let window = settings.unsigned(Idn(159)).unwrap_or(0) as f64;
+                let known = scene.units.zip(scene.position_feedback()).zip(scene.position_command());
+                known.is_some_and(|((units, feedback), command)| units.way(feedback, command).abs() <= NEAR * window)
+            }
+            Some(2) => [36, 37].iter().all(|idn| scene.wire.command(Idn(*idn)).unwrap_or(0) == 0),
+            _ => false,
+        }
+    }
+
     /// Nothing stands in the way of an axis that is to be switched on.
     fn may_come(scene: &Scene) -> bool {
         let (machine, settings) = (&scene.sight.machine, &scene.settings);
@@ -48,16 +61,7 @@ impl Back {
             && scene.wire.phase == 4
             && !scene.wire.has_error()
             && scene.machine.brake.is_none();
-        let at_rest = match scene.asked_mode() {
-            Some(3 | 11) => {
-                let window = settings.unsigned(Idn(159)).unwrap_or(0) as f64;
-                let known = scene.units.zip(scene.position_feedback()).zip(scene.position_command());
-                known.is_some_and(|((units, feedback), command)| units.way(feedback, command).abs() <= NEAR * window)
-            }
-            Some(2) => [36, 37].iter().all(|idn| scene.wire.command(Idn(*idn)).unwrap_or(0) == 0),
-            _ => false,
-        };
-        sound && motor && free && at_rest
+        sound && motor && free && Self::asks_for_rest(scene)
     }
 }
 
@@ -77,12 +81,11 @@ impl Law for Back {
                 self.begun = wire.edge.filter(|_| fits).map(|edge| Begun {
                     edge,
                     control: wire.control & 0xEB00,
-                    commands: wire.commands().to_vec(),
                     operates: None,
                 });
             }
             Event::Record => {
-                let same = |begun: &Begun| wire.control & 0xEB00 == begun.control && wire.commands() == begun.commands;
+                let same = |begun: &Begun| wire.control & 0xEB00 == begun.control && Self::asks_for_rest(scene);
                 if !self.begun.as_ref().is_some_and(same) {
                     self.begun = None;
                 }
@@ -163,7 +166,7 @@ mod tests {
     fn an_edge_with_nothing_in_its_way_brings_the_axis_into_operation() {
         let mut kept = fake();
         kept.run(500, 0xE000, 0x8000);
-        kept.run(20, 0xE000, 0xC008);
+        kept.run(140, 0xE000, 0xC008);
         assert_eq!((kept.broken(), kept.armed()), (None, 1));
         let mut never = fake();
         never.run(3_000, 0xE000, 0x8000);

@@ -40,6 +40,12 @@ impl Law for Feedback {
             self.session = wire.phase_since;
             return Verdict::Silent;
         }
+        if let (Some(units), Some(shown)) = (scene.units.filter(|units| units.is_modulo), scene.position_feedback())
+            && wire.answers > 3
+            && !(0.0..units.modulo).contains(&shown)
+        {
+            return Verdict::Broken(format!("S-0-0051 shows {shown}, and S-0-0103 is {}", units.modulo));
+        }
         // What the AT shows was captured at t4 of the cycle before. A cycle without an MST has its own idea of t4.
         let regular = wire.mst.0.abs_diff(wire.mst_before.0 + scene.cycle.0) <= JITTER.0;
         let (Some(units), Some(sense), Some(shown)) = (scene.units, scene.sense(), scene.position_feedback()) else {
@@ -99,6 +105,21 @@ mod tests {
             let mut fake = Fake::in_cp4(Feedback::default());
             turn(&mut fake, 20, wrong, 0.0);
             assert!(fake.broken().is_some(), "{wrong}");
+        }
+    }
+
+    #[test]
+    fn a_modulo_position_is_less_than_its_modulo() {
+        for (shown, lawful) in [(0, true), (3_599_999, true), (3_600_000, false), (-1, false)] {
+            let mut fake = Fake::in_cp4(Feedback::default());
+            fake.write(76, &[0x82]);
+            fake.run(200, 0, 0x8000);
+            fake.data[1] = i32::to_le_bytes(shown).to_vec();
+            fake.write(52, &[0, 0]);
+            fake.write(447, &[3]);
+            fake.write(447, &[0]);
+            fake.run(100, 0, 0x8000);
+            assert_eq!(fake.broken().is_none(), lawful, "{shown}: {:?}", fake.broken());
         }
     }
 

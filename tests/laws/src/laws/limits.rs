@@ -33,11 +33,7 @@ impl Law for Current {
         let wire = &scene.wire;
         let operates = wire.phase == 4 && status::readiness(wire.status) == 3 && !scene.deceived;
         let q = scene.sight.machine.current[1];
-        let limit = if scene.is_turned() {
-            scene.current_limit(true).zip(scene.current_limit(false)).map(|(positive, negative)| positive.max(negative))
-        } else {
-            scene.current_limit(q > 0.0)
-        };
+        let limit = scene.is_positive(q, Idn(85)).and_then(|positive| scene.current_limit(positive));
         let (Some(limit), Some(peak), true) = (limit, scene.settings.unsigned(Idn(110)), operates) else {
             self.0.end();
             return Verdict::Silent;
@@ -54,7 +50,7 @@ impl Law for Current {
 pub(crate) struct Velocity(Lasting);
 
 impl Velocity {
-    /// In rad/s, for a movement of the shaft of this sign.
+    /// In rad/s, for velocities of this sign.
     fn limit(scene: &Scene, positive: bool) -> Option<f64> {
         let units = scene.units?;
         let settings = &scene.settings;
@@ -65,11 +61,7 @@ impl Velocity {
             let value = settings.signed(Idn(idn))?.unsigned_abs() as f64 * units.velocity;
             Some(if value == 0.0 { bipolar } else { value.min(bipolar) })
         };
-        match (scene.is_turned(), positive) {
-            (true, _) => Some(side(38)?.max(side(39)?)),
-            (_, true) => side(38),
-            (_, false) => side(39),
-        }
+        if positive { side(38) } else { side(39) }
     }
 }
 
@@ -81,7 +73,8 @@ impl Law for Velocity {
     fn judge(&mut self, event: &Event<'_>, scene: &Scene) -> Verdict {
         let (Event::Look, true) = (event, scene.sight.bridge) else { return Verdict::Silent };
         let machine = &scene.sight.machine;
-        let limit = Self::limit(scene, machine.velocity > 0.0).filter(|_| scene.is_left_alone(GRACE));
+        let positive = scene.is_positive(machine.velocity, Idn(43)).filter(|_| scene.is_left_alone(GRACE));
+        let limit = positive.and_then(|positive| Self::limit(scene, positive));
         let Some(limit) = limit else {
             self.0.end();
             return Verdict::Silent;
@@ -188,6 +181,28 @@ mod tests {
             fake.sight.machine.torque = rpm;
             fake.run(20, 0xE000, 0xC008);
             assert_eq!(fake.broken().is_none(), lawful, "{rpm}");
+        }
+    }
+
+    #[test]
+    fn a_limit_turns_round_with_its_polarity() {
+        for (polarity, rpm, lawful) in [(0, 100.0, true), (0, -100.0, false), (7, 100.0, false), (7, -100.0, true)] {
+            let mut fake = Fake::in_cp4(Velocity::default());
+            let limit = -500_000_i32;
+            fake.write(39, &[limit as u16, (limit >> 16) as u16]);
+            fake.write(43, &[polarity]);
+            fake.sight.bridge = true;
+            fake.sight.machine.velocity = rpm / 60.0 * TAU;
+            fake.sight.machine.torque = rpm;
+            fake.run(20, 0xE000, 0xC008);
+            assert_eq!(fake.broken().is_none(), lawful, "{polarity} {rpm}");
+            let mut fake = Fake::in_cp4(Current::default());
+            fake.write(83, &[-500_i16 as u16]);
+            fake.write(85, &[polarity]);
+            fake.sight.bridge = true;
+            fake.sight.machine.current = [0.0, rpm / 20.0];
+            fake.run(20, 0xE000, 0xC008);
+            assert_eq!(fake.broken().is_none(), lawful, "{polarity} {rpm}");
         }
     }
 

@@ -2,6 +2,7 @@
 
 use ring::Nanoseconds;
 use ring::ident::{Element, Idn};
+use ring::service_client::status;
 
 use crate::dialogue::Heard;
 use crate::law::{Event, Law, Verdict};
@@ -9,6 +10,10 @@ use crate::scene::Scene;
 
 /// What has been so within this before an error may be its cause.
 const MEMORY: Nanoseconds = Nanoseconds::from_millis(1_500);
+/// What was not so within this is no cause of an error: loops and filters have settled.
+const QUIET: Nanoseconds = Nanoseconds::from_millis(200);
+/// An MST that comes so much too early or too late is not in time.
+const JITTER: Nanoseconds = Nanoseconds::from_microseconds(1);
 /// A share of S-0-0159 at which a following distance may be said to have been too large: between the looks it may have been more.
 const NEARLY: f64 = 0.5;
 
@@ -27,6 +32,12 @@ pub(crate) struct TrueErrors {
     link_was_high: Option<Nanoseconds>,
     was_far: Option<Nanoseconds>,
     was_beyond: Option<Nanoseconds>,
+    /// When a command stepped by more than half of what S-0-0091 allows, or the motor was at its limit.
+    was_hard: Option<Nanoseconds>,
+    /// When a telegram of the master was late or lost.
+    was_irregular: Option<Nanoseconds>,
+    command: Option<f64>,
+    record: Nanoseconds,
     /// When the error came that is shown; only its own past counts.
     error: Option<Nanoseconds>,
 }
@@ -45,9 +56,16 @@ impl TrueErrors {
         if volts(105).is_none_or(|most| bus > 0.95 * most) {
             self.link_was_high = now;
         }
+        if scene.is_at_its_limit() || scene.command.is_some() {
+            self.was_hard = now;
+        }
     }
 
     fn compare(&mut self, scene: &Scene) {
+        if scene.now.saturating_sub(self.record) > scene.cycles(1, 100) {
+            self.was_irregular = Some(scene.now);
+        }
+        self.record = scene.now;
         let known = scene.units.zip(scene.position_feedback()).zip(scene.position_command());
         let Some(((units, feedback), command)) = known else {
             // Commands that are not seen may be anything.
@@ -59,6 +77,12 @@ impl TrueErrors {
         let way = units.way(feedback, command);
         if way.abs() > NEARLY * window {
             self.was_far = Some(scene.now);
+        }
+        let step = self.command.replace(command).map_or(0.0, |from| units.way(from, command).abs());
+        let seconds = scene.cycle.as_seconds();
+        let allowed = number(91).unwrap_or(0.0) * units.velocity / core::f64::consts::TAU * units.increments * seconds;
+        if step > 0.5 * allowed || !scene.asks_for_position() {
+            self.was_hard = Some(scene.now);
         }
         // What comes next is as far away as a cycle of this speed.
         let next = scene.sight.machine.velocity.abs() / core::f64::consts::TAU
@@ -74,6 +98,17 @@ impl TrueErrors {
         if beyond(feedback) || beyond(command) || beyond(target) {
             self.was_beyond = Some(scene.now);
         }
+    }
+
+    /// Nothing was asked that is not allowed, nothing outside was wrong, and the axis followed: there is no cause for an error.
+    fn is_without_cause(&self, scene: &Scene) -> bool {
+        let wire = &scene.wire;
+        let memories =
+            [self.was_far, self.was_beyond, self.was_hard, self.was_irregular, scene.written, scene.troubled];
+        let recent = memories.into_iter().any(|then| scene.within(then, QUIET));
+        let followed = wire.status_before & status::FOLLOWS != 0 && wire.asks_to_follow() && scene.sight.bridge;
+        let monitored = scene.settings.unsigned(Idn(159)).is_some_and(|window| window > 0);
+        followed && monitored && !recent && scene.is_operating() && scene.is_left_alone(MEMORY)
     }
 
     fn judge_bits(&self, bits: u16, scene: &Scene) -> Verdict {
@@ -130,6 +165,13 @@ impl Law for TrueErrors {
                 self.remember(scene);
                 Verdict::Silent
             }
+            Event::Mst => {
+                let wire = &scene.wire;
+                if wire.mst.0.abs_diff(wire.mst_before.0 + scene.cycle.0) > JITTER.0 {
+                    self.was_irregular = Some(scene.now);
+                }
+                Verdict::Silent
+            }
             Event::Record => {
                 self.compare(scene);
                 Verdict::Silent
@@ -143,6 +185,10 @@ impl Law for TrueErrors {
                     return Verdict::Silent;
                 }
                 self.error = Some(scene.now);
+                if self.is_without_cause(scene) {
+                    let words = "the axis followed, nothing was asked that is not allowed, nothing is wrong, and an error is shown";
+                    return Verdict::Broken(words.to_owned());
+                }
                 match scene.wire.feedback(Idn(390)) {
                     Some(number) => self.judge_number(number as u16, scene),
                     None => match scene.wire.feedback(Idn::CLASS_1_DIAGNOSTIC) {
@@ -184,6 +230,24 @@ mod tests {
         for number in [0xF105, 0xF109, 0xF10B, 0xF10D, 0xF112] {
             assert!(error(number, |_| {}).broken().is_some(), "{number:X}");
         }
+    }
+
+    #[test]
+    fn an_axis_that_follows_what_is_allowed_does_not_fail() {
+        let life = |cycles: usize, step: i32| {
+            let mut fake = Fake::in_cp4(TrueErrors::default());
+            fake.write(32, &[11]);
+            fake.cycle(0, 0x8000);
+            fake.sight.bridge = true;
+            fake.run(cycles, 0xE000, 0xC008);
+            fake.data = [step.to_le_bytes().to_vec(), step.to_le_bytes().to_vec()];
+            fake.cycle(0xE000, 0xC008);
+            fake.run(3, 0xE000, 0xE000);
+            fake
+        };
+        assert!(life(1_000, 1_000).broken().is_some());
+        assert_eq!(life(50, 1_000).broken(), None, "too soon after the writing");
+        assert_eq!(life(1_000, 1_000_000).broken(), None, "a jump");
     }
 
     #[test]
