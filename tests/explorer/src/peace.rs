@@ -17,6 +17,8 @@ const FOLLOW: u8 = 7;
 const SWITCHING_ON: Nanoseconds = Nanoseconds::from_millis(3_000);
 /// An axis that coasts with friction alone.
 const COASTING: Nanoseconds = Nanoseconds::from_millis(20_000);
+/// The longest that a brake takes to close.
+const BRAKING: Nanoseconds = Nanoseconds::from_millis(1_500);
 /// Where the commutation angle stands, and whether it is known.
 const COMMUTATION_ANGLE: u16 = 0x8000 | 118;
 const COMMUTATION_STATE: u16 = 0x8000 | 119;
@@ -58,6 +60,11 @@ fn stand(run: &mut Run) -> Result<(), Stop> {
     let until = run.rig.world.now() + COASTING;
     while run.rig.rpm().abs() > 0.5 && run.rig.world.now() < until {
         run.rig.run(Nanoseconds::from_millis(10))?;
+    }
+    // A brake takes its time; the torque stays until it holds.
+    let until = run.rig.world.now() + BRAKING;
+    while run.rig.bridge_is_on() && run.rig.world.now() < until {
+        run.rig.run(Nanoseconds::from_millis(5))?;
     }
     Ok(())
 }

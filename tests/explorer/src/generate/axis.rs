@@ -225,7 +225,9 @@ fn polarity(dice: &mut Dice, axis: &mut Axis) {
         if idn == 55 {
             // A control whose command and feedback count against each other has no position to speak of.
             value = if value & 1 != 0 { value | 5 } else { value & 2 };
-            if dice.chance(30) {
+            // An endless axis has no limits: the drive refuses the two together.
+            let endless = Units::of(axis).modulo.is_some();
+            if dice.chance(if endless { 3 } else { 35 }) {
                 value |= 0x10;
             }
         }
