@@ -398,6 +398,7 @@ impl<B: Bus + Clone, H: Hardware> Motion<B, H> {
         if self.cyclic_limits.is_carried() {
             self.choose_limits(state);
         }
+        self.watch_positioning(state);
         let mode = match (state, self.mode) {
             (DriveState::Off | DriveState::Fault, _) => Mode::Off,
             // Without an angle there is no torque that a loop could use.
@@ -409,7 +410,7 @@ impl<B: Bus + Clone, H: Hardware> Motion<B, H> {
             (DriveState::Halted | DriveState::SwitchingOn | DriveState::Engaging, _) => Mode::Halt,
             (DriveState::Following, Some(OperationMode::Torque)) => Mode::Torque,
             (DriveState::Following, Some(OperationMode::Velocity)) => Mode::Velocity,
-            (DriveState::Following, Some(mode)) if mode.target_source().is_some() => Mode::Travel,
+            (DriveState::Following, _) if self.is_positioning() => Mode::Travel,
             (DriveState::Following, _) => Mode::Position,
         };
         let without_lag = self.mode.is_some_and(OperationMode::is_without_lag);
@@ -417,7 +418,6 @@ impl<B: Bus + Clone, H: Hardware> Motion<B, H> {
             self.without_lag = without_lag;
             self.apply_axis_settings();
         }
-        self.watch_positioning(state);
         if mode != self.axis.mode() {
             // An axis that stands although it is to move, because it is blocked, has a ramp before it.
             self.output.standstill &= self.output.velocity_command.abs() <= self.settings.standstill_window;

@@ -57,6 +57,8 @@ pub(crate) struct Motor {
     aligning: Option<(u32, CurrentFraction, CurrentFraction)>,
     /// The angle that an identification holds, and what it asks for there.
     held: Option<(u32, CurrentRequest)>,
+    /// Ticks of the supervision until the voltages of an order that was held have died away.
+    disturbed: u8,
     commutation: Option<CommutationAngle>,
     brake_output: BrakeOutput,
     /// Flux-producing current that weakens the field.
@@ -136,6 +138,7 @@ impl Motor {
             brake,
             brake_output,
             held: None,
+            disturbed: 0,
             direct_command: CurrentFraction::ZERO,
             aligning: None,
             commanded: CurrentFraction::ZERO,

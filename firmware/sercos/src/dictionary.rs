@@ -282,9 +282,9 @@ dictionary! {
     /// Added to S-0-0047: the angle of this axis against the line shaft.
     S 48 "Additive position command value" [position] I32 written ALWAYS (-2_147_483_648 to 2_147_483_647) = 0 => Live, in_mdt;
     /// Highest position, while bit 4 of S-0-0055 is set and the axis is homed; not below S-0-0050. Beyond it the axis may be held and go back.
-    S 49 "Positive position limit value" [position] I32 written ALWAYS (-2_147_483_648 to 2_147_483_647) = 2_147_483_647 => Parameter, stored, restricted;
+    S 49 "Positive position limit value" [position] I32 written ALWAYS (-2_147_483_648 to 2_147_483_647) = 2_147_483_647 => Parameter, stored, needed_for_cp4, restricted;
     /// Lowest position, while bit 4 of S-0-0055 is set and the axis is homed.
-    S 50 "Negative position limit value" [position] I32 written ALWAYS (-2_147_483_648 to 2_147_483_647) = -2_147_483_647 => Parameter, stored, restricted;
+    S 50 "Negative position limit value" [position] I32 written ALWAYS (-2_147_483_648 to 2_147_483_647) = -2_147_483_647 => Parameter, stored, needed_for_cp4, restricted;
     /// Position of the motor encoder, captured at t4.
     S 51 "Position feedback value 1 (motor feedback)" [position] I32 written NEVER () = 0 => Live, in_at;
     /// Position that S-0-0148 and S-0-0447 give to the place where the motor stands. Not while S-0-0148 is set (700CH).

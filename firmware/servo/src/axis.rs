@@ -217,7 +217,8 @@ impl Axis {
             Mode::Stopping => self.ramp = Ramp::new(setpoint),
             Mode::Braking => {}
             Mode::Position => {
-                self.interpolator.start(&self.settings.interpolator, setpoint.position, setpoint.velocity, self.ranges);
+                let ranges = self.ranges_near(setpoint.position);
+                self.interpolator.start(&self.settings.interpolator, setpoint.position, setpoint.velocity, ranges);
             }
             Mode::Halt => self.trajectory = Trajectory::start(setpoint),
             Mode::Travel => {
@@ -270,7 +271,8 @@ impl Axis {
     pub fn would_follow(&self, command: Position) -> Result<(), CommandJump> {
         let setpoint = self.hand_over(Mode::Position);
         let mut interpolator = self.interpolator;
-        interpolator.start(&self.settings.interpolator, setpoint.position, setpoint.velocity, self.ranges);
+        let ranges = self.ranges_near(setpoint.position);
+        interpolator.start(&self.settings.interpolator, setpoint.position, setpoint.velocity, ranges);
         interpolator.command(&self.settings.interpolator, command)
     }
 
@@ -324,9 +326,6 @@ impl Axis {
     pub fn tick(&mut self, measured: Position, limits: &TorqueLimits) -> AxisOutput {
         let moved = Velocity::of_a_tick(measured - self.measured);
         self.measured = measured;
-        if let Some(modulo) = self.settings.interpolator.modulo() {
-            self.ranges.wrap(modulo, measured);
-        }
         if self.mode != Mode::Position {
             return self.tick_without_commands(moved, limits);
         }
@@ -487,6 +486,21 @@ impl Axis {
         self.velocity_loop.preset(wanted);
         output.current = wanted;
         output.limiting = limiting;
+    }
+
+    /// Keeps the modulo range near the axis: to be called once in [`crate::LOOP_TICKS_PER_SUPERVISION`] ticks at least.
+    #[inline]
+    pub fn follow_ranges(&mut self) {
+        self.ranges = self.ranges_near(self.measured);
+    }
+
+    #[inline]
+    fn ranges_near(&self, position: Position) -> ModuloCounter {
+        let mut ranges = self.ranges;
+        if let Some(modulo) = self.settings.interpolator.modulo() {
+            ranges.wrap(modulo, position);
+        }
+        ranges
     }
 
     /// A measured position near that of the last tick (the latch of t4) as cyclic data show it: within `0 ..` modulo value,

@@ -133,8 +133,8 @@ impl InterpolatorSettings {
 const A_THIRD: i32 = 1_431_655_765;
 /// Bits of a slope below a position step: the line runs in 2^-48 revolution.
 const FINE_BITS: u32 = 16;
-/// Longest line in position steps: 64 revolutions, four times the way at [`Velocity::MAX`] in the longest cycle.
-const DISTANCE_LIMIT: i64 = 1 << 38;
+/// Longest line in whole revolutions, four times the way at [`Velocity::MAX`] in the longest cycle.
+const LONGEST: i32 = 64;
 
 /// Where the line ends, in 2^-48 revolution: half a position step, so that cutting to steps is rounding to the nearest, and a slope that
 /// was rounded down ends at the command.
@@ -233,9 +233,9 @@ impl Interpolator {
         if self.starting || settings.limits.is_passed_by((target - self.target).to_bits()) {
             self.look_at(settings, target)?;
         }
-        let distance = (target - here).to_bits().clamp(-DISTANCE_LIMIT, DISTANCE_LIMIT);
+        let distance = limited((target - here).to_bits());
         // From command to command, not from here: what an extrapolation was off by must not come back as a velocity, and grow.
-        let commanded = (target - self.target).to_bits().clamp(-DISTANCE_LIMIT, DISTANCE_LIMIT);
+        let commanded = limited((target - self.target).to_bits());
         let way = self.per_cycle(settings, commanded);
         self.target = target;
         self.place = END.wrapping_sub(distance << FINE_BITS);
@@ -278,6 +278,12 @@ impl Interpolator {
     /// Cycles since the last command: one, or as many as commands were missing more, up to three.
     #[inline]
     fn cycles_since_command(&self, settings: &InterpolatorSettings) -> u64 {
+        // At the end of the path, or before it.
+        if self.overdue == 0 { 1 } else { self.cycles_without_command(settings) }
+    }
+
+    #[cold]
+    fn cycles_without_command(&self, settings: &InterpolatorSettings) -> u64 {
         let cycle = u32::from(settings.ticks_per_cycle);
         let ticks = cycle.saturating_sub(self.line.max(self.curve).into()).saturating_add(self.overdue.into());
         let half_cycles = ticks.saturating_mul(2);
@@ -410,10 +416,33 @@ impl Interpolator {
     }
 }
 
+/// A way in position steps, at most as long as the longest line. Of most the whole revolutions say that they are shorter.
+#[inline]
+const fn limited(way: i64) -> i64 {
+    const LIMIT: i64 = (LONGEST as i64) << 32;
+    let revolutions = (way >> 32) as i32;
+    if revolutions >= LONGEST {
+        LIMIT
+    } else if revolutions < -LONGEST {
+        -LIMIT
+    } else {
+        way
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
     use proptest::prelude::*;
+
+    proptest! {
+        #[test]
+        fn a_way_is_limited_to_64_revolutions(way in any::<i64>(), near in -3_i64..=3, bits in 0_u32..64) {
+            for way in [way >> bits, (64 << 32) + near, near - (64 << 32)] {
+                prop_assert_eq!(limited(way), way.clamp(-64 << 32, 64 << 32));
+            }
+        }
+    }
 
     fn settings(ticks: u16) -> InterpolatorSettings {
         InterpolatorSettings::new(ticks, None).unwrap()

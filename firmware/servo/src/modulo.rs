@@ -90,9 +90,13 @@ impl Modulo {
     }
 }
 
+/// Most ranges that a counter follows in a call. In a tick of the supervision an axis turns through two of the shortest ranges, 1/16 revolution
+/// each, at [`crate::Velocity::MAX`]; what is asked for beside the axis, its set-point or the latch of t4, may be ahead of it by as much again.
+const FARTHEST: usize = 4;
+
 /// Where the current modulo range begins in the unbounded position.
 ///
-/// Follows the position by at most one range a call: right as long as the position moves less than the modulo value between calls.
+/// Follows the position by a few ranges a call, see [`FARTHEST`].
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub struct ModuloCounter {
@@ -116,29 +120,54 @@ impl ModuloCounter {
     #[inline]
     pub fn wrap(&mut self, modulo: &Modulo, position: Position) -> Position {
         let within = position.to_bits().wrapping_sub(self.begin);
-        if within < 0 {
-            self.step_down(modulo);
-        } else if within >= modulo.whole {
-            let mut next = *self;
-            next.step_up(modulo);
-            if position.to_bits().wrapping_sub(next.begin) >= 0 {
+        // A negative one is a large one.
+        if within.cast_unsigned() >= modulo.whole.cast_unsigned() {
+            return self.step_to(modulo, position);
+        }
+        Position::from_bits(within)
+    }
+
+    /// The position is in another range.
+    #[cold]
+    #[inline(never)]
+    fn step_to(&mut self, modulo: &Modulo, position: Position) -> Position {
+        let within = |counter: &Self| position.to_bits().wrapping_sub(counter.begin);
+        for _ in 0..FARTHEST {
+            if within(self) < 0 {
+                self.step_down(modulo);
+            } else if within(self) >= modulo.whole {
+                let mut next = *self;
+                next.step_up(modulo);
+                if within(&next) < 0 {
+                    break;
+                }
                 *self = next;
+            } else {
+                break;
             }
         }
-        Position::from_bits(position.to_bits().wrapping_sub(self.begin))
+        Position::from_bits(within(self))
     }
 
     /// The unbounded position nearest to `reference` that `command` names, following the ranges.
     #[inline]
     pub(crate) fn unwrap_nearest(&mut self, modulo: &Modulo, command: Position, reference: Position) -> Position {
         let distance = command.to_bits().wrapping_add(self.begin).wrapping_sub(reference.to_bits());
-        let half = modulo.whole >> 1;
-        if distance > half {
-            self.step_down(modulo);
-        } else if distance < half.wrapping_neg() {
-            self.step_up(modulo);
+        if distance.unsigned_abs() > modulo.whole.cast_unsigned() >> 1 {
+            self.step_towards(modulo, distance);
         }
         Position::from_bits(command.to_bits().wrapping_add(self.begin))
+    }
+
+    /// The command is in the next range, or in the one before.
+    #[cold]
+    #[inline(never)]
+    fn step_towards(&mut self, modulo: &Modulo, distance: i64) {
+        if distance > 0 {
+            self.step_down(modulo);
+        } else {
+            self.step_up(modulo);
+        }
     }
 
     #[inline]

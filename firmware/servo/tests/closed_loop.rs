@@ -6,7 +6,7 @@ use bench::{Bench, Master, degrees, is_limited, largest, modulo_of, parameters, 
 use plant::{Coupling, ReferenceAxis};
 use servo::{
     Acceleration, AxisOutput, AxisSettings, CommandSource, CurrentFilterSettings, CurrentFraction, FilterSection,
-    Limiting, Mode, Modulo, Position, TorqueLimits, Velocity,
+    LOOP_TICKS_PER_SUPERVISION, Limiting, Mode, Modulo, Position, TorqueLimits, Velocity,
 };
 
 const TAU: f64 = std::f64::consts::TAU;
@@ -470,6 +470,9 @@ fn the_integers_are_the_ones_that_every_machine_must_give() {
         noise = noise.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
         measured += 4_375_000 + (noise >> 44) as i64 - (1 << 19);
         let output = axis.tick(Position::from_bits(measured), &limits);
+        if tick % i64::from(LOOP_TICKS_PER_SUPERVISION) == 3 {
+            axis.follow_ranges();
+        }
         for word in [
             i64::from(output.current.to_bits()),
             output.following_error.to_bits(),

@@ -220,7 +220,7 @@ const TABLE: &[Row] = &[
     row(Fault::Overload, &[(AtSpeed, Torque)], Warning, None, 0xE010, NoError),
     row(Fault::AxisBlocked, WHEN_SWITCHING_ON, TorqueOff, Some((250_000, 500_000)), 0xF118, RunsAgain),
     row(Fault::AxisBlocked, &[(AtSpeed, Torque), (AtSpeed, Velocity)], GoesOn, None, 0, NoError),
-    row(Fault::AxisBlocked, POSITIONED, Ramp, Some((65_000, 100_000)), 0xF10B, RunsAgain),
+    row(Fault::AxisBlocked, POSITIONED, TorqueOff, Some((10_000, 14_000)), 0xF10B, RunsAgain),
     row(Fault::Overspeed, EVERY_MODE, Ramp, Some((3_000, 400_000)), 0xF115, RunsAgain),
     row(Fault::SafeTorqueOff, WHEN_OFF, GoesOn, None, 0, NoError),
     row(Fault::SafeTorqueOff, WITH_TORQUE, TorqueOff, NEXT_SUPERVISION, 0xF113, RunsAgain),

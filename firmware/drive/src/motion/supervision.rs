@@ -26,6 +26,7 @@ impl<B: Bus + Clone, H: Hardware> Motion<B, H> {
         self.motor.measure();
         self.inputs = self.hardware.inputs();
         let index = self.hardware.index_latch().map(|latch| self.counted(latch));
+        self.axis.follow_ranges();
         self.look_after_the_motor(index);
         self.update_state();
         let index = index.map(|count| self.encoder.position_of(count));

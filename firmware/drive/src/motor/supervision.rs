@@ -204,12 +204,13 @@ impl Motor {
     }
 
     fn watch_encoder(&mut self, surroundings: &Surroundings, findings: &mut Findings) {
+        self.disturbed = if self.held.is_some() { DISTURBED_TICKS } else { self.disturbed.saturating_sub(1) };
         let error = self.encoder.tick(
             &self.settings.encoder,
             &EncoderMonitorInputs {
                 count: surroundings.count,
                 index: surroundings.index,
-                voltage: (surroundings.torque && self.bridge_on && self.commutates() && self.held.is_none())
+                voltage: (surroundings.torque && self.bridge_on && self.commutates() && self.disturbed == 0)
                     .then_some((self.measured.readings.direct_voltage, self.bus_scale.longest())),
             },
         );
@@ -231,6 +232,9 @@ impl Motor {
         self.index_armed = false;
     }
 }
+
+/// An identification may end with all the current and voltage that it has: 5 ms, several times what the current loop needs to take them back.
+const DISTURBED_TICKS: u8 = 10;
 
 /// A tenth of the peak current, for 2 ms: twenty times what the loop needs at this voltage.
 const BLIND_DEVIATION: u32 = 3_277;

@@ -133,7 +133,7 @@ pub struct Invalid {
 }
 
 /// Most findings of one check: as many as it has data blocks to look at.
-pub const FINDINGS: usize = 64;
+pub const FINDINGS: usize = 68;
 
 /// The findings of a check that failed: the contents of S-0-0021 or S-0-0022.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]

@@ -4,8 +4,8 @@
 use plant::{Motor, ReferenceAxis};
 use servo::{
     Acceleration, Axis, AxisOutput, AxisParameters, AxisSettings, CurrentFilterSettings, CurrentFraction, Encoder,
-    EncoderSettings, FilterSection, FrictionSettings, Interpolation, Limiting, Modulo, Position, TorqueLimits,
-    Velocity, VelocityLimits,
+    EncoderSettings, FilterSection, FrictionSettings, Interpolation, LOOP_TICKS_PER_SUPERVISION, Limiting, Modulo,
+    Position, TorqueLimits, Velocity, VelocityLimits,
 };
 
 /// Nanoseconds of a loop period.
@@ -72,6 +72,9 @@ impl Bench {
         self.time += PERIOD;
         let measured = self.encoder.update(self.motor.encoder_count(self.time));
         let output = self.axis.tick(measured, &self.limits);
+        if (self.time / PERIOD).is_multiple_of(LOOP_TICKS_PER_SUPERVISION.into()) {
+            self.axis.follow_ranges();
+        }
         self.motor.set_current(f64::from(output.current.to_num::<f32>()), self.time + COMPUTING_TIME);
         output
     }

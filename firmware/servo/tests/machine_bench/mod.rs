@@ -283,6 +283,7 @@ impl Bench {
 
     /// Bus and field weakening.
     fn supervise(&mut self) {
+        self.axis.follow_ranges();
         let sample = self.machine.bus_sample(self.time);
         let bus = self.bus.tick(&self.voltage, sample);
         self.bus_scale = BusScale::new(bus.voltage.to_bits() >> 2, bus.reciprocal.of_fine_volts(), RELOAD);
