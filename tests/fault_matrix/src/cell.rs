@@ -6,7 +6,7 @@ use ring::service_client::status;
 use std::fmt;
 
 use crate::rig::{Rig, SPEED, STEP};
-use crate::{Afterwards, Fault, MatrixError, Mode, Outcome, Reaction, State};
+use crate::{Afterwards, Fault, MatrixError, Mode, Outcome, Reaction, State, Target};
 
 /// Fault, state and mode.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]

@@ -6,8 +6,7 @@ use ring::fibre::{Effect, TelegramKind};
 use ring::ident::{Idn, Value};
 use std::fmt;
 
-use crate::rig::Rig;
-use crate::{MatrixError, Mode};
+use crate::{MatrixError, Mode, Target};
 
 /// Largest sample of the converters.
 const FULL_SCALE: u16 = 4_095;
@@ -25,7 +24,7 @@ const JAM: HoldingBrake = HoldingBrake { holding_torque: 40.0, release_delay: 0.
 const PROCESS: HoldingBrake = HoldingBrake { holding_torque: 4.0, ..JAM };
 
 /// One fault, put in from outside the firmware.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord, serde::Serialize, serde::Deserialize)]
 pub enum Fault {
     /// A current sensor shows the end of its range.
     Overcurrent,
@@ -107,7 +106,7 @@ pub enum Fault {
 
 impl Fault {
     /// The axis is the vertical one with a brake.
-    pub(crate) const fn needs_brake(self) -> bool {
+    pub const fn needs_brake(self) -> bool {
         matches!(
             self,
             Self::BrakeStuckClosed
@@ -130,7 +129,7 @@ impl Fault {
     }
 
     /// What is built differently from the beginning.
-    pub(crate) fn prepare(self, axis: &mut ReferenceAxis) {
+    pub fn prepare(self, axis: &mut ReferenceAxis) {
         match self {
             Self::BrakeOpensLate => {
                 if let Some(brake) = &mut axis.machine.brake {
@@ -144,7 +143,7 @@ impl Fault {
     }
 
     /// What is done to the machine before anything else.
-    pub(crate) fn begin(self, rig: &Rig) {
+    pub fn begin(self, rig: &impl Target) {
         if self.has_friction() {
             rig.break_brake(Some(BrakeFailure::StuckReleased));
         }
@@ -179,14 +178,18 @@ impl Fault {
     }
 
     /// From the end of the cause until it has ended for the drive, too: its temperatures are filtered with 2 s.
-    pub(crate) const fn aftermath(self) -> Nanoseconds {
+    pub const fn aftermath(self) -> Nanoseconds {
         Nanoseconds::from_millis(match self {
             Self::MotorHot | Self::HeatSinkHot => 1_500,
             _ => 200,
         })
     }
 
-    pub(crate) fn inject(self, rig: &mut Rig) -> Result<(), MatrixError> {
+    /// Puts it in.
+    ///
+    /// # Errors
+    /// The simulation could not go on to the cycle of the disturbance.
+    pub fn inject(self, rig: &mut impl Target) -> Result<(), MatrixError> {
         match self {
             Self::Overcurrent => rig.machine(|machine, now| machine.fail_current_sensor(0, Some(FULL_SCALE), now)),
             Self::CurrentSum => rig.machine(|machine, now| machine.shift_current_sensor(1, 410, now)),
@@ -206,7 +209,7 @@ impl Fault {
                 rig.take_bit_15_away();
             }
             Self::EnableBlinks => rig.hold_switches(false),
-            Self::GateDriver => rig.drive().motor_side.borrow_mut().change_inputs(|inputs| inputs.bridge_ready = false),
+            Self::GateDriver => rig.motor_side().borrow_mut().change_inputs(|inputs| inputs.bridge_ready = false),
             Self::EncoderFrozen => rig.machine(|machine, now| machine.freeze_encoder(true, now)),
             Self::EncoderSlip => rig.machine(|machine, now| machine.slip_encoder(20, now)),
             Self::EncoderJump => rig.machine(|machine, now| machine.slip_encoder(5_000, now)),
@@ -224,12 +227,12 @@ impl Fault {
                 let torque = if rig.mode() == Mode::Torque { 7.0 } else { 12.0 };
                 rig.machine(|machine, now| machine.set_load_torque(torque, now));
             }
-            Self::SafeTorqueOff => rig.drive().motor_side.borrow_mut().change_inputs(|inputs| {
+            Self::SafeTorqueOff => rig.motor_side().borrow_mut().change_inputs(|inputs| {
                 inputs.safe_torque_1 = false;
                 inputs.safe_torque_2 = false;
             }),
             Self::OneSafeTorqueChannel => {
-                rig.drive().motor_side.borrow_mut().change_inputs(|inputs| inputs.safe_torque_1 = false);
+                rig.motor_side().borrow_mut().change_inputs(|inputs| inputs.safe_torque_1 = false);
             }
             Self::PositionLimit => {}
             Self::RingJitter => rig.jitter(100, Nanoseconds::from_microseconds(6))?,
@@ -239,8 +242,8 @@ impl Fault {
             Self::TwoMdtsLost => rig.disturb(TelegramKind::Mdt, 2, Effect::Drop)?,
             Self::FibreBroken => rig.darken(100)?,
             Self::PhaseRegression => rig.disturb(TelegramKind::Mst, 1, Effect::Phase(2))?,
-            Self::OneLateCycle => rig.drive().motor_side.borrow_mut().delay_cycles(1),
-            Self::LateCycles => rig.drive().motor_side.borrow_mut().delay_cycles(4),
+            Self::OneLateCycle => rig.motor_side().borrow_mut().delay_cycles(1),
+            Self::LateCycles => rig.motor_side().borrow_mut().delay_cycles(4),
             Self::BrakeStuckClosed => rig.break_brake(Some(BrakeFailure::StuckEngaged)),
             // Built so from the beginning, see `prepare`.
             Self::BrakeOpensLate => {}
@@ -251,7 +254,7 @@ impl Fault {
     }
 
     /// What goes on while the fault is watched; `step` counts cycles of the current loop.
-    pub(crate) fn go_on(self, rig: &mut Rig, step: u64) {
+    pub fn go_on(self, rig: &mut impl Target, step: u64) {
         match self {
             Self::EnableBlinks if step == 20 * 16 => rig.hold_switches(true),
             // A slip a millisecond: 70 counts are 10 degrees of a motor with four pole pairs.
@@ -265,7 +268,7 @@ impl Fault {
     }
 
     /// Takes the cause away.
-    pub(crate) fn repair(self, rig: &mut Rig) {
+    pub fn repair(self, rig: &mut impl Target) {
         rig.break_brake(self.has_friction().then_some(BrakeFailure::StuckReleased));
         rig.machine(|machine, now| {
             for phase in 0..3 {
@@ -279,7 +282,7 @@ impl Fault {
             let voltage = machine.settings().supply.voltage;
             machine.set_supply(voltage, now);
         });
-        rig.drive().motor_side.borrow_mut().change_inputs(|inputs| {
+        rig.motor_side().borrow_mut().change_inputs(|inputs| {
             inputs.main_power = true;
             inputs.bridge_ready = true;
             inputs.safe_torque_1 = true;
@@ -288,8 +291,8 @@ impl Fault {
     }
 }
 
-fn open_the_contactor(rig: &Rig) {
-    rig.drive().motor_side.borrow_mut().change_inputs(|inputs| inputs.main_power = false);
+fn open_the_contactor(rig: &impl Target) {
+    rig.motor_side().borrow_mut().change_inputs(|inputs| inputs.main_power = false);
 }
 
 impl fmt::Display for Fault {

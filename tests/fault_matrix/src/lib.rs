@@ -13,6 +13,7 @@ mod fault;
 mod outcome;
 mod page;
 mod rig;
+mod target;
 
 pub use all::run_all;
 pub use cell::{Cell, run};
@@ -21,3 +22,4 @@ pub use fault::Fault;
 pub use outcome::{Afterwards, Outcome, Reaction};
 pub use page::markdown;
 pub use rig::{MatrixError, Mode, State};
+pub use target::Target;

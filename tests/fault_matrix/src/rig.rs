@@ -1,8 +1,9 @@
 //! One drive on a ring, brought into a state.
 
+use bench::motor_side::SharedMotorSide;
 use bench::{DriveHandle, DriveSetup, ProcessorError, World, parameters_of, product, ring_of_drives};
-use plant::{BrakeFailure, ReferenceAxis};
-use ring::fibre::{Effect, Fault as RingFault, TelegramKind};
+use plant::ReferenceAxis;
+use ring::fibre::Fault as RingFault;
 use ring::ident::{Idn, Value};
 use ring::master::{CommandValues, DriveScript, MasterScript, Motion, ProfilePoint, ScriptedMaster, Telegram};
 use ring::service_client::{Reply, Request, ServiceError, control, status};
@@ -11,7 +12,7 @@ use ring::{Nanoseconds, RingConfiguration};
 use std::fmt;
 use thiserror::Error;
 
-use crate::Fault;
+use crate::{Fault, Target};
 
 const ADDRESS: u8 = 5;
 /// Speed of all states in which the axis turns, in rpm.
@@ -241,65 +242,6 @@ impl Rig {
         self.world.ring_mut().master_mut()
     }
 
-    pub(crate) fn now(&self) -> Nanoseconds {
-        self.world.now()
-    }
-
-    pub(crate) const fn mode(&self) -> Mode {
-        self.mode
-    }
-
-    pub(crate) fn drive(&self) -> &DriveHandle {
-        &self.drive
-    }
-
-    /// Something happens to the machine now.
-    pub(crate) fn machine(&self, change: impl FnOnce(&mut plant::Machine, u64)) {
-        let now = self.world.now().0;
-        change(self.drive.motor_side.borrow_mut().machine(), now);
-    }
-
-    pub(crate) fn break_brake(&self, failure: Option<BrakeFailure>) {
-        self.machine(|machine, now| machine.fail_brake(failure, now));
-    }
-
-    /// These telegrams are changed in so many of the next cycles. Returns when the first of them begins.
-    pub(crate) fn disturb(&mut self, kind: TelegramKind, cycles: u64, effect: Effect) -> Result<(), MatrixError> {
-        let from = self.next_cycles();
-        for cycle in from..from + cycles {
-            self.world.ring_mut().add_fault(RingFault::once(cycle, 0, kind, effect));
-        }
-        self.run_to_cycle(from)
-    }
-
-    /// Every second of the next so many MSTs comes late.
-    pub(crate) fn jitter(&mut self, cycles: u64, delay: Nanoseconds) -> Result<(), MatrixError> {
-        let from = self.next_cycles();
-        for cycle in (from..from + cycles).step_by(2) {
-            self.world.ring_mut().add_fault(RingFault::once(cycle, 0, TelegramKind::Mst, Effect::Delay(delay)));
-        }
-        self.run_to_cycle(from)
-    }
-
-    /// The fibre is dark for so many cycles.
-    pub(crate) fn darken(&mut self, cycles: u64) -> Result<(), MatrixError> {
-        let from = self.next_cycles();
-        self.world.ring_mut().add_fault(RingFault::ring_break(from..from + cycles, 0));
-        self.run_to_cycle(from)
-    }
-
-    /// The first cycle that can still be disturbed.
-    fn next_cycles(&self) -> u64 {
-        self.world.ring().cycle().map_or(2, |cycle| cycle + 2)
-    }
-
-    fn run_to_cycle(&mut self, cycle: u64) -> Result<(), MatrixError> {
-        while self.world.ring().cycle().is_none_or(|now| now < cycle) {
-            self.run(STEP)?;
-        }
-        Ok(())
-    }
-
     pub(crate) fn rpm(&mut self) -> f64 {
         let now = self.world.now().0;
         self.drive.motor_side.borrow_mut().machine().velocity(now) * 60.0 / core::f64::consts::TAU
@@ -380,16 +322,6 @@ impl Rig {
         self.run(Nanoseconds::from_millis(100))
     }
 
-    /// The control unit gives ON, ENABLE and no HALT, or nothing.
-    pub(crate) fn hold_switches(&mut self, on: bool) {
-        self.master_mut().hold_switches(Some(if on { FOLLOW } else { 0 }));
-    }
-
-    /// The control unit takes ON back, and nothing else.
-    pub(crate) fn take_bit_15_away(&mut self) {
-        self.master_mut().hold_switches(Some(control::ENABLE | control::NO_HALT));
-    }
-
     /// S-0-0099; whether it was executed.
     pub(crate) fn reset_errors(&mut self) -> Result<bool, MatrixError> {
         Ok(self.ask(Request::Command { idn: Idn::RESET_CLASS_1, polls: 20 })?.is_ok())
@@ -426,6 +358,43 @@ impl Rig {
             }
         }
         Ok(false)
+    }
+}
+
+impl Target for Rig {
+    fn now(&self) -> Nanoseconds {
+        self.world.now()
+    }
+
+    fn motor_side(&self) -> &SharedMotorSide {
+        &self.drive.motor_side
+    }
+
+    fn mode(&self) -> Mode {
+        self.mode
+    }
+
+    fn hold_switches(&mut self, on: bool) {
+        self.master_mut().hold_switches(Some(if on { FOLLOW } else { 0 }));
+    }
+
+    fn take_bit_15_away(&mut self) {
+        self.master_mut().hold_switches(Some(control::ENABLE | control::NO_HALT));
+    }
+
+    fn next_cycles(&self) -> u64 {
+        self.world.ring().cycle().map_or(2, |cycle| cycle + 2)
+    }
+
+    fn add_ring_fault(&mut self, fault: RingFault) {
+        self.world.ring_mut().add_fault(fault);
+    }
+
+    fn run_to_cycle(&mut self, cycle: u64) -> Result<(), MatrixError> {
+        while self.world.ring().cycle().is_none_or(|now| now < cycle) {
+            self.run(STEP)?;
+        }
+        Ok(())
     }
 }
 

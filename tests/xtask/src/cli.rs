@@ -1,5 +1,6 @@
 //! The command line: words, help texts, and how a refusal is said.
 
+use crate::explore::{self, One, Until};
 use crate::fuzz::Target;
 use crate::report::data::Platform;
 use crate::scope::{Edge, Order, Settings, Signal};
@@ -123,6 +124,12 @@ pub(crate) enum Command {
         #[arg(long)]
         check: bool,
     },
+    /// Let random axes live random lives, and hold them to the laws of the axis
+    ///
+    /// Everything of a life comes from its seed: machine, ring, scaling, polarity, limits, modes, and then control bits, commands, services,
+    /// lost telegrams, faults, loads and supply. At its end everything is repaired, and the axis must come back. Fails if a law is broken,
+    /// and prints the life shrunk to a few words, with the command that replays it; then what was covered, and what was never reached.
+    Explore(ExploreArguments),
     /// Record a velocity step with the drive's own oscilloscope, read it over the service channel, and draw it
     ///
     /// One drive on a simulated ring, on this computer. A signal is a data block (`S-0-0040`) or a signal inside the loops, by its
@@ -149,6 +156,56 @@ pub(crate) enum Command {
         #[arg(long, value_name = "VID:PID[:SERIAL]")]
         probe: Option<String>,
     },
+}
+
+/// What `cargo xtask explore` explores.
+#[derive(Debug, Args)]
+pub(crate) struct ExploreArguments {
+    /// How long: a number and s, m or h
+    #[arg(long = "for", value_name = "DURATION", value_parser = explore::duration, conflicts_with = "lives")]
+    duration: Option<std::time::Duration>,
+    /// How many lives [default: 2000, if no duration is given]
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u64).range(1..))]
+    lives: Option<u64>,
+    /// Seed of the run: the same seed, the same lives
+    #[arg(long, value_name = "N", default_value_t = 1)]
+    seed: u64,
+    /// Worker processes at a time [default: as many as there are cores]
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=1024))]
+    jobs: Option<u16>,
+    /// Instead: live the life of this seed again, as a run has printed it
+    #[arg(long, value_name = "SEED", value_parser = life_seed, conflicts_with_all = ["duration", "lives", "jobs", "replay"])]
+    life: Option<u64>,
+    /// With --life: shrink it first
+    #[arg(long, requires = "life")]
+    shrink: bool,
+    /// Instead: live the life in this file
+    #[arg(long, value_name = "FILE", conflicts_with_all = ["duration", "lives", "jobs"])]
+    replay: Option<PathBuf>,
+}
+
+impl ExploreArguments {
+    /// Does what the arguments ask for.
+    pub(crate) fn run(self) -> anyhow::Result<crate::Verdict> {
+        match (self.life, self.replay) {
+            (Some(seed), _) if self.shrink => explore::replay(&One::Shrunk(seed)),
+            (Some(seed), _) => explore::replay(&One::Seed(seed)),
+            (None, Some(file)) => explore::replay(&One::File(file)),
+            (None, None) => {
+                let until = self.duration.map_or(Until::Lives(self.lives.unwrap_or(2_000)), Until::Time);
+                explore::run(&explore::Order { seed: self.seed, until, jobs: self.jobs })
+            }
+        }
+    }
+}
+
+/// A seed, decimal or hexadecimal with 0x.
+fn life_seed(text: &str) -> Result<u64, String> {
+    let number = match text.strip_prefix("0x") {
+        Some(digits) => u64::from_str_radix(digits, 16),
+        None => text.parse(),
+    };
+    number.map_err(|_| format!("'{text}' is no seed; give a number of 64 bits, decimal or with 0x"))
 }
 
 /// What `cargo xtask scope` records, and where it goes.

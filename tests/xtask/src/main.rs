@@ -10,6 +10,7 @@ mod cli;
 mod clippy;
 mod demo;
 mod elf;
+mod explore;
 mod faults;
 mod firmware;
 mod flash;
@@ -71,6 +72,7 @@ fn run(command_line: CommandLine) -> anyhow::Result<Verdict> {
         Command::SlaveReport { sections, json } => slave_report::run(&sections, json),
         Command::Manual { check } => manual::run(check),
         Command::Faults { check } => faults::run(check),
+        Command::Explore(arguments) => arguments.run(),
         Command::Scope(arguments) => scope::run(&arguments.into()),
         Command::Ring { drives, chip_socket } => ring_server::run(&drives, &chip_socket),
         Command::Flash { probe } => flash::run(probe.as_deref(), installing),

@@ -1,0 +1,86 @@
+//! An error tells of something that has happened: what a life must have done before a diagnosis may be given.
+
+use std::collections::BTreeSet;
+
+use fault_matrix::Fault;
+
+use crate::life::{Action, Axis};
+use crate::units::{default_of, setting};
+
+pub(crate) const LAW: &str = "an error tells of something that has happened";
+/// Holding brake: bit 0, there is one.
+const BRAKE: u16 = 0x8000 | 120;
+
+/// What can be the cause of an error.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+enum Cause {
+    Encoder,
+    Temperature,
+    GateDriver,
+    SafeTorqueOff,
+    Supply,
+    Ring,
+    LateCycles,
+}
+
+/// What a life has done so far.
+#[derive(Clone, Debug, Default)]
+pub(crate) struct Causes {
+    seen: BTreeSet<Cause>,
+}
+
+impl Causes {
+    pub(crate) fn note(&mut self, action: &Action) {
+        let cause = match action {
+            Action::Break(fault) => match fault {
+                Fault::EncoderFrozen | Fault::EncoderSlip | Fault::EncoderJump | Fault::CommutationDisturbed => {
+                    Cause::Encoder
+                }
+                Fault::MotorHot | Fault::HeatSinkHot | Fault::TemperatureSensorBroken => Cause::Temperature,
+                Fault::GateDriver => Cause::GateDriver,
+                Fault::SafeTorqueOff | Fault::OneSafeTorqueChannel => Cause::SafeTorqueOff,
+                Fault::Overvoltage | Fault::MainsFailure | Fault::MainPowerLost | Fault::EmergencyStop => Cause::Supply,
+                Fault::RingJitter
+                | Fault::MstLost
+                | Fault::MdtLost
+                | Fault::TwoMstsLost
+                | Fault::TwoMdtsLost
+                | Fault::FibreBroken
+                | Fault::PhaseRegression => Cause::Ring,
+                Fault::OneLateCycle | Fault::LateCycles => Cause::LateCycles,
+                _ => return,
+            },
+            Action::SafeTorqueOff(_) => Cause::SafeTorqueOff,
+            Action::Mains(_) | Action::Contactor { .. } => Cause::Supply,
+            // The undervoltage and overvoltage thresholds, and those of the temperatures.
+            Action::Write(0x8068 | 0x8069, _) => Cause::Supply,
+            Action::Write(200..=204, _) => Cause::Temperature,
+            Action::LoseMst(_)
+            | Action::LoseMdt(_)
+            | Action::DamageMst(_)
+            | Action::DamageMdt(_)
+            | Action::WrongPhase(_)
+            | Action::Dark(_)
+            | Action::FallBack(_) => Cause::Ring,
+            _ => return,
+        };
+        self.seen.insert(cause);
+    }
+
+    /// Whether a diagnosis can be true of an axis.
+    pub(crate) fn allow(&self, axis: &Axis, diagnosis: u16) -> bool {
+        let seen = |cause| self.seen.contains(&cause);
+        match diagnosis {
+            0xF001..=0xF008 | 0xF116 => seen(Cause::Ring),
+            0xF101 | 0xF102 | 0xF117 => seen(Cause::Temperature),
+            // An angle that was searched for may turn out wrong at the index.
+            0xF105 => seen(Cause::Encoder) || !axis.aligned,
+            0xF109 => seen(Cause::Supply) || seen(Cause::Encoder),
+            0xF10F => seen(Cause::GateDriver),
+            0xF111 => seen(Cause::LateCycles),
+            0xF112 => setting(axis, BRAKE).unwrap_or_else(|| default_of(BRAKE)) & 1 != 0,
+            0xF113 | 0xF114 => seen(Cause::SafeTorqueOff),
+            _ => true,
+        }
+    }
+}

@@ -1,0 +1,526 @@
+//! Any life that an axis could have: what a control unit does on purpose, what it does by mistake, and what happens to both.
+
+use fault_matrix::Fault;
+use sercos::dictionary;
+use sercos::{Phase, data_block::Location};
+
+use super::axis::{MODES, command_of};
+use crate::dice::Dice;
+use crate::life::{Action, Axis, Event, Plant};
+use crate::units::{Units, setting};
+
+/// Bits 15, 14, 13 of the control word.
+const FOLLOW: u8 = 0b111;
+const HALT: u8 = 0b110;
+const OFF: u8 = 0b011;
+const DISABLE: u8 = 0b101;
+const NOTHING: u8 = 0;
+
+/// Gains and motor data: another value makes another machine, which is no fault of the drive if it swings.
+const NEVER_WRITTEN: [u16; 24] = [
+    100, 101, 104, 106, 107, 114, 155, 348, 392, 36, 37, 47, 48, 80, 81, 258, 0x8067, 0x806B, 0x8074, 0x8076, 0x8079,
+    0x808E, 0x8068, 0x8069,
+];
+/// What lives are about, written more often than the rest.
+const LIMITS: [u16; 22] =
+    [91, 92, 38, 39, 82, 83, 138, 372, 136, 137, 159, 349, 49, 50, 52, 57, 124, 259, 260, 193, 200, 201];
+
+pub(crate) const FAULTS: [Fault; 26] = [
+    Fault::Overcurrent,
+    Fault::CurrentSum,
+    Fault::ConvertersStuck,
+    Fault::Overvoltage,
+    Fault::MainPowerLost,
+    Fault::EmergencyStop,
+    Fault::GateDriver,
+    Fault::EncoderFrozen,
+    Fault::EncoderSlip,
+    Fault::EncoderJump,
+    Fault::CommutationDisturbed,
+    Fault::MotorWarm,
+    Fault::MotorHot,
+    Fault::HeatSinkHot,
+    Fault::TemperatureSensorBroken,
+    Fault::Overspeed,
+    Fault::SafeTorqueOff,
+    Fault::OneSafeTorqueChannel,
+    Fault::RingJitter,
+    Fault::MstLost,
+    Fault::TwoMstsLost,
+    Fault::TwoMdtsLost,
+    Fault::FibreBroken,
+    Fault::PhaseRegression,
+    Fault::OneLateCycle,
+    Fault::LateCycles,
+];
+pub(crate) const BRAKE_FAULTS: [Fault; 3] = [Fault::BrakeStuckClosed, Fault::BrakeStuckOpen, Fault::BrakeWorn];
+
+struct Writer<'a> {
+    dice: &'a mut Dice,
+    axis: &'a Axis,
+    units: Units,
+    fastest: f64,
+    now: u32,
+    events: Vec<Event>,
+    ended: bool,
+}
+
+/// Events of a life, and how long it is watched after the last.
+pub(super) fn any(dice: &mut Dice, axis: &Axis) -> (Vec<Event>, u32) {
+    let fastest = f64::from(axis.plant.axis().maximum_speed);
+    let least = 10 + dice.below(25) as usize;
+    let mut writer = Writer { dice, axis, units: Units::of(axis), fastest, now: 0, events: Vec::new(), ended: false };
+    writer.beginning();
+    while writer.events.len() < least && !writer.ended {
+        writer.phrase();
+        writer.pause();
+    }
+    let rest = writer.dice.weighted(&[(6, 20_000), (3, 80_000), (1, 250_000)]).unwrap_or(20_000);
+    (writer.events, rest)
+}
+
+impl Writer<'_> {
+    fn event(&mut self, action: Action) {
+        self.events.push(Event { at: self.now, action });
+    }
+
+    fn wait(&mut self, milliseconds: f64) {
+        // Whole microseconds, so that a life is the same in a file.
+        self.now += (milliseconds * 1_000.0).max(0.0) as u32;
+    }
+
+    fn pause(&mut self) {
+        let longest = self.dice.weighted(&[(3, 3.0), (5, 12.0), (2, 40.0)]).unwrap_or(12.0);
+        let span = longest * self.dice.share();
+        self.wait(span);
+    }
+
+    fn beginning(&mut self) {
+        self.wait(1.0);
+        if self.dice.chance(15) {
+            self.set_absolute();
+        }
+        if self.dice.chance(85) {
+            self.event(Action::Switches(FOLLOW));
+            self.pause();
+        }
+    }
+
+    /// A few events that belong together.
+    fn phrase(&mut self) {
+        let kind = self.dice.weighted(&[
+            (16, 0u8),
+            (12, 1),
+            (8, 2),
+            (8, 3),
+            (8, 4),
+            (10, 5),
+            (5, 6),
+            (5, 7),
+            (4, 8),
+            (4, 9),
+            (3, 10),
+            (3, 11),
+            (5, 12),
+            (5, 13),
+            (2, 14),
+            (3, 15),
+            (2, 16),
+            (3, 17),
+            (2, 18),
+            (2, 19),
+        ]);
+        match kind.unwrap_or(0) {
+            0 => self.command(),
+            1 => self.stop(),
+            2 => self.blip(),
+            3 => self.jump(),
+            4 => self.switch_mode(),
+            5 => self.write(),
+            6 => self.disturb(),
+            7 => self.fault(),
+            8 => self.run_up(),
+            9 => self.load(),
+            10 => self.supply(),
+            11 => self.set_absolute(),
+            12 => self.home(),
+            13 => self.recover(),
+            14 => self.defaults(),
+            15 => self.command_of_any_kind(),
+            16 => self.press_against_a_stop(),
+            17 => self.read(),
+            19 => self.catch_at_speed(),
+            _ => self.leave_alone(),
+        }
+    }
+
+    /// A mode that the axis has set, by its number in the control word.
+    fn any_mode(&mut self) -> (u8, i64) {
+        let set: Vec<(u8, i64)> =
+            (0..8).filter_map(|bits| Some((bits, setting(self.axis, MODES[usize::from(bits)])?))).collect();
+        self.dice.pick(&set).unwrap_or((0, setting(self.axis, 32).unwrap_or(2)))
+    }
+
+    fn any_command(&mut self) -> u16 {
+        self.dice.pick(&self.axis.mdt).unwrap_or(47)
+    }
+
+    fn rpm(&mut self) -> f64 {
+        let most = self.fastest * 0.9;
+        self.dice.spread(2.0, most)
+    }
+
+    fn long(value: f64) -> i64 {
+        value.round().clamp(f64::from(i32::MIN), f64::from(i32::MAX)) as i64
+    }
+
+    /// The axis is asked to move.
+    fn command(&mut self) {
+        let idn = if self.dice.chance(70) { command_of(self.any_mode().1) } else { self.any_command() };
+        let rpm = self.rpm();
+        match idn {
+            36 | 37 => {
+                let velocity = Self::long(rpm * self.units.rpm);
+                let steps = self.dice.chance(70);
+                self.event(if steps {
+                    Action::Set(idn, velocity)
+                } else {
+                    Action::Ramp(idn, velocity.saturating_mul(10))
+                });
+            }
+            47 | 48 => {
+                let per_second = Self::long(rpm / 60.0 * self.units.revolution);
+                // A machine's shaft starts gently.
+                if self.dice.chance(60) {
+                    for share in [4, 2] {
+                        self.event(Action::Ramp(idn, per_second / share));
+                        self.wait(5.0);
+                    }
+                }
+                self.event(Action::Ramp(idn, per_second));
+            }
+            80 | 81 => {
+                let torque = self.dice.spread(5.0, 1_500.0) as i64;
+                self.event(Action::Set(idn, torque));
+            }
+            258 => {
+                let degrees = self.dice.spread(1.0, 2_000.0);
+                self.event(Action::Set(idn, self.units.degrees(degrees)));
+            }
+            _ => {
+                let value = self.dice.between(0, 0xFFFF);
+                self.event(Action::Set(idn, value));
+            }
+        }
+    }
+
+    fn stop(&mut self) {
+        let bits =
+            self.dice.weighted(&[(4, HALT), (4, OFF), (1, DISABLE), (2, NOTHING), (1, 0b001), (1, 0b100), (1, 0b010)]);
+        self.event(Action::Switches(bits.unwrap_or(HALT)));
+        if self.dice.chance(70) {
+            self.pause();
+            if self.dice.chance(30) {
+                let align = self.dice.chance(50);
+                self.event(Action::Align(align));
+            }
+            self.event(Action::Switches(FOLLOW));
+        }
+    }
+
+    fn blip(&mut self) {
+        let bits = self.dice.between(0, 7) as u8;
+        let bits = if self.dice.chance(60) { self.dice.pick(&[HALT, OFF]).unwrap_or(OFF) } else { bits };
+        let cycles = self.dice.between(1, 20) as u8;
+        self.event(Action::Blip(bits, cycles));
+    }
+
+    fn jump(&mut self) {
+        if self.axis.mdt.contains(&47) && self.dice.chance(85) {
+            let idn = if self.axis.mdt.contains(&48) && self.dice.chance(20) { 48 } else { 47 };
+            let degrees = self.dice.spread(0.05, 50_000.0);
+            let by = if self.dice.chance(90) {
+                Self::long(self.units.revolution * degrees / 360.0)
+            } else {
+                self.dice.between(i32::MIN.into(), i32::MAX.into())
+            };
+            self.event(Action::Jump(idn, by));
+        } else {
+            let idn = self.any_command();
+            let value = self.dice.pick(&[i32::MIN.into(), i32::MAX.into(), 0, 1, -1, 0x7FFF, 0x8000]).unwrap_or(0);
+            self.event(Action::Set(idn, value));
+        }
+    }
+
+    fn switch_mode(&mut self) {
+        let bits = if self.dice.chance(85) { self.any_mode().0 } else { self.dice.between(0, 7) as u8 };
+        self.event(Action::Mode(bits));
+        if self.dice.chance(50) {
+            self.pause();
+            self.command();
+        }
+    }
+
+    fn write(&mut self) {
+        let idn = if self.dice.chance(50) {
+            self.dice.pick(&LIMITS).unwrap_or(91)
+        } else {
+            let protected = self.dice.chance(15);
+            let choices: Vec<u16> = dictionary::DICTIONARY
+                .iter()
+                .filter(|block| {
+                    block.fixed_bytes().is_some()
+                        && matches!(block.location, Location::Parameter | Location::Live)
+                        && !block.attribute.is_read_only()
+                        && block.attribute.is_protected_in(Phase::Cp4) == protected
+                })
+                .map(|block| block.idn.0)
+                .filter(|idn| !NEVER_WRITTEN.contains(idn) && !self.axis.mdt.contains(idn))
+                .collect();
+            self.dice.pick(&choices).unwrap_or(52)
+        };
+        let value = self.value(idn);
+        self.event(Action::Write(idn, value));
+    }
+
+    fn value(&mut self, idn: u16) -> i64 {
+        let block = dictionary::find(sercos::Idn(idn));
+        let bytes = block.and_then(|block| block.fixed_bytes()).unwrap_or(2);
+        let (least, most) = if bytes == 2 { (-0x8000, 0xFFFF) } else { (i64::from(i32::MIN), i64::from(u32::MAX)) };
+        let minimum = block.and_then(|block| block.minimum).unwrap_or(least);
+        let maximum = block.and_then(|block| block.maximum).unwrap_or(most);
+        let default = block.map_or(0, |block| block.default);
+        let degrees = |degrees: f64| self.units.revolution * degrees / 360.0;
+        match idn {
+            52 | 150 if self.dice.chance(70) => {
+                let edge = self.dice.pick(&[i64::from(i32::MAX), i64::from(i32::MIN), 0, 0]).unwrap_or(0);
+                let by = degrees(self.dice.spread(1.0, 1_000.0)) as i64;
+                return (edge + by).clamp(i32::MIN.into(), i32::MAX.into());
+            }
+            49 | 50 if self.dice.chance(70) => return degrees(self.dice.spread(1.0, 2_000.0)) as i64,
+            91 | 259 if self.dice.chance(60) => return Self::long(self.rpm().abs() * self.units.rpm).max(1),
+            92 if self.dice.chance(60) => return self.dice.between(10, 3_000),
+            138 | 372 | 136 | 137 if self.dice.chance(70) => {
+                let ramp = f64::from(self.axis.plant.axis().gains.acceleration_limit) * 1e-3;
+                return Self::long(ramp * self.units.acceleration * (0.05 + self.dice.share())).max(1);
+            }
+            159 if self.dice.chance(60) => return degrees(0.5 + 60.0 * self.dice.share()) as i64,
+            _ => {}
+        }
+        match self.dice.below(6) {
+            0 => self.dice.pick(&[0, 1, -1, 2, 7, i64::from(i32::MAX), 0x7FFF]).unwrap_or(0),
+            1 => self.dice.pick(&[minimum, maximum, minimum - 1, maximum + 1]).unwrap_or(0),
+            2 => self.dice.between(minimum, maximum),
+            3 => default,
+            _ => (default as f64 * (0.2 + 2.0 * self.dice.share())) as i64,
+        }
+    }
+
+    fn disturb(&mut self) {
+        let action = match self.dice.below(10) {
+            0 | 1 => Action::LoseMst(self.dice.weighted(&[(5, 1), (3, 2), (2, 3), (1, 8)]).unwrap_or(1)),
+            2 | 3 => Action::LoseMdt(self.dice.weighted(&[(5, 1), (3, 2), (2, 3), (1, 8)]).unwrap_or(1)),
+            4 => Action::DamageMst(self.dice.below(50) as u8),
+            5 | 6 => Action::DamageMdt(self.dice.below(150) as u16),
+            7 => Action::WrongPhase(self.dice.between(0, 9) as u8),
+            8 => Action::Dark(self.dice.weighted(&[(3, 1), (3, 3), (2, 15)]).unwrap_or(3)),
+            _ => Action::FallBack(self.dice.between(0, 3) as u8),
+        };
+        self.event(action);
+    }
+
+    fn fault(&mut self) {
+        let fault = if self.axis.plant == Plant::Vertical && self.dice.chance(30) {
+            self.dice.pick(&BRAKE_FAULTS)
+        } else {
+            self.axis.built_for.filter(|_| self.dice.chance(60)).or_else(|| self.dice.pick(&FAULTS))
+        };
+        self.event(Action::Break(fault.unwrap_or(Fault::MainPowerLost)));
+        self.pause();
+        if self.dice.chance(60) {
+            self.event(Action::Repair);
+            self.pause();
+            self.recover();
+        }
+    }
+
+    /// What an operator does after an error.
+    fn recover(&mut self) {
+        if self.dice.chance(50) {
+            self.event(Action::Switches(NOTHING));
+            self.pause();
+        }
+        self.event(Action::Start(99));
+        self.wait(8.0);
+        self.event(Action::Cancel(99));
+        self.pause();
+        if self.dice.chance(60) {
+            self.event(Action::Switches(NOTHING));
+            self.pause();
+        }
+        self.event(Action::Switches(FOLLOW));
+    }
+
+    fn run_up(&mut self) {
+        let stubborn = self.dice.chance(60);
+        self.event(Action::RunUp { stubborn });
+        self.pause();
+        if self.dice.chance(60) {
+            self.recover();
+        }
+    }
+
+    fn load(&mut self) {
+        let percent = self.dice.between(-180, 180) as i16;
+        self.event(Action::Load(percent));
+        if self.dice.chance(70) {
+            self.pause();
+            self.event(Action::Load(0));
+        }
+    }
+
+    fn supply(&mut self) {
+        if self.dice.chance(60) {
+            let with_bit_15 = self.dice.chance(70);
+            self.event(Action::Contactor { closed: false, with_bit_15 });
+            self.pause();
+            self.event(Action::Contactor { closed: true, with_bit_15: false });
+        } else if self.dice.chance(50) {
+            let percent = self.dice.pick(&[0, 0, 30, 60, 90, 110]).unwrap_or(0);
+            self.event(Action::Mains(percent));
+            self.pause();
+            self.event(Action::Mains(100));
+        } else {
+            self.event(Action::SafeTorqueOff(true));
+            self.pause();
+            self.event(Action::SafeTorqueOff(false));
+        }
+    }
+
+    /// Torque off, S-0-0052, S-0-0447, and on again.
+    fn set_absolute(&mut self) {
+        self.event(Action::Switches(NOTHING));
+        self.wait(3.0);
+        let place = self.value(52);
+        self.event(Action::Write(52, place));
+        self.event(Action::Start(447));
+        self.wait(30.0);
+        self.event(Action::Cancel(447));
+        self.wait(6.0);
+        self.event(Action::Switches(FOLLOW));
+        // Over the border of 32 bits, or back to where the axis comes from.
+        if self.axis.mdt.contains(&47) && self.dice.chance(60) {
+            self.wait(10.0);
+            let rpm = self.rpm().abs().min(600.0) * if place > 0 { 1.0 } else { -1.0 };
+            self.event(Action::Ramp(47, Self::long(rpm / 60.0 * self.units.revolution)));
+            self.wait(60.0);
+        }
+    }
+
+    fn home(&mut self) {
+        if self.dice.chance(70) {
+            let place = self.value(52);
+            self.event(Action::Write(52, place));
+        }
+        let offset = self.value(150);
+        if self.dice.chance(30) {
+            self.event(Action::Write(150, offset));
+        }
+        // Bits 5 and 6: without switch, without marker; bit 7: stops at the reference point.
+        let way = self.dice.pick(&[0x60, 0x60, 0x61, 0xE0, 0x20, 0x21, 0xA0, 0x44, 0x45, 0x04, 0x05, 0x46]);
+        self.event(Action::Write(147, way.unwrap_or(0x60)));
+        let speed = Self::long(self.units.rpm * (100.0 + 900.0 * self.dice.share())).max(1);
+        self.event(Action::Write(41, speed));
+        self.event(Action::Start(148));
+        self.wait(30.0);
+        if self.dice.chance(60) {
+            self.event(Action::HomeSwitch(true));
+            self.pause();
+            self.event(Action::HomeSwitch(false));
+        }
+        self.wait(30.0);
+        if self.dice.chance(80) {
+            self.event(Action::Cancel(148));
+        }
+    }
+
+    fn defaults(&mut self) {
+        self.event(Action::Switches(NOTHING));
+        self.wait(5.0);
+        self.event(Action::Start(262));
+        self.wait(10.0);
+        self.event(Action::Cancel(262));
+        // Its gains are those of another machine now: it is looked at, and not switched on before it has its own again.
+        self.wait(10.0);
+        self.read();
+        self.ended = true;
+    }
+
+    fn command_of_any_kind(&mut self) {
+        let commands = [99, 139, 148, 170, 191, 447, 0x80DC, 0x80E0, 0x80E1, 127, 128];
+        let idn = self.dice.pick(&commands).unwrap_or(99);
+        self.event(Action::Start(idn));
+        self.pause();
+        if idn == 170 {
+            self.event(Action::Write(405, 1));
+            self.event(Action::Probe(true));
+            self.pause();
+            self.event(Action::Probe(false));
+        }
+        if self.dice.chance(70) {
+            self.event(Action::Cancel(idn));
+        }
+    }
+
+    /// A small torque limit and a load that it cannot move.
+    fn press_against_a_stop(&mut self) {
+        // Below the friction of most machines, or above it.
+        let limit = self.dice.between(5, if self.dice.clone().chance(60) { 60 } else { 500 });
+        self.event(Action::Write(92, limit));
+        self.wait(8.0);
+        let percent = (limit / 10 * self.dice.between(60, 140) / 100) as i16;
+        let positive = self.dice.chance(50);
+        if self.axis.built_for == Some(Fault::AxisBlocked) {
+            self.event(Action::Break(Fault::AxisBlocked));
+        } else if self.dice.chance(50) {
+            self.event(Action::Load(if positive { percent } else { -percent }));
+        }
+        self.pause();
+        self.command();
+        self.wait(120.0);
+        self.event(Action::Load(0));
+    }
+
+    /// As fast as the machine goes, a moment without torque, and on again.
+    fn catch_at_speed(&mut self) {
+        let rpm = self.fastest * (0.7 + 0.25 * self.dice.share());
+        if self.axis.mdt.contains(&36) {
+            self.event(Action::Set(36, Self::long(rpm * self.units.rpm)));
+        } else if self.axis.mdt.contains(&47) {
+            for share in [5.0, 4.0, 3.0, 2.0, 1.0] {
+                self.event(Action::Ramp(47, Self::long(rpm / share / 60.0 * self.units.revolution)));
+                self.wait(40.0);
+            }
+        } else {
+            return;
+        }
+        let run = if self.axis.plant == Plant::Press { 700.0 } else { 60.0 };
+        self.wait(run);
+        let bits = self.dice.pick(&[NOTHING, DISABLE, OFF]).unwrap_or(NOTHING);
+        self.event(Action::Switches(bits));
+        let pause = 5.0 + 30.0 * self.dice.share();
+        self.wait(pause);
+        self.event(Action::Switches(FOLLOW));
+        self.wait(40.0);
+    }
+
+    fn read(&mut self) {
+        let idn = self.dice.pick(&[36, 40, 47, 51, 189, 84, 11, 12, 13, 14, 390, 403, 130, 336, 380, 134, 135]);
+        self.event(Action::Read(idn.unwrap_or(51)));
+    }
+
+    fn leave_alone(&mut self) {
+        self.event(Action::Align(false));
+        self.wait(50.0);
+    }
+}

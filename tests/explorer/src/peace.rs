@@ -1,0 +1,192 @@
+//! The end of every life: everything is repaired, the control unit is reasonable, and then the axis must come back.
+
+use ring::Nanoseconds;
+use ring::ident::Idn;
+use ring::service_client::status;
+
+use crate::rig::Stop;
+use crate::run::Run;
+use crate::units::{default_of, setting};
+
+const LAW: &str = "after the cause is gone, S-0-0099 and a fresh edge always bring the axis back";
+/// A control word without bits 15 and 14 is seen for sure within this time.
+const RELEASED: Nanoseconds = Nanoseconds::from_millis(10);
+/// Bits 15, 14 and 13.
+const FOLLOW: u8 = 7;
+/// Brakes, the test of the torque and the search for the commutation angle.
+const SWITCHING_ON: Nanoseconds = Nanoseconds::from_millis(3_000);
+/// An axis that coasts with friction alone.
+const COASTING: Nanoseconds = Nanoseconds::from_millis(20_000);
+/// The longest that a brake takes to close.
+const BRAKING: Nanoseconds = Nanoseconds::from_millis(1_500);
+/// Where the commutation angle stands, and whether it is known.
+const COMMUTATION_ANGLE: u16 = 0x8000 | 118;
+const COMMUTATION_STATE: u16 = 0x8000 | 119;
+const LOAD_DEFAULTS: u16 = 262;
+/// Data blocks that follow from what the axis does; nobody restores them.
+const COMMANDS_AND_BITS: [u16; 12] = [36, 37, 47, 48, 80, 81, 145, 258, 400, 405, 406, 407];
+/// What every run-up writes anyway.
+const TELEGRAMS: [u16; 9] = [1, 2, 6, 7, 8, 9, 10, 15, 89];
+
+/// Makes peace, and holds the axis to the law.
+pub(crate) fn make(run: &mut Run) -> Result<(), Stop> {
+    run.repair();
+    run.rig.chosen = 0;
+    run.rig.master().calm();
+    let from = run.rig.sound_from;
+    while run.rig.world.ring().cycle().is_some_and(|cycle| cycle < from) {
+        run.rig.cycles(1)?;
+    }
+    run.rig.run(RELEASED)?;
+    run.rig.cycles(2)?;
+    run.harvest();
+    stand(run)?;
+
+    let alive = run.rig.master().sent_phase() == 4 && run.rig.master().silent() == 0;
+    if !alive || run.started.contains(&LOAD_DEFAULTS) || !restore(run)? {
+        run.coverage.count("peace", "by a run-up");
+        run_up(run)?;
+    } else {
+        run.coverage.count("peace", "in CP4");
+    }
+    diagnose(run)?;
+    reset(run)?;
+    know_the_angle(run)?;
+    come_back(run)
+}
+
+/// Waits until the shaft stands.
+fn stand(run: &mut Run) -> Result<(), Stop> {
+    let until = run.rig.world.now() + COASTING;
+    while run.rig.rpm().abs() > 0.5 && run.rig.world.now() < until {
+        run.rig.run(Nanoseconds::from_millis(10))?;
+    }
+    // A brake takes its time; the torque stays until it holds.
+    let until = run.rig.world.now() + BRAKING;
+    while run.rig.bridge_is_on() && run.rig.world.now() < until {
+        run.rig.run(Nanoseconds::from_millis(5))?;
+    }
+    Ok(())
+}
+
+/// Cancels the commands, and writes back what the life has written, the last first; false if a data block does not take it.
+fn restore(run: &mut Run) -> Result<bool, Stop> {
+    let mut started = std::mem::take(&mut run.started);
+    started.sort_unstable();
+    started.dedup();
+    for idn in started {
+        if run.rig.write(idn, 0)?.is_err() {
+            return Ok(false);
+        }
+    }
+    while let Some(written) = run.written.pop() {
+        if COMMANDS_AND_BITS.contains(&written.idn) || TELEGRAMS.contains(&written.idn) {
+            continue;
+        }
+        let value = written.before.unwrap_or_else(|| original(run, written.idn));
+        if run.rig.write(written.idn, value)?.is_err() {
+            run.coverage.count("not restored in CP4", Idn(written.idn).to_string());
+            run.written.push(written);
+            return Ok(false);
+        }
+    }
+    Ok(true)
+}
+
+fn original(run: &Run, idn: u16) -> i64 {
+    let needed = crate::units::writes(&run.rig.axis, &run.rig.machine);
+    let needed = needed.iter().rev().find(|(other, _)| *other == idn).map(|(_, value)| *value);
+    setting(&run.rig.axis, idn).or(needed).unwrap_or_else(|| default_of(idn))
+}
+
+/// A run-up with every setting, after what the life has written has got its default back.
+fn run_up(run: &mut Run) -> Result<(), Stop> {
+    run.drop_pending();
+    run.started.clear();
+    let mut written: Vec<u16> = run.written.drain(..).map(|written| written.idn).collect();
+    written.sort_unstable();
+    written.dedup();
+    written.retain(|idn| !COMMANDS_AND_BITS.contains(idn) && !TELEGRAMS.contains(idn));
+    let originals: Vec<(u16, i64)> = written.iter().map(|&idn| (idn, original(run, idn))).collect();
+    let before = run.rig.axis.settings.clone();
+    for (idn, value) in originals {
+        if setting(&run.rig.axis, idn).is_none() && !matches!(idn, 0x8076) {
+            run.rig.axis.settings.push((idn, value));
+        }
+    }
+    let result = run.rig.run_up(true);
+    run.rig.axis.settings = before;
+    match result {
+        Err(Stop::Refused(reason)) => {
+            Err(Stop::Broken { law: LAW.to_owned(), detail: format!("the last run-up is refused: {reason}") })
+        }
+        other => other,
+    }
+}
+
+/// For the coverage: what the drive says about itself.
+fn diagnose(run: &mut Run) -> Result<(), Stop> {
+    let error = run.rig.master().at().is_some_and(|at| at.status & status::SHUT_DOWN != 0);
+    if error && let Some(number) = run.rig.read(390)? {
+        run.diagnosed(number as u16);
+    }
+    run.judge()
+}
+
+fn reset(run: &mut Run) -> Result<(), Stop> {
+    match run.rig.command(99)? {
+        Ok(3) => {}
+        other => {
+            let number = run.rig.read(390)?.unwrap_or(0);
+            let detail = format!("S-0-0099 ends with {other:04X?}, S-0-0390 = {:04X}H", number as u16);
+            return Err(Stop::Broken { law: LAW.to_owned(), detail });
+        }
+    }
+    run.rig.cycles(2)?;
+    Ok(())
+}
+
+/// An axis whose angle was kept elsewhere gets it again, if the drive has lost it.
+fn know_the_angle(run: &mut Run) -> Result<(), Stop> {
+    if run.rig.axis.aligned && run.rig.read(COMMUTATION_STATE)? == Some(0) && run.rig.rpm().abs() < 0.5 {
+        let angle = run.rig.commutation_angle();
+        if let Err(code) = run.rig.write(COMMUTATION_ANGLE, angle)? {
+            let detail = format!("P-0-0118 is refused with {code:04X}H at rest, without torque");
+            return Err(Stop::Broken { law: LAW.to_owned(), detail });
+        }
+    }
+    Ok(())
+}
+
+fn come_back(run: &mut Run) -> Result<(), Stop> {
+    run.rig.master().switch(0);
+    run.rig.run(RELEASED)?;
+    run.rig.cycles(4)?;
+    run.rig.master().switch(FOLLOW);
+    let until = run.rig.world.now() + SWITCHING_ON;
+    while !follows(run) {
+        let error = run.rig.master().at().is_some_and(|at| at.status & status::SHUT_DOWN != 0);
+        if run.rig.world.now() > until || error {
+            return Err(failed(run, "does not switch on"));
+        }
+        run.rig.cycles(1)?;
+    }
+    run.rig.cycles(10)?;
+    if follows(run) { Ok(()) } else { Err(failed(run, "does not stay in operation")) }
+}
+
+fn follows(run: &mut Run) -> bool {
+    let status = run.rig.master().at().map_or(0, |at| at.status);
+    status::readiness(status) == 3
+        && status & status::FOLLOWS != 0
+        && status & status::SHUT_DOWN == 0
+        && run.rig.bridge_is_on()
+}
+
+fn failed(run: &mut Run, what: &str) -> Stop {
+    let at = run.rig.master().at().map_or(0, |at| at.status);
+    // Whatever else breaks here says less than this.
+    let number = run.rig.read(390).ok().flatten().unwrap_or(0);
+    let detail = format!("the axis {what}: status {at:04X}H, S-0-0390 = {:04X}H", number as u16);
+    Stop::Broken { law: LAW.to_owned(), detail }
+}
