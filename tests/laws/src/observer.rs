@@ -233,6 +233,10 @@ impl Tap for Observer {
         scene.now = now.max(scene.now);
         scene.wire.sent(now, bytes, &scene.settings);
         let heard = self.dialogue.answer(scene.wire.reply());
+        if matches!(&heard, Some(Heard::Written(idn, Element::Data, _)) if REZEROES.contains(&idn.0)) {
+            // The AT that acknowledges it may show the new coordinate already.
+            scene.rezeroed = Some(scene.now);
+        }
         self.ask(&Event::Answer);
         if let Some(heard) = heard {
             self.hear(&heard);

@@ -31,6 +31,7 @@ pub(crate) struct Back {
 struct Begun {
     edge: Nanoseconds,
     control: u16,
+    command: Option<f64>,
     operates: Option<Nanoseconds>,
 }
 
@@ -81,11 +82,16 @@ impl Law for Back {
                 self.begun = wire.edge.filter(|_| fits).map(|edge| Begun {
                     edge,
                     control: wire.control & 0xEB00,
+                    command: scene.position_command(),
                     operates: None,
                 });
             }
             Event::Record => {
-                let same = |begun: &Begun| wire.control & 0xEB00 == begun.control && Self::asks_for_rest(scene);
+                let same = |begun: &Begun| {
+                    wire.control & 0xEB00 == begun.control
+                        && scene.position_command() == begun.command
+                        && Self::asks_for_rest(scene)
+                };
                 if !self.begun.as_ref().is_some_and(same) {
                     self.begun = None;
                 }

@@ -60,6 +60,10 @@ impl Distance {
     }
 
     fn arrived(&mut self, scene: &Scene) -> Verdict {
+        if scene.sight.machine.velocity.abs() >= STANDSTILL {
+            // A shaft that moves has left the place by the time that an AT shows it.
+            self.zeroed = None;
+        }
         let Some(zeroed) = &mut self.zeroed else { return Verdict::Silent };
         zeroed.answers += 1;
         if zeroed.answers < 4 {

@@ -34,6 +34,12 @@ impl Law for Current {
         let operates = wire.phase == 4 && status::readiness(wire.status) == 3 && !scene.deceived;
         let q = scene.sight.machine.current[1];
         let limit = scene.is_positive(q, Idn(85)).and_then(|positive| scene.current_limit(positive));
+        // A load that is stronger drives the shaft, and the current is what its rising voltage leaves of the limit.
+        let driven = |limit: f64| scene.sight.machine.load_torque.abs() > limit * scene.torque_constant();
+        // Limits of the MDT end where the drive stops by itself.
+        let cyclic = [82, 83, 92].iter().any(|idn| wire.command(Idn(*idn)).is_some());
+        let own_stop = cyclic && (!wire.asks_for_torque() || wire.has_error() || !scene.is_operating());
+        let limit = limit.filter(|limit| !driven(*limit) && !own_stop);
         let (Some(limit), Some(peak), true) = (limit, scene.settings.unsigned(Idn(110)), operates) else {
             self.0.end();
             return Verdict::Silent;

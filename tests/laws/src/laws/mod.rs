@@ -23,7 +23,7 @@ use crate::law::Law;
 pub(crate) fn all() -> Vec<Box<dyn Law>> {
     vec![
         Box::new(stop::Stop::default()),
-        Box::new(switching_on::SwitchingOn),
+        Box::new(switching_on::SwitchingOn::default()),
         Box::new(truth::Truth::default()),
         Box::new(torque_goes::TorqueGoes::default()),
         Box::new(true_errors::TrueErrors::default()),

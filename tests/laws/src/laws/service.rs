@@ -105,7 +105,7 @@ impl Law for AtAndService {
 #[derive(Default)]
 pub(crate) struct Acknowledged {
     written: BTreeMap<u16, Vec<u16>>,
-    /// S-0-0001, if the master has ever written it; else it is S-0-0002.
+    /// S-0-0001, if the master has written it since CP2 began; else it is S-0-0002.
     unit_cycle: Option<Vec<u16>>,
 }
 
@@ -140,6 +140,11 @@ impl Law for Acknowledged {
                 if !ALIVE.contains(&idn.0) && scene.wire.command(*idn).is_none() {
                     self.written.insert(idn.0, words.clone());
                 }
+                Verdict::Silent
+            }
+            // The next run-up begins without it.
+            Event::Mst if scene.wire.phase < 2 => {
+                self.unit_cycle = None;
                 Verdict::Silent
             }
             Event::Service(Heard::Read(Idn::CONTROL_UNIT_CYCLE, Element::Data, words)) => {

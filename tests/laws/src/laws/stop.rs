@@ -2,7 +2,7 @@
 
 use ring::Nanoseconds;
 use ring::ident::Idn;
-use ring::service_client::control;
+use ring::service_client::{control, status};
 
 use crate::law::{Event, Law, Verdict};
 use crate::scene::Scene;
@@ -47,7 +47,9 @@ struct Running {
 
 impl Stop {
     fn begin(&mut self, cause: &'static str, scene: &Scene, effect: Nanoseconds) {
-        if !scene.sight.bridge || self.running.as_ref().is_some_and(|running| !running.stood) {
+        // Before it is in operation the drive looks for its commutation angle, and moves the shaft for it.
+        let operates = status::readiness(scene.wire.status) == 3;
+        if !scene.sight.bridge || !operates || self.running.as_ref().is_some_and(|running| !running.stood) {
             return;
         }
         let velocity = scene.sight.machine.velocity;

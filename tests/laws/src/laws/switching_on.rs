@@ -1,5 +1,7 @@
 //! The bridge switches on only after an edge of bits 15 and 14 seen in this CP4, with C1D = 0.
 
+use ring::Nanoseconds;
+use ring::ident::Idn;
 use ring::service_client::status;
 
 use crate::law::{Event, Law, Verdict};
@@ -8,8 +10,15 @@ use crate::scene::Scene;
 /// From the MDT that has the edge to the bridge: t3 of this cycle or the next, and what the amplifier takes to be reset.
 const PROMPT_MICROSECONDS: u64 = 2_000;
 
+/// S-0-0099 may come with the edge: the ATs that show the error are older, by so many cycles.
+const CLEARED_CYCLES: u64 = 3;
+
 /// Watches the bridge come on.
-pub(crate) struct SwitchingOn;
+#[derive(Default)]
+pub(crate) struct SwitchingOn {
+    /// The last edge of a CP4, also when the next MST has ended it: what it has begun comes on.
+    edge: Option<Nanoseconds>,
+}
 
 impl Law for SwitchingOn {
     fn sentence(&self) -> &'static str {
@@ -17,13 +26,17 @@ impl Law for SwitchingOn {
     }
 
     fn judge(&mut self, event: &Event<'_>, scene: &Scene) -> Verdict {
+        let wire = &scene.wire;
+        if matches!(event, Event::Record) && wire.edge.is_some() {
+            self.edge = wire.edge;
+        }
         if !matches!(event, Event::Look) || scene.before.bridge || !scene.sight.bridge {
             return Verdict::Silent;
         }
-        let wire = &scene.wire;
+        let clearing = scene.command == Some(Idn(99)) && scene.within(scene.written, scene.cycles(CLEARED_CYCLES, 0));
         // The AT before the last one may be older than S-0-0099.
-        let error = wire.status & wire.status_before & status::SHUT_DOWN != 0;
-        let fresh = wire.phase == 4 && scene.within(wire.edge, scene.cycles(2, PROMPT_MICROSECONDS));
+        let error = wire.status & wire.status_before & status::SHUT_DOWN != 0 && !clearing;
+        let fresh = scene.within(self.edge, scene.cycles(2, PROMPT_MICROSECONDS));
         Verdict::of(fresh && !error, || {
             let (phase, control, status) = (wire.phase, wire.control, wire.status);
             match scene.since(wire.edge) {
@@ -41,7 +54,7 @@ mod tests {
 
     #[test]
     fn an_edge_in_cp4_may_switch_the_bridge_on() {
-        let mut fake = Fake::in_cp4(SwitchingOn);
+        let mut fake = Fake::in_cp4(SwitchingOn::default());
         fake.cycle(0, 0x8000);
         fake.cycle(0xE000, 0x8000);
         fake.sight.bridge = true;
@@ -51,7 +64,7 @@ mod tests {
 
     #[test]
     fn switches_left_on_from_before_may_not() {
-        let mut fake = Fake::in_cp4(SwitchingOn);
+        let mut fake = Fake::in_cp4(SwitchingOn::default());
         fake.cycle(0xE000, 0x8000);
         fake.sight.bridge = true;
         fake.cycle(0xE000, 0x8000);
@@ -60,7 +73,7 @@ mod tests {
 
     #[test]
     fn an_error_that_is_still_shown_forbids_it() {
-        let mut fake = Fake::in_cp4(SwitchingOn);
+        let mut fake = Fake::in_cp4(SwitchingOn::default());
         fake.cycle(0, 0xA000);
         fake.cycle(0xE000, 0xA000);
         fake.sight.bridge = true;

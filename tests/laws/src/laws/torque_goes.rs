@@ -34,6 +34,8 @@ impl TorqueGoes {
     fn is_explained(scene: &Scene) -> bool {
         let wire = &scene.wire;
         !scene.is_operating()
+            // What was switched on in another CP4 is engaging its brake.
+            || wire.edge.is_none()
             || wire.control & (control::ON | control::ENABLE) != control::ON | control::ENABLE
             || wire.has_error()
     }
