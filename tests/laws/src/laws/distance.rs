@@ -8,6 +8,8 @@ use crate::scene::Scene;
 
 /// A path between commands is done after so many cycles of the control unit, and so many of the ring for the way there and back.
 const SETTLED_CYCLES: i64 = 6;
+/// In revolutions: a held shaft trembles less.
+const STOOD: f64 = 1e-4;
 /// The shaft stands when it is slower than this in rad/s.
 const STANDSTILL: f64 = 0.05;
 
@@ -16,6 +18,8 @@ const STANDSTILL: f64 = 0.05;
 pub(crate) struct Distance {
     command: Option<u32>,
     unchanged: i64,
+    /// Where the shaft was when a homing was started, in revolutions.
+    started: Option<f64>,
     /// Where the shaft stood when S-0-0447, or S-0-0148 where it stands, gave it S-0-0052.
     zeroed: Option<Zeroed>,
 }
@@ -53,6 +57,8 @@ impl Distance {
         if here
             && matches!(idn.0, 447 | 148)
             && scene.sight.machine.velocity.abs() < STANDSTILL
+            // It is executed at once, and the master asks later: only for a shaft that has stood since then is it known where.
+            && self.started.is_some_and(|angle| (scene.sight.machine.angle - angle).abs() < STOOD)
             && let Some(distance) = scene.settings.signed(Idn(52))
         {
             self.zeroed = Some(Zeroed { angle: scene.sight.machine.angle, distance: distance as f64, answers: 0 });
@@ -108,6 +114,10 @@ impl Law for Distance {
                 [low, high] => self.compare(u32::from(high) << 16 | u32::from(low), scene),
                 _ => Verdict::Silent,
             },
+            Event::Service(Heard::Written(Idn(148 | 447), Element::Data, words)) => {
+                self.started = (words[..] == [3]).then_some(scene.sight.machine.angle);
+                Verdict::Silent
+            }
             Event::Service(Heard::Opened(idn, 3)) if scene.command == Some(*idn) => {
                 self.homed(*idn, scene);
                 Verdict::Silent

@@ -36,7 +36,12 @@ impl Law for SwitchingOn {
         let clearing = scene.command == Some(Idn(99)) && scene.within(scene.written, scene.cycles(CLEARED_CYCLES, 0));
         // The AT before the last one may be older than S-0-0099.
         let error = wire.status & wire.status_before & status::SHUT_DOWN != 0 && !clearing;
-        let fresh = scene.within(self.edge, scene.cycles(2, PROMPT_MICROSECONDS));
+        // A brake that was just closing is closed and tested first, and then opened again.
+        let brake = scene.machine.brake.map_or(0, |_| {
+            let milliseconds = [206, 207, 0x8000 | 123].map(|idn| scene.settings.unsigned(Idn(idn)).unwrap_or(0));
+            1_000 * milliseconds.iter().sum::<i64>().unsigned_abs()
+        });
+        let fresh = scene.within(self.edge, scene.cycles(2, PROMPT_MICROSECONDS + brake));
         Verdict::of(fresh && !error, || {
             let (phase, control, status) = (wire.phase, wire.control, wire.status);
             match scene.since(wire.edge) {
