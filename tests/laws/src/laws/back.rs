@@ -31,6 +31,7 @@ pub(crate) struct Back {
 struct Begun {
     edge: Nanoseconds,
     control: u16,
+    command: Option<f64>,
     operates: Option<Nanoseconds>,
 }
 
@@ -47,6 +48,12 @@ impl Back {
             Some(2) => [36, 37].iter().all(|idn| scene.wire.command(Idn(*idn)).unwrap_or(0) == 0),
             _ => false,
         }
+    }
+
+    /// The command has not gone anywhere since the drive follows it. Before that it goes with the shaft, which searches its angle.
+    fn is_still(begun: &Begun, scene: &Scene) -> bool {
+        let way = scene.units.zip(begun.command).zip(scene.position_command());
+        way.is_none_or(|((units, from), to)| units.way(from, to).abs() <= 2.0 * scene.quantum(&units))
     }
 
     /// Nothing stands in the way of an axis that is to be switched on.
@@ -81,11 +88,17 @@ impl Law for Back {
                 self.begun = wire.edge.filter(|_| fits).map(|edge| Begun {
                     edge,
                     control: wire.control & 0xEB00,
+                    command: None,
                     operates: None,
                 });
             }
             Event::Record => {
-                let same = |begun: &Begun| wire.control & 0xEB00 == begun.control && Self::asks_for_rest(scene);
+                let same = |begun: &Begun| {
+                    wire.control & 0xEB00 == begun.control && Self::asks_for_rest(scene) && Self::is_still(begun, scene)
+                };
+                if let Some(begun) = self.begun.as_mut().filter(|begun| begun.command.is_none() && wire.follows()) {
+                    begun.command = scene.position_command();
+                }
                 if !self.begun.as_ref().is_some_and(same) {
                     self.begun = None;
                 }
