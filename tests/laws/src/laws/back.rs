@@ -50,6 +50,12 @@ impl Back {
         }
     }
 
+    /// The command has not gone anywhere since the drive follows it. Before that it goes with the shaft, which searches its angle.
+    fn is_still(begun: &Begun, scene: &Scene) -> bool {
+        let way = scene.units.zip(begun.command).zip(scene.position_command());
+        way.is_none_or(|((units, from), to)| units.way(from, to).abs() <= 2.0 * scene.quantum(&units))
+    }
+
     /// Nothing stands in the way of an axis that is to be switched on.
     fn may_come(scene: &Scene) -> bool {
         let (machine, settings) = (&scene.sight.machine, &scene.settings);
@@ -82,16 +88,17 @@ impl Law for Back {
                 self.begun = wire.edge.filter(|_| fits).map(|edge| Begun {
                     edge,
                     control: wire.control & 0xEB00,
-                    command: scene.position_command(),
+                    command: None,
                     operates: None,
                 });
             }
             Event::Record => {
                 let same = |begun: &Begun| {
-                    wire.control & 0xEB00 == begun.control
-                        && scene.position_command() == begun.command
-                        && Self::asks_for_rest(scene)
+                    wire.control & 0xEB00 == begun.control && Self::asks_for_rest(scene) && Self::is_still(begun, scene)
                 };
+                if let Some(begun) = self.begun.as_mut().filter(|begun| begun.command.is_none() && wire.follows()) {
+                    begun.command = scene.position_command();
+                }
                 if !self.begun.as_ref().is_some_and(same) {
                     self.begun = None;
                 }
