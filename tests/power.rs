@@ -104,8 +104,11 @@ struct Stop {
     lied: bool,
 }
 
+/// What happens at which look.
+type Action<'a> = (u32, &'a mut dyn FnMut(&mut Bench));
+
 /// Watches until the shaft stands, at most 4 s; `step` acts once at each of these milliseconds.
-fn watch(bench: &mut Bench, actions: &mut [(u32, &mut dyn FnMut(&mut Bench))]) -> Stop {
+fn watch(bench: &mut Bench, actions: &mut [Action<'_>]) -> Stop {
     let from = revolutions(bench);
     let mut stop =
         Stop { turned: 0.0, milliseconds: 0.0, torque_off_at: None, fastest: 0.0, lowest_bus: f64::MAX, lied: false };
