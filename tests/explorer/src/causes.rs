@@ -50,6 +50,8 @@ impl Causes {
                 Fault::OneLateCycle | Fault::LateCycles => Cause::LateCycles,
                 _ => return,
             },
+            // A load may make the shaft faster than S-0-0113 and a quarter: a counter that fast is taken for one that jumps.
+            Action::Load(_) => Cause::Encoder,
             Action::SafeTorqueOff(_) => Cause::SafeTorqueOff,
             Action::Mains(_) | Action::Contactor { .. } => Cause::Supply,
             // The undervoltage and overvoltage thresholds, and those of the temperatures.

@@ -316,7 +316,8 @@ impl Rig {
                 steps.extend(writing(idn, &words));
             }
         }
-        if settings && self.axis.aligned {
+        // A vertical load whose brake does not hold keeps its torque over a lost ring, and a drive under torque takes no angle.
+        if settings && self.axis.aligned && !self.bridge_is_on() {
             steps.extend(writing(0x8000 | 118, &words_of(0x8000 | 118, self.commutation_angle())));
         }
         let Some(records) = self.ask(steps)? else {

@@ -57,6 +57,7 @@ impl Distance {
         if here
             && matches!(idn.0, 447 | 148)
             && scene.sight.machine.velocity.abs() < STANDSTILL
+            && !scene.deceived
             // It is executed at once, and the master asks later: only for a shaft that has stood since then is it known where.
             && self.started.is_some_and(|angle| (scene.sight.machine.angle - angle).abs() < STOOD)
             && let Some(distance) = scene.settings.signed(Idn(52))
@@ -66,7 +67,7 @@ impl Distance {
     }
 
     fn arrived(&mut self, scene: &Scene) -> Verdict {
-        if scene.sight.machine.velocity.abs() >= STANDSTILL {
+        if scene.sight.machine.velocity.abs() >= STANDSTILL || scene.deceived {
             // A shaft that moves has left the place by the time that an AT shows it.
             self.zeroed = None;
         }

@@ -9,7 +9,7 @@ use crate::law::{Event, Law, Verdict};
 use crate::scene::Scene;
 
 /// Between two looks the shaft is where a straight line says, and the latch is exact to this, in seconds.
-const TIMING: f64 = 4e-6;
+const TIMING: f64 = 5e-6;
 /// A tolerance of the communication cycle: an MST that comes then is in time.
 const JITTER: Nanoseconds = Nanoseconds::from_microseconds(2);
 /// A procedure that gives positions another zero is done so long after its beginning, or is still running.

@@ -55,7 +55,8 @@ impl Following {
             let cycle = Nanoseconds::from_microseconds(unit.into()).0.max(scene.cycle.0).max((scene.now - then).0);
             let step = units.way(from, command);
             let allowed = JUMP * limit / core::f64::consts::TAU * units.increments * cycle as f64 * 1e-9;
-            (step.abs() > allowed + 2.0 * scene.quantum(&units)).then_some(("the command steps", step))
+            // Commands are whole increments, two of them with S-0-0048.
+            (step.abs() > allowed + 2.0 * scene.quantum(&units).max(1.0)).then_some(("the command steps", step))
         } else {
             let Some(feedback) = scene.position_feedback().filter(|_| window > 0.0) else { return };
             let distance = units.way(feedback, command);

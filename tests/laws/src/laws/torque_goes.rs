@@ -2,7 +2,7 @@
 
 use ring::Nanoseconds;
 use ring::ident::Idn;
-use ring::service_client::control;
+use ring::service_client::{control, status};
 
 use crate::law::{Event, Law, Verdict};
 use crate::scene::Scene;
@@ -44,7 +44,9 @@ impl TorqueGoes {
     fn wasted_link(scene: &Scene) -> Option<String> {
         let (sight, settings) = (&scene.sight, &scene.settings);
         let sound = sight.bridge_ready && sight.safe_torque && !scene.deceived && !sight.machine.feverish;
-        let asked = scene.wire.control & control::ENABLE != 0 && scene.wire.phase == 4;
+        // Before it is in operation an axis looks for its angle: there is no stop to finish.
+        let operated = status::readiness(scene.wire.status) == 3 || scene.wire.has_error();
+        let asked = scene.wire.control & control::ENABLE != 0 && scene.wire.phase == 4 && operated;
         let ramp = settings.word(Idn(0x8000 | 140)).is_some_and(|reaction| reaction != 1);
         let least = settings.unsigned(Idn(0x8000 | 104))? as f64 * LINK;
         let just_gone = !sight.main_power && scene.within(scene.pins_changed, OUTAGE);

@@ -12,7 +12,7 @@ const LATENCY: f64 = 2e-3;
 /// A fall is watched for so long, in seconds, beyond the delay of the brake.
 const WATCHED: f64 = 0.5;
 /// Share, and revolutions for the shaft between motor and load.
-const MARGIN: (f64, f64) = (1.3, 0.004);
+const MARGIN: (f64, f64) = (1.3, 0.005);
 
 /// Follows a load from the end of the torque.
 #[derive(Default)]
