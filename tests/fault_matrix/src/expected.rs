@@ -69,7 +69,7 @@ pub(crate) const fn note(fault: Fault) -> Option<&'static str> {
         }
         Fault::EncoderFrozen => {
             "A standing axis shows nothing of it. When current makes the rotor turn, by a quarter of an electrical revolution and more, the \
-             voltage that its magnets induce does: `tests/stop.rs` measures 12 to 112 ms. Below 240 rpm (or 8 increments in 125 us) the stop is no proof, and \
+             voltage that its magnets induce does: `tests/blocked.rs` measures 12 to 112 ms. Below 240 rpm (or 8 increments in 125 us) the stop is no proof, and \
              the same holds."
         }
         Fault::EnableBlinks => {
