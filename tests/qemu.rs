@@ -130,7 +130,8 @@ fn a_fault_of_the_gate_drivers_switches_the_bridge_off_before_the_flashed_elf_kn
     // Not a nanosecond passes: no instruction is executed.
     world.run_until(world.now()).unwrap();
     assert!(!motor_side.borrow().bridge_is_on());
-    // The fault is over, and nothing starts by itself.
+    // The fault is over after two periods of the current loop, and nothing starts by itself.
+    world.run_until(world.now() + Nanoseconds::from_microseconds(125)).unwrap();
     motor_side.borrow_mut().change_inputs(|inputs| inputs.bridge_ready = true);
     world.run_until(world.now() + Nanoseconds::from_millis(20)).unwrap();
     assert!(!motor_side.borrow().bridge_is_on());
