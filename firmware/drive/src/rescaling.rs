@@ -97,6 +97,10 @@ impl Rescaling {
     /// Parameters that do not fit their new increments and were not written anew. Divides.
     pub(crate) fn misfits(&self, parameters: &mut Parameters) -> Vec<Idn, MOST> {
         let mut misfits = Vec::new();
+        if self.scaling == SCALING.map(|number| parameters.get(Idn::standard(number))) {
+            // Every number is the one that it was. The divisions would make S-0-0128 take longer than a cycle of a tight ring.
+            return misfits;
+        }
         self.convert(parameters, |idn| {
             // There is room for all of them.
             let _ = misfits.push(idn);
