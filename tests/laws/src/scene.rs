@@ -51,6 +51,9 @@ pub struct Scene {
     pub path: VecDeque<(Nanoseconds, f64)>,
 }
 
+/// Procedure commands by which the drive moves the axis itself.
+const MOVERS: [u16; 6] = [148, 149, 152, 0x8000 | 224, 0x8000 | 225, 0x8000 | 226];
+
 /// Operation modes 3, 4, 11 and 12: S-0-0047 is followed.
 const POSITION_MODES: [u16; 4] = [3, 4, 11, 12];
 
@@ -59,6 +62,12 @@ impl Scene {
     #[must_use]
     pub fn is_operating(&self) -> bool {
         self.wire.is_operating(self.now, self.cycle)
+    }
+
+    /// A procedure command is set by which the drive moves the axis itself.
+    #[must_use]
+    pub fn drive_moves_the_axis(&self) -> bool {
+        self.command.is_some_and(|idn| MOVERS.contains(&idn.0))
     }
 
     /// So long ago, or `None` if never.

@@ -15,8 +15,6 @@ const WATCH: Nanoseconds = Nanoseconds::from_millis(100);
 /// What a shaft may have on top of the speed that it had: a share, rad/s, and the acceleration of the moment for so long.
 const TOLERANCE: (f64, f64, f64) = (0.05, 0.5, 2e-3);
 const LASTING: Nanoseconds = Nanoseconds::from_millis(1);
-/// Procedure commands by which the drive moves the axis itself.
-const MOVERS: [u16; 6] = [148, 149, 152, 0x8000 | 224, 0x8000 | 225, 0x8000 | 226];
 
 /// Watches what a jump of the command does to the shaft.
 #[derive(Default)]
@@ -41,7 +39,7 @@ impl Following {
             return;
         };
         let before = self.command.replace((command, scene.now));
-        let moves = scene.command.is_some_and(|idn| MOVERS.contains(&idn.0));
+        let moves = scene.drive_moves_the_axis();
         let position = scene.asks_for_position() && scene.asked_mode() == scene.actual_mode();
         if wire.phase != 4 || !wire.asks_to_follow() || wire.has_error() || moves || !position {
             self.jump = None;

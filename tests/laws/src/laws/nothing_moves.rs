@@ -22,8 +22,6 @@ const UNMONITORED: f64 = 1.0;
 const OVERSHOOT: (f64, f64) = (1.1, 2.0);
 /// A halted axis that has stood for so long stays where it is, within so many revolutions.
 const HELD: (Nanoseconds, f64) = (Nanoseconds::from_millis(300), 0.01);
-/// Procedure commands by which the drive moves the axis itself.
-const MOVERS: [u16; 6] = [148, 149, 152, 0x8000 | 224, 0x8000 | 225, 0x8000 | 226];
 
 /// Adds up what is commanded.
 #[derive(Default)]
@@ -48,7 +46,7 @@ enum Followed {
 impl NothingMoves {
     fn record(&mut self, scene: &Scene) {
         let wire = &scene.wire;
-        let moves = scene.command.is_some_and(|idn| MOVERS.contains(&idn.0));
+        let moves = scene.drive_moves_the_axis();
         let steady = wire.phase == 4 && wire.asks_to_follow() && wire.follows() && !wire.has_error() && !moves;
         let same = wire.control_before & 0x0B00 == wire.control & 0x0B00 && scene.asked_mode() == scene.actual_mode();
         let known = scene.units.zip(scene.sense()).filter(|_| steady && same && scene.is_left_alone(GRACE));
@@ -129,7 +127,7 @@ impl NothingMoves {
 
     fn hold(&mut self, scene: &Scene) -> Verdict {
         let wire = &scene.wire;
-        let moves = scene.command.is_some_and(|idn| MOVERS.contains(&idn.0));
+        let moves = scene.drive_moves_the_axis();
         let halted = wire.phase == 4 && wire.asks_for_torque() && !wire.asks_to_follow() && !wire.has_error() && !moves;
         let machine = &scene.sight.machine;
         if !halted

@@ -14,7 +14,7 @@ const ANSWERS: usize = 12;
 const ANSWERS_AFTER: u32 = 3;
 /// Data blocks that the drive itself changes, or that read otherwise than they are written: command values, bits that a control bit or an
 /// input owns, the password, the commutation angle, what follows another, and the recorder's.
-const ALIVE: [u16; 27] = [
+const ALIVE: [u16; 26] = [
     1,
     36,
     37,
@@ -40,7 +40,6 @@ const ALIVE: [u16; 27] = [
     0x8000 | 221,
     52,
     261,
-    282,
     99,
 ];
 /// Data that what is written in them changes the weight or the unit of others.

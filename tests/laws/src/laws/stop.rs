@@ -19,8 +19,6 @@ const STANDSTILL: (f64, f64) = (1.0, 0.02);
 const MARGIN: (f64, f64) = (0.2, 100.0);
 /// After a change of the load the shaft may do what it must for so long.
 const RECOVERY: Nanoseconds = Nanoseconds::from_millis(300);
-/// Procedure commands by which the drive moves the axis itself while bit 13 is 0.
-const MOVERS: [u16; 6] = [148, 149, 152, 0x8000 | 224, 0x8000 | 225, 0x8000 | 226];
 
 /// Follows a stop from its cause to the end of the torque, or of the stop.
 #[derive(Default)]
@@ -154,7 +152,7 @@ impl Law for Stop {
                     self.begin("a lost ring", scene, soon);
                 }
                 self.lost = lost;
-                let moves = scene.command.is_some_and(|idn| MOVERS.contains(&idn.0));
+                let moves = scene.drive_moves_the_axis();
                 if moves && self.running.as_ref().is_some_and(|running| running.cause == "HALT") {
                     self.running = None;
                 }
