@@ -63,7 +63,8 @@ impl Causes {
             | Action::DamageMdt(_)
             | Action::WrongPhase(_)
             | Action::Dark(_)
-            | Action::FallBack(_) => Cause::Ring,
+            | Action::FallBack(_)
+            | Action::SkipCheck(_) => Cause::Ring,
             _ => return,
         };
         self.seen.insert(cause);

@@ -15,6 +15,7 @@ mod master;
 mod peace;
 mod rig;
 pub mod run;
+mod services;
 pub mod shrink;
 mod units;
 mod words;

@@ -70,6 +70,7 @@ impl Observer {
             pins_changed: None,
             bridge_changed: None,
             command: None,
+            starting: None,
             rezeroed: None,
             path: VecDeque::new(),
         };
@@ -217,6 +218,7 @@ impl Tap for Observer {
                     self.dialogue.reset();
                 }
                 self.dialogue.record(scene.wire.request());
+                scene.starting = self.dialogue.starts();
                 if scene.wire.phase == 4 {
                     for (idn, value) in scene.wire.commands() {
                         scene.settings.note_cyclic(*idn, *value);

@@ -45,6 +45,8 @@ pub struct Scene {
     pub bridge_changed: Option<Nanoseconds>,
     /// The last procedure command that was started and not yet cancelled.
     pub command: Option<Idn>,
+    /// The procedure command that the drive has been asked to start and has not yet answered.
+    pub starting: Option<Idn>,
     /// When a command or a value was last written that may give positions another zero or another weight.
     pub rezeroed: Option<Nanoseconds>,
     /// Where the shaft was, in revolutions, over the last cycles; the newest at the end.
@@ -67,7 +69,7 @@ impl Scene {
     /// A procedure command is set by which the drive moves the axis itself.
     #[must_use]
     pub fn drive_moves_the_axis(&self) -> bool {
-        self.command.is_some_and(|idn| MOVERS.contains(&idn.0))
+        [self.command, self.starting].iter().flatten().any(|idn| MOVERS.contains(&idn.0))
     }
 
     /// So long ago, or `None` if never.

@@ -2,6 +2,7 @@
 
 use fault_matrix::Fault;
 
+use super::{ordeals, services};
 use crate::dice::Dice;
 use crate::life::{Axis, Plant};
 use crate::master::bytes_of;
@@ -77,6 +78,7 @@ pub(super) fn any(dice: &mut Dice) -> Axis {
         aligned: dice.chance(if plant == Plant::Vertical { 100 } else { 96 }),
         wraps: dice.chance(60),
         settings: Vec::new(),
+        also: Vec::new(),
     };
     if dice.chance(15) {
         let increments = plant.axis().machine.encoder.increments_per_revolution;
@@ -93,6 +95,11 @@ pub(super) fn any(dice: &mut Dice) -> Axis {
     polarity(dice, &mut axis);
     limits(dice, &mut axis);
     odds(dice, &mut axis);
+    ordeals::prepare(dice, &mut axis);
+    if dice.chance(15) {
+        let also = services::in_cp2(dice, &axis);
+        axis.also.extend(also);
+    }
     axis
 }
 
