@@ -17,6 +17,7 @@ mod rig;
 pub mod run;
 mod services;
 pub mod shrink;
+mod steps;
 mod units;
 mod words;
 pub mod work;

@@ -16,7 +16,8 @@ use ring::{Nanoseconds, RingConfiguration};
 use crate::life::Axis;
 use crate::master::{Layout, Stubborn, bytes_of};
 use crate::services::{KEY, PASSWORD, words_of_text};
-use crate::units::{Units, value_of, words_of, writes};
+use crate::steps::{read_value, reading, refusals, writing};
+use crate::units::{Units, words_of, writes};
 
 pub(crate) const ADDRESS: u8 = 5;
 /// Polls of a procedure command before it counts as one without an end.
@@ -424,58 +425,6 @@ impl Rig {
     }
 }
 
-/// Opens a data block and writes its operation data.
-pub(crate) fn writing(idn: u16, words: &[u16]) -> Vec<Step> {
-    let mut steps = vec![Step::open(ring::ident::Idn(idn))];
-    steps.extend(writing_open(words));
-    steps
-}
-
-/// Writes operation data of the data block that is open.
-pub(crate) fn writing_open(words: &[u16]) -> impl Iterator<Item = Step> + '_ {
-    let last = words.len().saturating_sub(1);
-    let step = move |(index, word): (usize, &u16)| Step {
-        element: Element::Data,
-        write: true,
-        end: index == last,
-        info: *word,
-    };
-    words.iter().enumerate().map(step)
-}
-
-/// Reads operation data of fixed length; `open`: opens the data block first.
-pub(crate) fn reading(idn: u16, open: bool) -> Vec<Step> {
-    let words = words_of(idn, 0).len();
-    let mut steps = Vec::new();
-    if open {
-        steps.push(Step::open(ring::ident::Idn(idn)));
-    }
-    steps.extend((1..=words).map(|word| Step { element: Element::Data, write: false, end: word == words, info: 0 }));
-    steps
-}
-
-/// The value that the reading steps among these have brought, if none of them is refused.
-pub(crate) fn read_value(idn: u16, records: &[StepRecord]) -> Option<i64> {
-    let reads = records.iter().filter(|record| record.step.element == Element::Data && !record.step.write);
-    let words: Option<Vec<u16>> = reads.map(|record| (!record.error).then_some(record.reply)).collect();
-    words.filter(|words| !words.is_empty()).map(|words| value_of(idn, &words))
-}
-
-/// The data blocks that were refused, with the first error word of each.
-fn refusals(records: &[StepRecord]) -> Vec<(u16, u16)> {
-    let mut open = 0;
-    let mut refused: Vec<(u16, u16)> = Vec::new();
-    for record in records {
-        if record.step.element == Element::Idn {
-            open = record.step.info;
-        }
-        if record.error && refused.last().is_none_or(|(idn, _)| *idn != open) {
-            refused.push((open, record.reply));
-        }
-    }
-    refused
-}
-
 impl Target for Rig {
     fn now(&self) -> Nanoseconds {
         self.world.now()
@@ -488,8 +437,8 @@ impl Target for Rig {
     fn mode(&self) -> Mode {
         match self.chosen_mode() {
             1 => Mode::Torque,
-            3 | 0x13 => Mode::Position,
-            11 | 0x1B => Mode::PositionWithoutLag,
+            3 | 0x13 | 0x213 => Mode::Position,
+            11 | 0x1B | 0x21B => Mode::PositionWithoutLag,
             _ => Mode::Velocity,
         }
     }

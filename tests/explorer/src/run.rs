@@ -322,6 +322,9 @@ impl Run {
                 self.rig.learn(idn, value);
             }
         }
+        if !also.is_empty() && self.services.has_taken_telegrams() {
+            self.rig.set_up(false)?;
+        }
         self.rig.go_on_to_cp4()
     }
 

@@ -10,13 +10,15 @@ use sercos::dictionary;
 use crate::coverage::Coverage;
 use crate::life::Action;
 use crate::master::Stubborn;
-use crate::rig::{read_value, reading, writing, writing_open};
+use crate::steps::{read_value, reading, writing, writing_open};
 use crate::units::words_of;
 
 /// S-0-0267.
 pub(crate) const PASSWORD: u16 = 267;
 /// The only one that a life locks with, so that peace can unlock.
 pub(crate) const KEY: &str = "press";
+/// What the telegrams are made of: a master that writes it keeps to it.
+const TELEGRAMS: [u16; 9] = [1, 2, 6, 9, 10, 15, 16, 24, 89];
 const DIAGNOSTIC_NUMBER: u16 = 390;
 const RESET: u16 = 99;
 /// Words of a procedure command that is started, and of one that is cancelled.
@@ -113,6 +115,11 @@ impl Services {
             }
         }
         diagnoses
+    }
+
+    /// The life has written something that tells the telegrams of the ring, and nothing has refused that.
+    pub(crate) fn has_taken_telegrams(&self) -> bool {
+        TELEGRAMS.iter().any(|idn| self.has_taken(*idn))
     }
 
     /// The life has written it, and nothing has refused that.

@@ -52,6 +52,8 @@ pub(super) struct Writer<'a> {
     fastest: f64,
     now: u32,
     events: Vec<Event>,
+    /// S-0-0346 bit 0.
+    toggle: i64,
     /// The axis has become another machine: nothing is switched on before it has its own data again.
     pub(super) ended: bool,
 }
@@ -72,7 +74,7 @@ pub(super) fn any(dice: &mut Dice, axis: &Axis) -> (Vec<Event>, u32) {
 impl<'a> Writer<'a> {
     pub(super) fn new(dice: &'a mut Dice, axis: &'a Axis) -> Self {
         let fastest = f64::from(axis.plant.axis().maximum_speed);
-        Self { dice, axis, units: Units::of(axis), fastest, now: 0, events: Vec::new(), ended: false }
+        Self { dice, axis, units: Units::of(axis), fastest, now: 0, events: Vec::new(), toggle: 0, ended: false }
     }
 }
 
@@ -101,7 +103,9 @@ impl Writer<'_> {
         if self.dice.chance(85) {
             self.event(Action::Switches(FOLLOW));
             self.pause();
+            self.wait_for_the_angle();
         }
+        self.overload_at_once();
     }
 
     /// A few events that belong together.
@@ -213,11 +217,25 @@ impl Writer<'_> {
                 let degrees = self.dice.spread(1.0, 2_000.0);
                 self.event(Action::Set(idn, self.units.degrees(degrees)));
             }
+            282 | 346 => self.position_by_control(),
             _ => {
                 let value = self.dice.between(0, 0xFFFF);
                 self.event(Action::Set(idn, value));
             }
         }
+    }
+
+    /// A position or distance, and S-0-0346 that has it taken over.
+    fn position_by_control(&mut self) {
+        let degrees = self.dice.spread(1.0, 2_000.0);
+        self.event(Action::Set(282, self.units.degrees(degrees)));
+        self.wait(4.0);
+        // Bit 3: a distance, 4: from where it is, 5: at once; bits 2 and 1: turns, or stops.
+        let way = self.dice.pick(&[0, 0, 0x08, 0x18, 0x20, 0x28, 0x02, 0x04, 0x06]).unwrap_or(0);
+        self.toggle ^= 1;
+        let control = way | self.toggle;
+        let in_mdt = self.axis.mdt.contains(&346);
+        self.event(if in_mdt { Action::Set(346, control) } else { Action::Write(346, control) });
     }
 
     pub(super) fn stop(&mut self) {

@@ -20,17 +20,37 @@ pub(super) fn prepare(dice: &mut Dice, axis: &mut Axis) {
         axis.settings.extend(TIME_CONSTANTS);
         axis.settings.push(LOAD_LIMIT);
     }
-    if !axis.aligned && axis.plant != Plant::Vertical && dice.chance(25) {
+    if blocks(axis) && dice.chance(15) {
+        axis.aligned = false;
+    } else if !axis.aligned && axis.plant != Plant::Vertical && dice.chance(25) {
         axis.also.push(Action::Write(277, TURNED_ROUND));
     }
+}
+
+/// Something can jam it.
+fn blocks(axis: &Axis) -> bool {
+    matches!(axis.built_for, Some(Fault::AxisBlocked | Fault::Overload))
 }
 
 impl Writer<'_> {
     /// The axis is blocked before it has looked for its angle.
     pub(super) fn block_from_the_start(&mut self) {
-        let blocks = matches!(self.axis.built_for, Some(Fault::AxisBlocked | Fault::Overload));
-        if blocks && !self.axis.aligned && self.dice.chance(60) {
+        if blocks(self.axis) && !self.axis.aligned && self.dice.chance(60) {
             self.event(Action::Break(Fault::AxisBlocked));
+        }
+    }
+
+    /// A search that nothing disturbs takes its time.
+    pub(super) fn wait_for_the_angle(&mut self) {
+        if !self.axis.aligned && self.dice.chance(60) {
+            self.wait(1_500.0);
+        }
+    }
+
+    /// What it is built for comes in many of its lives.
+    pub(super) fn overload_at_once(&mut self) {
+        if self.axis.built_for == Some(Fault::Overload) && self.axis.aligned && self.dice.chance(50) {
+            self.overload();
         }
     }
 
@@ -81,7 +101,7 @@ impl Writer<'_> {
         self.wait(8.0);
         self.event(Action::Start(149));
         self.wait(8.0);
-        if matches!(self.axis.built_for, Some(Fault::AxisBlocked | Fault::Overload)) {
+        if blocks(self.axis) {
             self.event(Action::Break(Fault::AxisBlocked));
         } else {
             let percent = self.dice.between(-150, 150) as i16;
