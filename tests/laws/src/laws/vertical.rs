@@ -11,6 +11,8 @@ use crate::scene::Scene;
 const LATENCY: f64 = 2e-3;
 /// A fall is watched for so long, in seconds, beyond the delay of the brake.
 const WATCHED: f64 = 0.5;
+/// In cycles: the AT that is being sent cannot show the error any more.
+const SHOWN_AFTER: u64 = 2;
 /// Share, and revolutions for the shaft between motor and load.
 const MARGIN: (f64, f64) = (1.3, 0.005);
 
@@ -24,7 +26,16 @@ struct Fall {
     since: ring::Nanoseconds,
     from: f64,
     direction: f64,
-    allowed: f64,
+    /// In revolutions, until the brake has caught it.
+    way: f64,
+    /// The torque went before the brake could hold.
+    at_once: bool,
+}
+
+impl Fall {
+    fn allowed(&self) -> f64 {
+        if self.at_once { MARGIN.0 * self.way + MARGIN.1 } else { MARGIN.1 }
+    }
 }
 
 impl Vertical {
@@ -60,8 +71,7 @@ impl Vertical {
             || !scene.sight.safe_torque
             || !scene.sight.main_power
             || scene.deceived;
-        let allowed = if at_once { MARGIN.0 * way / TAU } else { 0.0 } + MARGIN.1;
-        Some(Fall { since: scene.now, from: machine.angle, direction, allowed })
+        Some(Fall { since: scene.now, from: machine.angle, direction, way: way / TAU, at_once })
     }
 }
 
@@ -71,6 +81,11 @@ impl Law for Vertical {
     }
 
     fn judge(&mut self, event: &Event<'_>, scene: &Scene) -> Verdict {
+        if let (Event::Answer, Some(fall)) = (event, &mut self.fall) {
+            // The error is shown after the torque has gone.
+            let then = scene.now.saturating_sub(fall.since);
+            fall.at_once |= scene.wire.has_error() && then <= scene.cycles(SHOWN_AFTER, 0);
+        }
         let Event::Look = event else { return Verdict::Silent };
         if scene.before.bridge && !scene.sight.bridge {
             self.fall = Self::begin(scene);
@@ -85,8 +100,9 @@ impl Law for Vertical {
         }
         let Some(fall) = &self.fall else { return Verdict::Silent };
         let fallen = (scene.sight.machine.angle - fall.from) * fall.direction;
-        Verdict::of(fallen <= fall.allowed, || {
-            format!("the load has fallen by {fallen:.4} revolutions since {}, {:.4} allowed", fall.since, fall.allowed)
+        let allowed = fall.allowed();
+        Verdict::of(fallen <= allowed, || {
+            format!("the load has fallen by {fallen:.4} revolutions since {}, {allowed:.4} allowed", fall.since)
         })
     }
 }
