@@ -41,6 +41,13 @@ impl Dialogue {
         self.handshake = Some(handshake);
     }
 
+    /// The procedure command that the record in front of the drive starts: it may begin before an AT acknowledges it.
+    #[must_use]
+    pub fn starts(&self) -> Option<Idn> {
+        let step = self.pending.filter(|step| step.write && step.element == Element::Data && step.end)?;
+        self.open.filter(|_| step.info == 3)
+    }
+
     /// The words of an AT of the drive.
     pub fn answer(&mut self, words: AtWords) -> Option<Heard> {
         if words.status & status::HANDSHAKE != self.handshake? || words.status & status::BUSY != 0 {
