@@ -52,6 +52,8 @@ impl Causes {
             },
             // A load may make the shaft faster than S-0-0113 and a quarter: a counter that fast is taken for one that jumps.
             Action::Load(_) => Cause::Encoder,
+            // Whoever forgets the angle has it searched for.
+            Action::Write(0x8076, _) => Cause::Encoder,
             Action::SafeTorqueOff(_) => Cause::SafeTorqueOff,
             Action::Mains(_) | Action::Contactor { .. } => Cause::Supply,
             // The undervoltage and overvoltage thresholds, and those of the temperatures.
@@ -63,7 +65,8 @@ impl Causes {
             | Action::DamageMdt(_)
             | Action::WrongPhase(_)
             | Action::Dark(_)
-            | Action::FallBack(_) => Cause::Ring,
+            | Action::FallBack(_)
+            | Action::SkipCheck(_) => Cause::Ring,
             _ => return,
         };
         self.seen.insert(cause);

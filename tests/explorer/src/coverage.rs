@@ -163,7 +163,7 @@ impl Coverage {
                 never.push(format!("{name} written in CP4 and accepted"));
             }
         }
-        for mode in ["1", "2", "3", "11", "19", "27"] {
+        for mode in ["1", "2", "3", "11", "19", "27", "531", "539"] {
             if !has("mode followed", mode) {
                 never.push(format!("operation mode {mode} followed"));
             }

@@ -4,9 +4,10 @@ use ring::Nanoseconds;
 use ring::ident::Idn;
 use ring::service_client::status;
 
-use crate::rig::Stop;
+use crate::rig::{Rig, Stop};
 use crate::run::Run;
-use crate::units::{default_of, setting};
+use crate::services::{PASSWORD, is_list};
+use crate::units::{default_of, setting, words_of};
 
 const LAW: &str = "after the cause is gone, S-0-0099 and a fresh edge always bring the axis back";
 /// A control word without bits 15 and 14 is seen for sure within this time.
@@ -22,11 +23,15 @@ const BRAKING: Nanoseconds = Nanoseconds::from_millis(1_500);
 /// Where the commutation angle stands, and whether it is known.
 const COMMUTATION_ANGLE: u16 = 0x8000 | 118;
 const COMMUTATION_STATE: u16 = 0x8000 | 119;
-const LOAD_DEFAULTS: u16 = 262;
+/// Commands that write parameters: S-0-0262, P-0-0220, 224, 225, 226.
+const WRITERS: [u16; 5] = [262, 0x8000 | 220, 0x8000 | 224, 0x8000 | 225, 0x8000 | 226];
 /// Data blocks that follow from what the axis does; nobody restores them.
-const COMMANDS_AND_BITS: [u16; 12] = [36, 37, 47, 48, 80, 81, 145, 258, 400, 405, 406, 407];
+const COMMANDS_AND_BITS: [u16; 16] =
+    [36, 37, 47, 48, 80, 81, 145, 258, 282, 346, 400, 405, 406, 407, PASSWORD, COMMUTATION_ANGLE];
 /// What every run-up writes anyway.
-const TELEGRAMS: [u16; 9] = [1, 2, 6, 7, 8, 9, 10, 15, 89];
+const TELEGRAMS: [u16; 11] = [1, 2, 6, 7, 8, 9, 10, 15, 16, 24, 89];
+/// Command values that a control takes back if it has written them over the service channel.
+const TAKEN_BACK: [u16; 6] = [36, 37, 48, 80, 81, 145];
 
 /// Makes peace, and holds the axis to the law.
 pub(crate) fn make(run: &mut Run) -> Result<(), Stop> {
@@ -39,11 +44,15 @@ pub(crate) fn make(run: &mut Run) -> Result<(), Stop> {
     }
     run.rig.run(RELEASED)?;
     run.rig.cycles(2)?;
+    run.rig.wait_for_answers()?;
     run.harvest();
     stand(run)?;
 
     let alive = run.rig.master().sent_phase() == 4 && run.rig.master().silent() == 0;
-    if !alive || run.started.contains(&LOAD_DEFAULTS) || !restore(run)? {
+    if alive && run.services.may_be_locked {
+        run.rig.unlock()?;
+    }
+    if !alive || run.services.started.iter().any(|idn| WRITERS.contains(idn)) || !restore(run)? {
         run.coverage.count("peace", "by a run-up");
         run_up(run)?;
     } else {
@@ -71,7 +80,7 @@ fn stand(run: &mut Run) -> Result<(), Stop> {
 
 /// Cancels the commands, and writes back what the life has written, the last first; false if a data block does not take it.
 fn restore(run: &mut Run) -> Result<bool, Stop> {
-    let mut started = std::mem::take(&mut run.started);
+    let mut started = std::mem::take(&mut run.services.started);
     started.sort_unstable();
     started.dedup();
     for idn in started {
@@ -79,14 +88,24 @@ fn restore(run: &mut Run) -> Result<bool, Stop> {
             return Ok(false);
         }
     }
-    while let Some(written) = run.written.pop() {
+    while let Some(written) = run.services.written.pop() {
+        if TAKEN_BACK.contains(&written.idn) && !run.rig.axis.mdt.contains(&written.idn) {
+            if run.rig.write(written.idn, 0)?.is_err() {
+                return Ok(false);
+            }
+            continue;
+        }
         if COMMANDS_AND_BITS.contains(&written.idn) || TELEGRAMS.contains(&written.idn) {
             continue;
         }
-        let value = written.before.unwrap_or_else(|| original(run, written.idn));
-        if run.rig.write(written.idn, value)?.is_err() {
+        let words = if is_list(written.idn) {
+            vec![0, 0]
+        } else {
+            words_of(written.idn, written.before.unwrap_or_else(|| original(run, written.idn)))
+        };
+        if run.rig.write_words(written.idn, &words)?.is_err() {
             run.coverage.count("not restored in CP4", Idn(written.idn).to_string());
-            run.written.push(written);
+            run.services.written.push(written);
             return Ok(false);
         }
     }
@@ -101,23 +120,28 @@ fn original(run: &Run, idn: u16) -> i64 {
 
 /// A run-up with every setting, after what the life has written has got its default back.
 fn run_up(run: &mut Run) -> Result<(), Stop> {
-    run.drop_pending();
-    run.started.clear();
-    let mut written: Vec<u16> = run.written.drain(..).map(|written| written.idn).collect();
+    run.services.drop_pending();
+    run.services.started.clear();
+    let mut written: Vec<u16> = run.services.written.drain(..).map(|written| written.idn).collect();
     written.sort_unstable();
     written.dedup();
-    written.retain(|idn| !COMMANDS_AND_BITS.contains(idn) && !TELEGRAMS.contains(idn));
+    written.retain(|idn| !is_list(*idn) && !TELEGRAMS.contains(idn));
+    written.retain(|idn| TAKEN_BACK.contains(idn) || !COMMANDS_AND_BITS.contains(idn));
     let originals: Vec<(u16, i64)> = written.iter().map(|&idn| (idn, original(run, idn))).collect();
     let before = run.rig.axis.settings.clone();
     for (idn, value) in originals {
-        if setting(&run.rig.axis, idn).is_none() && !matches!(idn, 0x8076) {
+        if setting(&run.rig.axis, idn).is_none() {
             run.rig.axis.settings.push((idn, value));
         }
     }
-    let result = run.rig.run_up(true);
+    let result = run.run_up(true, &[]);
     run.rig.axis.settings = before;
     match result {
         Err(Stop::Refused(reason)) => {
+            if !run.proven {
+                // Perhaps it is not what was tried that is refused, but the axis.
+                Rig::new(&run.rig.axis)?.run_up()?;
+            }
             Err(Stop::Broken { law: LAW.to_owned(), detail: format!("the last run-up is refused: {reason}") })
         }
         other => other,

@@ -113,6 +113,19 @@ mod tests {
     }
 
     #[test]
+    fn a_command_starts_before_the_drive_has_said_so() {
+        let mut dialogue = Dialogue::default();
+        dialogue.record(MdtWords { control: 0, info: 0 });
+        say(&mut dialogue, Step::open(Idn(148)), 1, 0, 0);
+        assert_eq!(dialogue.starts(), None);
+        let write = Step { element: Element::Data, write: true, end: true, info: 3 };
+        dialogue.record(MdtWords { control: write.control(), info: 3 });
+        assert_eq!(dialogue.starts(), Some(Idn(148)));
+        assert!(dialogue.answer(AtWords { status: 0, info: 0 }).is_some());
+        assert_eq!(dialogue.starts(), None);
+    }
+
+    #[test]
     fn a_busy_drive_has_not_answered_and_an_error_is_no_value() {
         let mut dialogue = Dialogue::default();
         dialogue.record(MdtWords { control: 0, info: 0 });

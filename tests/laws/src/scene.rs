@@ -71,7 +71,7 @@ impl Scene {
     /// A procedure command is set by which the drive moves the axis itself.
     #[must_use]
     pub fn drive_moves_the_axis(&self) -> bool {
-        self.command.is_some_and(|idn| MOVERS.contains(&idn.0))
+        [self.command, self.starting].iter().flatten().any(|idn| MOVERS.contains(&idn.0))
     }
 
     /// So long ago, or `None` if never.

@@ -20,6 +20,8 @@ const BACK: Nanoseconds = Nanoseconds::from_millis(250);
 const NEAR: f64 = 0.5;
 /// rad/s: 3 rpm.
 const STANDSTILL: f64 = 0.3;
+/// S-0-0277 bit 3.
+const COUNTS_AGAINST: u16 = 8;
 
 /// Follows an axis from the edge until it is in operation.
 #[derive(Default)]
@@ -67,7 +69,9 @@ impl Back {
             && machine.velocity.abs() < STANDSTILL;
         let motor = settings.unsigned(Idn(116)).map(|lines| 4 * lines)
             == Some(i64::from(scene.machine.encoder.increments_per_revolution))
-            && settings.word(Idn(0x8000 | 110)) == Some(scene.machine.windings.pole_pairs as u16);
+            && settings.word(Idn(0x8000 | 110)) == Some(scene.machine.windings.pole_pairs as u16)
+            // The machine's encoder counts with its motor.
+            && settings.word(Idn(277)).is_some_and(|kind| kind & COUNTS_AGAINST == 0);
         let free = scene.command.is_none()
             && scene.wire.phase == 4
             && !scene.wire.has_error()
@@ -100,9 +104,6 @@ impl Law for Back {
                 let same = |begun: &Begun| {
                     wire.control & 0xEB00 == begun.control && Self::asks_for_rest(scene) && Self::is_still(begun, scene)
                 };
-                if let Some(begun) = self.begun.as_mut().filter(|begun| begun.command.is_none() && wire.follows()) {
-                    begun.command = scene.position_command();
-                }
                 if !self.begun.as_ref().is_some_and(same) {
                     self.begun = None;
                 }
@@ -142,6 +143,10 @@ impl Back {
             self.begun = None;
             return Verdict::Silent;
         };
+        if begun.command.is_none() && wire.follows() {
+            // Not that of the next MDT: the control has seen this AT by then, and goes where it likes.
+            begun.command = scene.position_command();
+        }
         let edge = begun.edge;
         if wire.has_error() {
             return Verdict::Broken(format!("a fresh edge at {edge} with nothing in its way ended in an error"));
@@ -192,6 +197,25 @@ mod tests {
         error.run(3, 0xE000, 0x8000);
         error.run(3, 0xE000, 0xA000);
         assert!(error.broken().is_some_and(|words| words.contains("ended in an error")));
+    }
+
+    #[test]
+    fn an_encoder_that_is_said_to_count_against_its_motor_is_in_the_way() {
+        let mut fake = fake();
+        fake.write(277, &[8]);
+        fake.run(3, 0xE000, 0x8000);
+        fake.run(3, 0xE000, 0xA000);
+        assert_eq!(fake.broken(), None);
+    }
+
+    #[test]
+    fn a_command_that_goes_on_as_soon_as_it_is_followed_may_be_refused() {
+        let mut fake = fake();
+        fake.run(3, 0xE000, 0x8000);
+        fake.data[0] = 100_000_i32.to_le_bytes().to_vec();
+        fake.run(1, 0xE000, 0xC008);
+        fake.run(3, 0xE000, 0xE000);
+        assert_eq!(fake.broken(), None);
     }
 
     #[test]
