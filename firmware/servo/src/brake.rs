@@ -234,6 +234,7 @@ impl BrakeSequencer {
         }
         if !settings.fitted && inputs.bridge_on {
             self.release(inputs);
+            self.enter(State::Released);
             return None;
         }
         let far = |commanded: i16, measured: CurrentFraction| {

@@ -41,11 +41,11 @@ impl Dialogue {
         self.handshake = Some(handshake);
     }
 
-    /// The procedure command that the drive has been asked to start and has not yet answered; it may run already.
+    /// The procedure command that the record in front of the drive starts: it may begin before an AT acknowledges it.
     #[must_use]
     pub fn starts(&self) -> Option<Idn> {
-        let start = |step: &Step| step.write && step.element == Element::Data && step.info == 3;
-        self.pending.filter(start).and(self.open)
+        let step = self.pending.filter(|step| step.write && step.element == Element::Data && step.end)?;
+        self.open.filter(|_| step.info == 3)
     }
 
     /// The words of an AT of the drive.

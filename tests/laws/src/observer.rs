@@ -32,6 +32,11 @@ const CHANGERS: [(u16, &[u16]); 4] = [
     (0x8000 | 226, &[0x8000 | 221]),
 ];
 
+/// An MST that comes so much too early or too late is not in time.
+const JITTER: Nanoseconds = Nanoseconds::from_microseconds(1);
+/// Nor is a record so long after a cycle.
+const LATE_MICROSECONDS: u64 = 100;
+
 /// Commands that give positions another zero, and values that give them another weight.
 const REZEROES: [u16; 17] = [44, 45, 46, 55, 76, 77, 78, 79, 103, 116, 121, 122, 123, 148, 262, 277, 447];
 
@@ -43,6 +48,8 @@ pub struct Observer {
     broken: Option<Broken>,
     address: u8,
     looked: bool,
+    /// When the last record came.
+    record: Nanoseconds,
 }
 
 impl Observer {
@@ -71,11 +78,20 @@ impl Observer {
             bridge_changed: None,
             command: None,
             starting: None,
+            irregular: None,
             rezeroed: None,
             path: VecDeque::new(),
         };
         let laws = laws.into_iter().map(|law| (law, 0)).collect();
-        Self { scene, dialogue: Dialogue::default(), laws, broken: None, address, looked: false }
+        Self {
+            scene,
+            dialogue: Dialogue::default(),
+            laws,
+            broken: None,
+            address,
+            looked: false,
+            record: Nanoseconds::ZERO,
+        }
     }
 
     /// The first law that was broken.
@@ -210,6 +226,9 @@ impl Tap for Observer {
                     self.dialogue.reset();
                     scene.command = None;
                 }
+                if scene.wire.mst.0.abs_diff(scene.wire.mst_before.0 + scene.cycle.0) > JITTER.0 {
+                    scene.irregular = Some(scene.now);
+                }
                 self.ask(&Event::Mst);
             }
             Some(Telegram::Record) => {
@@ -219,6 +238,10 @@ impl Tap for Observer {
                 }
                 self.dialogue.record(scene.wire.request());
                 scene.starting = self.dialogue.starts();
+                if scene.now.saturating_sub(self.record) > scene.cycles(1, LATE_MICROSECONDS) {
+                    scene.irregular = Some(scene.now);
+                }
+                self.record = scene.now;
                 if scene.wire.phase == 4 {
                     for (idn, value) in scene.wire.commands() {
                         scene.settings.note_cyclic(*idn, *value);

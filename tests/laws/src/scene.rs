@@ -45,8 +45,10 @@ pub struct Scene {
     pub bridge_changed: Option<Nanoseconds>,
     /// The last procedure command that was started and not yet cancelled.
     pub command: Option<Idn>,
-    /// The procedure command that the drive has been asked to start and has not yet answered.
+    /// The procedure command that is being started, before the drive has acknowledged it.
     pub starting: Option<Idn>,
+    /// When a telegram of the master last came late or not at all, or an MST too early.
+    pub irregular: Option<Nanoseconds>,
     /// When a command or a value was last written that may give positions another zero or another weight.
     pub rezeroed: Option<Nanoseconds>,
     /// Where the shaft was, in revolutions, over the last cycles; the newest at the end.

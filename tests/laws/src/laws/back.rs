@@ -12,6 +12,8 @@ use crate::scene::Scene;
 const PATIENCE: Nanoseconds = Nanoseconds::from_millis(5_000);
 /// Nothing outside has changed for so long: supply, load, pins.
 const QUIET: Nanoseconds = Nanoseconds::from_millis(500);
+/// Telegrams have been in time for so many cycles.
+const REGULAR: u64 = 8;
 /// In operation so long without an error, it is back.
 const BACK: Nanoseconds = Nanoseconds::from_millis(250);
 /// A command may be this share of S-0-0159 away.
@@ -61,8 +63,10 @@ impl Back {
     /// Nothing stands in the way of an axis that is to be switched on.
     fn may_come(scene: &Scene) -> bool {
         let (machine, settings) = (&scene.sight.machine, &scene.settings);
-        let sound =
-            scene.is_left_alone(QUIET) && !scene.within(scene.troubled, QUIET) && machine.velocity.abs() < STANDSTILL;
+        let sound = scene.is_left_alone(QUIET)
+            && !scene.within(scene.troubled, QUIET)
+            && !scene.within(scene.irregular, scene.cycles(REGULAR, 0))
+            && machine.velocity.abs() < STANDSTILL;
         let motor = settings.unsigned(Idn(116)).map(|lines| 4 * lines)
             == Some(i64::from(scene.machine.encoder.increments_per_revolution))
             && settings.word(Idn(0x8000 | 110)) == Some(scene.machine.windings.pole_pairs as u16)
@@ -183,7 +187,7 @@ mod tests {
         fake.write(116, &[16_384, 0]);
         fake.write(0x8000 | 110, &[4]);
         fake.write(0x8000 | 105, &[700]);
-        fake.run(5, 0, 0x8000);
+        fake.run(12, 0, 0x8000);
         fake
     }
 

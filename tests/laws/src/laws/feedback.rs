@@ -31,6 +31,10 @@ impl Law for Feedback {
     }
 
     fn judge(&mut self, event: &Event<'_>, scene: &Scene) -> Verdict {
+        if scene.deceived {
+            // Also where the bridge comes on, and ends it, before an AT.
+            self.zero = None;
+        }
         if !matches!(event, Event::Answer) {
             return Verdict::Silent;
         }

@@ -14,8 +14,6 @@ const MEMORY: Nanoseconds = Nanoseconds::from_millis(1_500);
 const QUIET: Nanoseconds = Nanoseconds::from_millis(200);
 /// rad/s: 3 rpm.
 const STANDSTILL: f64 = 0.3;
-/// An MST that comes so much too early or too late is not in time.
-const JITTER: Nanoseconds = Nanoseconds::from_microseconds(1);
 /// A share of S-0-0159 at which a following distance may be said to have been too large: between the looks it may have been more.
 const NEARLY: f64 = 0.5;
 
@@ -36,10 +34,7 @@ pub(crate) struct TrueErrors {
     was_beyond: Option<Nanoseconds>,
     /// When a command stepped by more than half of what S-0-0091 allows, or the motor was at its limit.
     was_hard: Option<Nanoseconds>,
-    /// When a telegram of the master was late or lost.
-    was_irregular: Option<Nanoseconds>,
     command: Option<f64>,
-    record: Nanoseconds,
     /// When the error came that is shown; only its own past counts.
     error: Option<Nanoseconds>,
 }
@@ -68,10 +63,6 @@ impl TrueErrors {
     }
 
     fn compare(&mut self, scene: &Scene) {
-        if scene.now.saturating_sub(self.record) > scene.cycles(1, 100) {
-            self.was_irregular = Some(scene.now);
-        }
-        self.record = scene.now;
         let known = scene.units.zip(scene.position_feedback()).zip(scene.position_command());
         let Some(((units, feedback), command)) = known else {
             // Commands that are not seen may be anything.
@@ -111,8 +102,7 @@ impl TrueErrors {
     /// Nothing was asked that is not allowed, nothing outside was wrong, and the axis followed: there is no cause for an error.
     fn is_without_cause(&self, scene: &Scene) -> bool {
         let wire = &scene.wire;
-        let memories =
-            [self.was_far, self.was_beyond, self.was_hard, self.was_irregular, scene.written, scene.troubled];
+        let memories = [self.was_far, self.was_beyond, self.was_hard, scene.irregular, scene.written, scene.troubled];
         let recent = memories.into_iter().any(|then| scene.within(then, QUIET));
         let followed = wire.status_before & status::FOLLOWS != 0 && wire.asks_to_follow() && scene.sight.bridge;
         let monitored = scene.settings.unsigned(Idn(159)).is_some_and(|window| window > 0);
@@ -172,13 +162,6 @@ impl Law for TrueErrors {
         match event {
             Event::Look => {
                 self.remember(scene);
-                Verdict::Silent
-            }
-            Event::Mst => {
-                let wire = &scene.wire;
-                if wire.mst.0.abs_diff(wire.mst_before.0 + scene.cycle.0) > JITTER.0 {
-                    self.was_irregular = Some(scene.now);
-                }
                 Verdict::Silent
             }
             Event::Record => {
