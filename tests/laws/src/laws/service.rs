@@ -14,8 +14,9 @@ const ANSWERS: usize = 12;
 const ANSWERS_AFTER: u32 = 3;
 /// Data blocks that the drive itself changes, or that read otherwise than they are written: command values, bits that a control bit or an
 /// input owns, the password, the commutation angle, what follows another, and the recorder's.
-const ALIVE: [u16; 26] = [
+const ALIVE: [u16; 27] = [
     1,
+    346,
     36,
     37,
     47,
