@@ -33,9 +33,13 @@ impl Causes {
     pub(crate) fn note(&mut self, action: &Action) {
         let cause = match action {
             Action::Break(fault) => match fault {
-                Fault::EncoderFrozen | Fault::EncoderSlip | Fault::EncoderJump | Fault::CommutationDisturbed => {
-                    Cause::Encoder
-                }
+                // Current that is not seen is more than was asked for: the motor goes where it likes, or says nothing of where it goes.
+                Fault::ConvertersStuck
+                | Fault::Overspeed
+                | Fault::EncoderFrozen
+                | Fault::EncoderSlip
+                | Fault::EncoderJump
+                | Fault::CommutationDisturbed => Cause::Encoder,
                 Fault::MotorHot | Fault::HeatSinkHot | Fault::TemperatureSensorBroken => Cause::Temperature,
                 Fault::GateDriver => Cause::GateDriver,
                 Fault::SafeTorqueOff | Fault::OneSafeTorqueChannel => Cause::SafeTorqueOff,

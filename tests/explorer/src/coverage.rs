@@ -66,6 +66,12 @@ impl Coverage {
         self.add(heading, name, 1);
     }
 
+    /// There is something of this name under a heading.
+    #[must_use]
+    pub fn has(&self, heading: &str, name: &str) -> bool {
+        self.seen.get(heading).is_some_and(|names| names.contains_key(name))
+    }
+
     /// More of a heading.
     pub fn add(&mut self, heading: &str, name: impl Into<String>, number: u64) {
         if !self.seen.contains_key(heading) {

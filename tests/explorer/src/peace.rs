@@ -18,6 +18,9 @@ const FOLLOW: u8 = 7;
 const SWITCHING_ON: Nanoseconds = Nanoseconds::from_millis(3_000);
 /// An axis that coasts with friction alone.
 const COASTING: Nanoseconds = Nanoseconds::from_millis(20_000);
+/// The diagnosis of an overload, and some time constants of 1 s.
+const OVERLOAD: u16 = 0xF100;
+const COOLING: Nanoseconds = Nanoseconds::from_millis(2_000);
 /// The longest that a brake takes to close.
 const BRAKING: Nanoseconds = Nanoseconds::from_millis(1_500);
 /// Where the commutation angle stands, and whether it is known.
@@ -52,13 +55,15 @@ pub(crate) fn make(run: &mut Run) -> Result<(), Stop> {
     if alive && run.services.may_be_locked {
         run.rig.unlock()?;
     }
-    if !alive || run.services.started.iter().any(|idn| WRITERS.contains(idn)) || !restore(run)? {
+    run.rig.is_another |= run.services.started.iter().any(|idn| WRITERS.contains(idn));
+    if !alive || run.rig.is_another || !restore(run)? {
         run.coverage.count("peace", "by a run-up");
         run_up(run)?;
     } else {
         run.coverage.count("peace", "in CP4");
     }
     diagnose(run)?;
+    cool_down(run)?;
     reset(run)?;
     know_the_angle(run)?;
     come_back(run)
@@ -155,6 +160,11 @@ fn diagnose(run: &mut Run) -> Result<(), Stop> {
         run.diagnosed(number as u16);
     }
     run.judge()
+}
+
+/// A motor that was overloaded is left to cool, with the short time constants that such axes have.
+fn cool_down(run: &mut Run) -> Result<(), Stop> {
+    if run.has_met(OVERLOAD) { run.rig.run(COOLING) } else { Ok(()) }
 }
 
 fn reset(run: &mut Run) -> Result<(), Stop> {

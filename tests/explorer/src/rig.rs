@@ -26,6 +26,7 @@ const POLLS: u32 = 400;
 const START: u16 = 3;
 const DONE: u16 = 3;
 const EXECUTING: u16 = 7;
+const LOAD_DEFAULTS: u16 = 262;
 
 /// Why a life ends before its time.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -70,6 +71,8 @@ pub(crate) struct Rig {
     pub(crate) axis: Axis,
     /// The axis with what the life has changed of it in CP2.
     pub(crate) now: Axis,
+    /// Other data than the axis' own may stand in the drive.
+    pub(crate) is_another: bool,
     pub(crate) machine: ReferenceAxis,
     /// What the run-ups have written.
     pub(crate) set: BTreeSet<u16>,
@@ -99,6 +102,7 @@ impl Rig {
             drive: handles.remove(0),
             axis: axis.clone(),
             now: axis.clone(),
+            is_another: false,
             machine,
             set: BTreeSet::new(),
             times: None,
@@ -221,8 +225,13 @@ impl Rig {
 
     /// Writes in CP2 what a run-up needs; `settings`: and everything else that the axis has.
     pub(crate) fn set_up(&mut self, settings: bool) -> Result<(), Stop> {
-        if settings {
+        if settings && self.is_another {
+            // Data that nobody writes again may be those of another machine, or lost on their way through another scaling.
+            if let Err(code) = self.command(LOAD_DEFAULTS)? {
+                return Err(Stop::Refused(format!("S-0-0262 is refused in CP2 with {code:04X}H")));
+            }
             self.now = self.axis.clone();
+            self.is_another = false;
         }
         let times = self.needs()?;
         let slots = self.layout(times)?;
@@ -294,6 +303,7 @@ impl Rig {
     /// The drive has taken another setting than the axis began with.
     pub(crate) fn learn(&mut self, idn: u16, value: i64) {
         self.now.settings.push((idn, value));
+        self.is_another = true;
         self.wrap();
     }
 

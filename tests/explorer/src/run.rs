@@ -338,6 +338,11 @@ impl Run {
         }
     }
 
+    /// The drive has told of this error.
+    pub(crate) fn has_met(&self, number: u16) -> bool {
+        self.coverage.has("error met", &format!("{number:04X}H"))
+    }
+
     /// Whether every error so far had a cause.
     pub(crate) fn judge(&mut self) -> Result<(), Stop> {
         if let Some(outside) = self.rig.master().outside() {

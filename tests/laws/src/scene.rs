@@ -58,6 +58,9 @@ pub struct Scene {
 /// Procedure commands by which the drive moves the axis itself.
 const MOVERS: [u16; 6] = [148, 149, 152, 0x8000 | 224, 0x8000 | 225, 0x8000 | 226];
 
+/// A temperature may be measured so many degrees wrong.
+const SENSOR: f64 = 5.0;
+
 /// Operation modes 3, 4, 11 and 12: S-0-0047 is followed.
 const POSITION_MODES: [u16; 4] = [3, 4, 11, 12];
 
@@ -219,6 +222,18 @@ impl Scene {
         let side = if positive { self.settings.signed(Idn(82))? } else { -self.settings.signed(Idn(83))? } as f64;
         let torque = side.min(number(92)?) * self.units?.torque;
         Some(torque.min(number(109)? * 1e-3).min(number(110)? * 1e-3))
+    }
+
+    /// Heat sink or motor are as hot as S-0-0203 or S-0-0204 allow, or the DC link is near P-0-0104 or P-0-0105, whatever these are set to:
+    /// what a control has made an error is not gone.
+    #[must_use]
+    pub fn is_beyond_thresholds(&self) -> bool {
+        let number = |idn: u16| self.settings.unsigned(Idn(idn)).map(|value| value as f64);
+        let ([heat_sink, winding], bus) = (self.sight.machine.temperatures, self.sight.machine.bus_voltage);
+        let hot = |temperature: f64, idn| number(idn).is_some_and(|most| temperature > 0.1 * most - SENSOR);
+        let low = number(0x8000 | 104).is_none_or(|least| bus < 1.15 * least);
+        let high = number(0x8000 | 105).is_none_or(|most| bus > 0.95 * most);
+        hot(heat_sink, 203) || hot(winding, 204) || low || high
     }
 
     /// The motor gives what its limits or its supply leave it, or nearly so.

@@ -97,7 +97,7 @@ pub(super) fn any(dice: &mut Dice) -> Axis {
     limits(dice, &mut axis);
     odds(dice, &mut axis);
     ordeals::prepare(dice, &mut axis);
-    if dice.chance(15) {
+    if dice.chance(10) {
         let also = services::in_cp2(dice, &axis);
         axis.also.extend(also);
     }

@@ -15,15 +15,15 @@ const LOAD_LIMIT: (u16, i64) = (114, 901);
 
 /// A motor that is warm soon, if it is built to be overloaded; an encoder that is wired the wrong way, if nobody gives its angle away.
 pub(super) fn prepare(dice: &mut Dice, axis: &mut Axis) {
-    // The search for the angle would be too much for it already.
-    if axis.built_for == Some(Fault::Overload) && axis.aligned {
-        axis.settings.extend(TIME_CONSTANTS);
-        axis.settings.push(LOAD_LIMIT);
-    }
     if blocks(axis) && dice.chance(15) {
         axis.aligned = false;
     } else if !axis.aligned && axis.plant != Plant::Vertical && dice.chance(25) {
         axis.also.push(Action::Write(277, TURNED_ROUND));
+    }
+    // The search for the angle would be too much for it already.
+    if axis.built_for == Some(Fault::Overload) && axis.aligned {
+        axis.settings.extend(TIME_CONSTANTS);
+        axis.settings.push(LOAD_LIMIT);
     }
 }
 
@@ -42,7 +42,8 @@ impl Writer<'_> {
 
     /// A search that nothing disturbs takes its time.
     pub(super) fn wait_for_the_angle(&mut self) {
-        if !self.axis.aligned && self.dice.chance(60) {
+        let fails = blocks(self.axis) || !self.axis.also.is_empty();
+        if !self.axis.aligned && self.dice.chance(if fails { 60 } else { 10 }) {
             self.wait(1_500.0);
         }
     }
@@ -85,9 +86,9 @@ impl Writer<'_> {
             .pick(&[(Fault::MotorHot, 201, 204), (Fault::HeatSinkHot, 200, 203)])
             .unwrap_or((Fault::MotorHot, 201, 204));
         self.event(Action::Write(warning, 250));
-        self.write_between(shut_down, 300, 400);
+        self.write_between(shut_down, 280, 330);
         self.event(Action::Break(fault));
-        self.wait(400.0);
+        self.wait(200.0);
         self.event(Action::Repair);
         self.pause();
         self.recover();

@@ -72,13 +72,15 @@ fn range(block: &DataBlock) -> (i64, i64) {
 
 impl Writer<'_> {
     pub(super) fn write(&mut self) {
-        let action = if self.dice.chance(45) {
+        if self.dice.chance(50) {
             let idn = self.dice.pick(&LIMITS).unwrap_or(91);
-            Action::Write(idn, self.value(idn))
-        } else {
-            self.any_write(Phase::Cp4)
-        };
-        self.event(action);
+            let value = self.value(idn);
+            self.event(Action::Write(idn, value));
+        }
+        for _ in 0..self.dice.below(4) {
+            let action = self.any_write(Phase::Cp4);
+            self.event(action);
+        }
     }
 
     pub(super) fn write_between(&mut self, idn: u16, from: i64, to: i64) {

@@ -76,7 +76,7 @@ impl Back {
             && scene.wire.phase == 4
             && !scene.wire.has_error()
             && scene.machine.brake.is_none();
-        sound && motor && free && Self::asks_for_rest(scene)
+        sound && motor && free && Self::asks_for_rest(scene) && !scene.is_beyond_thresholds()
     }
 }
 
@@ -118,6 +118,7 @@ impl Law for Back {
                         && wire.status_before & status::SHUT_DOWN != 0
                         && scene.is_left_alone(QUIET)
                         && !scene.within(scene.pins_changed, QUIET)
+                        && !scene.is_beyond_thresholds()
                     {
                         return Verdict::Broken(format!(
                             "S-0-0099 was executed at {cleared}, and the AT shows an error"
@@ -148,6 +149,11 @@ impl Back {
             begun.command = scene.position_command();
         }
         let edge = begun.edge;
+        if wire.has_error() && scene.is_beyond_thresholds() {
+            // They have been written since.
+            self.begun = None;
+            return Verdict::Silent;
+        }
         if wire.has_error() {
             return Verdict::Broken(format!("a fresh edge at {edge} with nothing in its way ended in an error"));
         }
@@ -180,6 +186,7 @@ mod tests {
         fake.write(32, &[11]);
         fake.write(116, &[16_384, 0]);
         fake.write(0x8000 | 110, &[4]);
+        fake.write(0x8000 | 105, &[700]);
         fake.run(12, 0, 0x8000);
         fake
     }
@@ -206,6 +213,22 @@ mod tests {
         fake.run(3, 0xE000, 0x8000);
         fake.run(3, 0xE000, 0xA000);
         assert_eq!(fake.broken(), None);
+    }
+
+    #[test]
+    fn what_a_threshold_makes_an_error_is_not_gone() {
+        for (idn, words) in [(204, 300), (203, 100), (0x8000 | 104, 3_000), (0x8000 | 105, 10)] {
+            let mut fake = fake();
+            fake.sight.machine.temperatures = [40.0, 60.0];
+            fake.run(3, 0xE000, 0x8000);
+            fake.write(idn, &[words]);
+            fake.run(3, 0xE000, 0xA000);
+            assert_eq!(fake.broken(), None, "{idn}");
+            fake.write(99, &[3]);
+            fake.open(99, 3);
+            fake.run(10, 0, 0xA000);
+            assert_eq!(fake.broken(), None, "{idn}");
+        }
     }
 
     #[test]
