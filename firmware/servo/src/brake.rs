@@ -78,6 +78,9 @@ pub struct BrakeOutput {
     pub test_current: CurrentFraction,
     /// In the tick in which the torque comes on: the current with which the velocity loop is to start ([`crate::VelocityLoop::preset`]).
     pub preload: Option<CurrentFraction>,
+    /// In the tick in which a brake that has held the axis begins to open: an axis that stands is to hold this place with this current,
+    /// whatever it meant to do before. What its loops have worked up against the closed brake would throw the load.
+    pub anchor: Option<CurrentFraction>,
     /// What is asked for is reached; an error keeps it from being reached.
     pub finished: bool,
     /// An error or a warning ([`BrakeError::is_warning`]), in the tick in which it is found.
@@ -187,6 +190,7 @@ impl BrakeSequencer {
             BrakeRequest::Engage | BrakeRequest::Immediate => State::Off,
         };
         let proving = state == State::Proving && settings.fitted;
+        let load = CurrentFraction::from_bits((self.load >> 16) as i16);
         // At most 2^15.
         let scale = TorqueScale::from_bits((self.scale >> 16) as u16);
         BrakeOutput {
@@ -195,8 +199,8 @@ impl BrakeSequencer {
             hold: state != State::Released,
             torque_scale: if state == State::Off { TorqueScale::ZERO } else { scale },
             test_current: CurrentFraction::from_bits(if proving { settings.proof_current } else { 0 }),
-            preload: (state == State::Proving && before == State::Off)
-                .then(|| CurrentFraction::from_bits((self.load >> 16) as i16)),
+            preload: (state == State::Proving && before == State::Off).then_some(load),
+            anchor: (settings.fitted && state == State::Releasing && before == State::Proving).then_some(load),
             finished: state == reached,
             event,
         }

@@ -50,6 +50,8 @@ pub struct Observer {
     looked: bool,
     /// When the last record came.
     record: Nanoseconds,
+    /// `LAWS_TRACE` is in the environment: a line for every AT.
+    traced: bool,
 }
 
 impl Observer {
@@ -91,6 +93,7 @@ impl Observer {
             address,
             looked: false,
             record: Nanoseconds::ZERO,
+            traced: std::env::var_os("LAWS_TRACE").is_some(),
         }
     }
 
@@ -261,6 +264,9 @@ impl Tap for Observer {
         if matches!(&heard, Some(Heard::Written(idn, Element::Data, _)) if REZEROES.contains(&idn.0)) {
             // The AT that acknowledges it may show the new coordinate already.
             scene.rezeroed = Some(scene.now);
+        }
+        if self.traced {
+            println!("{}", scene.words());
         }
         self.ask(&Event::Answer);
         if let Some(heard) = heard {

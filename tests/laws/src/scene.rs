@@ -64,7 +64,38 @@ const SENSOR: f64 = 5.0;
 /// Operation modes 3, 4, 11 and 12: S-0-0047 is followed.
 const POSITION_MODES: [u16; 4] = [3, 4, 11, 12];
 
+/// A brake holds at this multiple of its delay.
+const FIRM: f64 = 1.2;
+
 impl Scene {
+    /// A line for a reader who follows an axis from AT to AT (`LAWS_TRACE`).
+    #[must_use]
+    pub fn words(&self) -> String {
+        let (sight, machine) = (&self.sight, &self.sight.machine);
+        let or_dash = |value: Option<f64>| value.map_or_else(|| "-".to_owned(), |value| format!("{value:.0}"));
+        let [d, q] = machine.current;
+        format!(
+            "{:>9} us CP{} control {:04X}H status {:04X}H {:9.2} rpm {:11.6} rev, {:7.2} A (d {:6.2}), brake {:5.2} Nm, load {:6.2} Nm, {:4.0} V{}{}{}; S-0-0047 {}, S-0-0051 {}{}",
+            self.now.0 / 1_000,
+            self.wire.phase,
+            self.wire.control,
+            self.wire.status,
+            sight.rpm(),
+            machine.angle,
+            q,
+            d,
+            machine.brake_torque,
+            machine.load_torque,
+            machine.bus_voltage,
+            if sight.bridge { ", bridge on" } else { "" },
+            if sight.coil { ", coil on" } else { "" },
+            if self.deceived { ", a sensor lies" } else { "" },
+            or_dash(self.position_command()),
+            or_dash(self.position_feedback()),
+            self.command.map_or_else(String::new, |idn| format!(", {idn} set")),
+        )
+    }
+
     /// In CP4, with the ring intact.
     #[must_use]
     pub fn is_operating(&self) -> bool {
@@ -163,6 +194,13 @@ impl Scene {
     pub fn is_left_alone(&self, for_so_long: Nanoseconds) -> bool {
         let machine = &self.sight.machine;
         !self.within(self.disturbed, for_so_long) && !machine.seized && !machine.brake_broken && !self.deceived
+    }
+
+    /// S-0-0207 is shorter than the brake takes: the drive is told to hand a load over to a brake that does not hold yet.
+    #[must_use]
+    pub fn hurries_its_brake(&self) -> bool {
+        let told = self.settings.unsigned(Idn(207)).map_or(0.0, |milliseconds| milliseconds as f64 * 1e-3);
+        self.machine.brake.is_some_and(|brake| told < FIRM * brake.engage_delay)
     }
 
     /// Torque in Nm for 1 A across the magnet.

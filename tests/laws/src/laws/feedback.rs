@@ -58,6 +58,10 @@ impl Law for Feedback {
             return Verdict::Silent;
         };
         let t4 = scene.settings.word(Idn::T4).unwrap_or(0);
+        if wire.at.saturating_sub(wire.mst) > Nanoseconds::from_microseconds(t4.into()) {
+            // So early in the cycle it may be that of the same.
+            return Verdict::Silent;
+        }
         let captured = wire.mst_before + Nanoseconds::from_microseconds(t4.into());
         let Some(angle) = scene.angle_at(captured).filter(|_| regular && wire.answers > 3) else {
             return Verdict::Silent;

@@ -75,7 +75,10 @@ impl TrueErrors {
         if way.abs() > NEARLY * window {
             self.was_far = Some(scene.now);
         }
-        let step = self.command.replace(command).map_or(0.0, |from| units.way(from, command));
+        let before = self.command.replace(command).unwrap_or(command);
+        let step = units.way(before, command);
+        // Without the wrap at the border of the numbers, which may lie behind a limit.
+        let asked = before + step;
         let seconds = scene.cycle.as_seconds();
         let allowed = number(91).unwrap_or(0.0) * units.velocity / core::f64::consts::TAU * units.increments * seconds;
         if step.abs() > 0.5 * allowed || !scene.asks_for_position() {
@@ -94,7 +97,7 @@ impl TrueErrors {
             number(49).is_none_or(|high| up && position > high - margin)
                 || number(50).is_none_or(|low| down && position < low + margin)
         };
-        if beyond(feedback, up, down) || beyond(command, up, down) || scene.units.is_none_or(|units| units.is_modulo) {
+        if beyond(feedback, up, down) || beyond(asked, up, down) || scene.units.is_none_or(|units| units.is_modulo) {
             self.was_beyond = Some(scene.now);
         }
     }
