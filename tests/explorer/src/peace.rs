@@ -26,6 +26,7 @@ const BRAKING: Nanoseconds = Nanoseconds::from_millis(1_500);
 /// Where the commutation angle stands, and whether it is known.
 const COMMUTATION_ANGLE: u16 = 0x8000 | 118;
 const COMMUTATION_STATE: u16 = 0x8000 | 119;
+const FINDING: u16 = 0x8000 | 3;
 const OVERVOLTAGE_THRESHOLD: u16 = 0x8000 | 105;
 /// This share of it.
 const FULL: f64 = 0.93;
@@ -152,6 +153,11 @@ fn run_up(run: &mut Run) -> Result<(), Stop> {
                 Rig::new(&run.rig.axis)?.run_up()?;
             }
             Err(Stop::Broken { law: LAW.to_owned(), detail: format!("the last run-up is refused: {reason}") })
+        }
+        Ok(()) => {
+            // What was refused before has gone with it, also from P-0-0003.
+            let _ = run.rig.read(FINDING)?;
+            Ok(())
         }
         other => other,
     }

@@ -73,6 +73,8 @@ pub(crate) struct Rig {
     pub(crate) now: Axis,
     /// Other data than the axis' own may stand in the drive.
     pub(crate) is_another: bool,
+    /// S-0-0001 does not follow S-0-0002 in this run-up: something has been written there.
+    pub(crate) writes_control_cycle: bool,
     pub(crate) machine: ReferenceAxis,
     /// What the run-ups have written.
     pub(crate) set: BTreeSet<u16>,
@@ -103,6 +105,7 @@ impl Rig {
             axis: axis.clone(),
             now: axis.clone(),
             is_another: false,
+            writes_control_cycle: false,
             machine,
             set: BTreeSet::new(),
             times: None,
@@ -376,7 +379,6 @@ impl Rig {
         let bytes: usize = axis.mdt.iter().map(|&idn| bytes_of(idn)).sum();
         let mut values = vec![
             (2, i64::from(axis.cycle)),
-            (1, i64::from(axis.cycle) * i64::from(axis.control_cycles.max(1))),
             (6, slots.t1.first().copied().unwrap_or(0).into()),
             (89, slots.t2.into()),
             (8, slots.t3.into()),
@@ -385,6 +387,10 @@ impl Rig {
             (10, 4 + bytes as i64),
             (15, axis.telegram.into()),
         ];
+        // S-0-0001 follows S-0-0002, if nobody writes it.
+        if axis.control_cycles > 1 || self.writes_control_cycle {
+            values.push((1, i64::from(axis.cycle) * i64::from(axis.control_cycles.max(1))));
+        }
         if settings {
             values.extend(writes(axis, &self.machine));
         }

@@ -323,7 +323,9 @@ impl Run {
             }
         }
         if !also.is_empty() && self.services.has_taken_telegrams() {
+            self.rig.writes_control_cycle = true;
             self.rig.set_up(false)?;
+            self.rig.writes_control_cycle = false;
         }
         self.rig.go_on_to_cp4()
     }

@@ -178,6 +178,7 @@ impl Observer {
         match heard {
             Heard::Written(idn, Element::Data, words) => {
                 scene.settings.note(*idn, words.clone());
+                scene.settings.note_written(*idn);
                 scene.written = Some(scene.now);
                 if REZEROES.contains(&idn.0) {
                     scene.rezeroed = Some(scene.now);
@@ -228,6 +229,16 @@ impl Tap for Observer {
                 if scene.wire.phase == 0 {
                     self.dialogue.reset();
                     scene.command = None;
+                }
+                if scene.wire.phase_since == scene.wire.mst {
+                    match scene.wire.phase {
+                        2 => scene.settings.begin_set(),
+                        4 => {
+                            scene.settings.end_set();
+                            scene.units = Units::of(&scene.settings);
+                        }
+                        _ => {}
+                    }
                 }
                 if scene.wire.mst.0.abs_diff(scene.wire.mst_before.0 + scene.cycle.0) > JITTER.0 {
                     scene.irregular = Some(scene.now);

@@ -238,6 +238,10 @@ fn polarity(dice: &mut Dice, axis: &mut Axis) {
         if idn == 55 {
             // A control whose command and feedback count against each other has no position to speak of.
             value = if value & 1 != 0 { value | 5 } else { value & 2 };
+            // Some builders do not know that: the drive says so.
+            if dice.chance(1) {
+                value ^= 4;
+            }
             // An endless axis has no limits: the drive refuses the two together.
             let endless = Units::of(axis).modulo.is_some();
             if dice.chance(if endless { 3 } else { 35 }) {
@@ -309,8 +313,10 @@ fn limits(dice: &mut Dice, axis: &mut Axis) {
     }
     if dice.chance(40) {
         let reach = 20.0 + 700.0 * dice.share();
-        set(49, degrees(reach));
-        set(50, -degrees(20.0 + 700.0 * dice.share()));
+        // Crossed, now and then: the drive refuses that.
+        let sense = if dice.chance(3) { -1 } else { 1 };
+        set(49, sense * degrees(reach));
+        set(50, -sense * degrees(20.0 + 700.0 * dice.share()));
     }
 }
 

@@ -413,6 +413,7 @@ impl Writer<'_> {
         if self.dice.chance(80) {
             self.event(Action::Cancel(148));
             self.event(Action::Read(403));
+            self.event(Action::Read(0x8003));
         }
     }
 

@@ -40,6 +40,12 @@ const LIMITS: [u16; 22] =
     [91, 92, 38, 39, 82, 83, 138, 372, 136, 137, 159, 349, 49, 50, 52, 57, 124, 259, 260, 193, 200, 201];
 /// What changes the weight of positions, velocities and accelerations.
 const SCALING: [u16; 12] = [44, 45, 76, 77, 79, 103, 121, 122, 123, 160, 161, 55];
+/// What keeps its size under another scaling.
+const SIZED: [u16; 10] = [41, 42, 57, 91, 124, 125, 138, 157, 159, 261];
+/// What a phase protects, to be looked at.
+const PROTECTED: [u16; 12] = [32, 43, 44, 55, 76, 79, 85, 103, 109, 113, 116, 160];
+/// P-0-0003.
+const FINDING: u16 = 0x8003;
 /// S-0-0301 and 303: what a real-time bit can set, and something that it cannot.
 const BIT_TARGETS: [u16; 6] = [400, 405, 406, 407, 0x8000 | 19, 47];
 
@@ -70,6 +76,15 @@ fn range(block: &DataBlock) -> (i64, i64) {
     if block.fixed_bytes() == Some(2) { (-0x8000, 0xFFFF) } else { (i32::MIN.into(), u32::MAX.into()) }
 }
 
+const fn idn_of(action: &Action) -> u16 {
+    match action {
+        Action::Write(idn, _) | Action::WriteList(idn, _) | Action::WriteText(idn, _) | Action::WriteWords(idn, _) => {
+            *idn
+        }
+        _ => 51,
+    }
+}
+
 impl Writer<'_> {
     pub(super) fn write(&mut self) {
         if self.dice.chance(50) {
@@ -79,7 +94,12 @@ impl Writer<'_> {
         }
         for _ in 0..self.dice.below(4) {
             let action = self.any_write(Phase::Cp4);
+            let idn = idn_of(&action);
             self.event(action);
+            // Whether it is what was written, or what it was.
+            if self.dice.chance(30) {
+                self.event(Action::Read(idn));
+            }
         }
     }
 
@@ -253,6 +273,8 @@ impl Writer<'_> {
             .collect();
         self.event(Action::RunUp { stubborn, also });
         self.pause();
+        let idn = self.dice.pick(&SIZED).unwrap_or(124);
+        self.event(Action::Read(idn));
         if self.dice.chance(50) {
             self.recover();
         }
@@ -278,7 +300,11 @@ impl Writer<'_> {
         self.event(Action::Cancel(262));
         // Its gains are those of another machine now: it is looked at, and not switched on before it has its own again.
         self.wait(10.0);
-        self.read();
+        for _ in 0..2 {
+            let idn = self.dice.pick(&PROTECTED).unwrap_or(109);
+            self.event(Action::Read(idn));
+        }
+        self.wait(40.0);
         self.ended = true;
     }
 
@@ -339,7 +365,8 @@ impl Writer<'_> {
     }
 
     pub(super) fn read(&mut self) {
-        let idn = self.dice.pick(&[36, 40, 47, 51, 189, 84, 11, 12, 13, 14, 390, 403, 130, 336, 380, 134, 135]);
+        let idn =
+            self.dice.pick(&[1, 36, 40, 47, 51, 189, 84, 11, 12, 13, 14, 390, 403, 130, 336, 380, 134, 135, FINDING]);
         self.event(Action::Read(idn.unwrap_or(51)));
     }
 }
