@@ -16,7 +16,6 @@ const ANSWERS_AFTER: u32 = 3;
 /// input owns, the password, the commutation angle, what follows another, and the recorder's.
 const ALIVE: [u16; 27] = [
     1,
-    346,
     36,
     37,
     47,
