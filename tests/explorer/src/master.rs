@@ -228,6 +228,11 @@ impl Stubborn {
         self.client.request(request);
     }
 
+    /// Takes back what it has not begun to ask; how many requests.
+    pub(crate) fn take_back(&mut self) -> usize {
+        self.client.take_back()
+    }
+
     pub(crate) fn answer(&mut self) -> Option<Finished> {
         self.client.take_finished()
     }

@@ -18,9 +18,9 @@ const FOLLOW: u8 = 7;
 const SWITCHING_ON: Nanoseconds = Nanoseconds::from_millis(3_000);
 /// An axis that coasts with friction alone.
 const COASTING: Nanoseconds = Nanoseconds::from_millis(20_000);
-/// The diagnosis of an overload, and some time constants of 1 s.
+/// The diagnosis of an overload, and more than its time constant of 1 s.
 const OVERLOAD: u16 = 0xF100;
-const COOLING: Nanoseconds = Nanoseconds::from_millis(2_000);
+const COOLING: Nanoseconds = Nanoseconds::from_millis(1_200);
 /// The longest that a brake takes to close.
 const BRAKING: Nanoseconds = Nanoseconds::from_millis(1_500);
 /// Where the commutation angle stands, and whether it is known.
@@ -47,6 +47,7 @@ pub(crate) fn make(run: &mut Run) -> Result<(), Stop> {
     }
     run.rig.run(RELEASED)?;
     run.rig.cycles(2)?;
+    run.services.take_back(run.rig.master());
     run.rig.wait_for_answers()?;
     run.harvest();
     stand(run)?;

@@ -88,6 +88,12 @@ impl Services {
         self.pending.push_back(Pending::Diagnosis);
     }
 
+    /// Takes back what has not begun: it never was.
+    pub(crate) fn take_back(&mut self, master: &mut Stubborn) {
+        let left = self.pending.len().saturating_sub(master.take_back());
+        self.pending.truncate(left);
+    }
+
     /// Requests that a run-up has cut off: nobody knows what came of them.
     pub(crate) fn drop_pending(&mut self) {
         for pending in std::mem::take(&mut self.pending) {

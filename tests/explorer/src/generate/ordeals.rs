@@ -43,8 +43,8 @@ impl Writer<'_> {
     /// A search that nothing disturbs takes its time.
     pub(super) fn wait_for_the_angle(&mut self) {
         let fails = blocks(self.axis) || !self.axis.also.is_empty();
-        if !self.axis.aligned && self.dice.chance(if fails { 60 } else { 10 }) {
-            self.wait(1_500.0);
+        if !self.axis.aligned && fails && self.dice.chance(40) {
+            self.wait(1_300.0);
         }
     }
 
@@ -74,7 +74,7 @@ impl Writer<'_> {
         self.event(Action::Write(92, 4_000));
         self.command();
         self.event(Action::Break(Fault::Overload));
-        self.wait(600.0);
+        self.wait(400.0);
         self.event(Action::Repair);
         self.recover();
     }

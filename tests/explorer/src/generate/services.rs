@@ -323,10 +323,10 @@ impl Writer<'_> {
         self.write_between(0x8000 | 218, 500_000, 4_000_000);
         self.write_between(0x8000 | 219, 100_000, 2_000_000);
         self.write_between(0x8000 | 229, 20, 300);
-        self.wait(120.0);
+        self.wait(60.0);
         let command = self.dice.pick(&[0x8000 | 224, 0x8000 | 225, 0x8000 | 226]).unwrap_or(0x8000 | 224);
         self.event(Action::Start(command));
-        let span = self.dice.weighted(&[(3, 20.0), (2, 150.0), (1, 600.0)]).unwrap_or(20.0);
+        let span = self.dice.weighted(&[(4, 20.0), (3, 100.0), (1, 400.0)]).unwrap_or(20.0);
         self.wait(span);
         if self.dice.chance(40) {
             self.stop();
