@@ -119,6 +119,8 @@ pub struct BrakeSequencer {
     scale: u32,
     /// Filtered current that holds the axis, in 2^-31 of the peak current.
     load: i32,
+    /// Ticks since the brake has had no current.
+    closing: u32,
 }
 
 /// The load is filtered with 2^4 ticks of the supervision, 8 ms.
@@ -145,6 +147,7 @@ impl BrakeSequencer {
             reference: Position::ZERO,
             scale: WHOLE,
             load: 0,
+            closing: u32::MAX,
         }
     }
 
@@ -153,6 +156,7 @@ impl BrakeSequencer {
     pub fn tick(&mut self, settings: &BrakeSettings, inputs: &BrakeInputs) -> BrakeOutput {
         let before = self.state;
         self.elapsed = self.elapsed.saturating_add(1);
+        self.closing = if self.energises(settings) { 0 } else { self.closing.saturating_add(1) };
         if inputs.request != BrakeRequest::Release {
             self.locked = false;
         }
@@ -194,7 +198,7 @@ impl BrakeSequencer {
         // At most 2^15.
         let scale = TorqueScale::from_bits((self.scale >> 16) as u16);
         BrakeOutput {
-            energise: settings.fitted && matches!(state, State::Releasing | State::Released),
+            energise: self.energises(settings),
             torque: state != State::Off,
             hold: state != State::Released,
             torque_scale: if state == State::Off { TorqueScale::ZERO } else { scale },
@@ -204,6 +208,10 @@ impl BrakeSequencer {
             finished: state == reached,
             event,
         }
+    }
+
+    const fn energises(&self, settings: &BrakeSettings) -> bool {
+        settings.fitted && matches!(self.state, State::Releasing | State::Released)
     }
 
     fn enter(&mut self, state: State) {
@@ -232,8 +240,9 @@ impl BrakeSequencer {
     #[inline]
     fn proving(&mut self, settings: &BrakeSettings, inputs: &BrakeInputs) -> Option<BrakeError> {
         if inputs.request != BrakeRequest::Release {
-            // The brake has not been opened since it held.
-            self.enter(State::Off);
+            // The brake has not been opened since it held, unless it is still closing from the time before.
+            let holds = !settings.fitted || self.closing >= settings.off_delay;
+            self.enter(if holds || !inputs.bridge_on { State::Off } else { State::Engaging });
             return None;
         }
         if !settings.fitted && inputs.bridge_on {

@@ -5,7 +5,7 @@ use std::collections::BTreeSet;
 use fault_matrix::Fault;
 
 use crate::life::{Action, Axis};
-use crate::units::{default_of, setting};
+use crate::units::setting;
 
 pub(crate) const LAW: &str = "an error tells of something that has happened";
 /// Holding brake: bit 0, there is one.
@@ -87,7 +87,7 @@ impl Causes {
             0xF109 => seen(Cause::Supply) || seen(Cause::Encoder),
             0xF10F => seen(Cause::GateDriver),
             0xF111 => seen(Cause::LateCycles),
-            0xF112 => setting(axis, BRAKE).unwrap_or_else(|| default_of(BRAKE)) & 1 != 0,
+            0xF112 => setting(axis, BRAKE).map_or(axis.plant.axis().machine.brake.is_some(), |brake| brake & 1 != 0),
             0xF113 | 0xF114 => seen(Cause::SafeTorqueOff),
             _ => true,
         }

@@ -288,6 +288,13 @@ impl Run {
             inputs.home_switch = false;
             inputs.probe_1 = false;
         });
+        // What a stop has fed into the DC link is gone when somebody has repaired the machine.
+        let now = self.rig.world.now().0;
+        let supply = self.rig.machine.machine.supply.voltage;
+        let mut side = self.rig.drive.motor_side.borrow_mut();
+        if side.machine().glance(now).bus_voltage > supply {
+            side.machine().set_bus_voltage(supply, now);
+        }
     }
 
     fn run_up_again(&mut self, also: &[Action]) -> Result<(), Stop> {

@@ -74,8 +74,9 @@ impl Scene {
         let (sight, machine) = (&self.sight, &self.sight.machine);
         let or_dash = |value: Option<f64>| value.map_or_else(|| "-".to_owned(), |value| format!("{value:.0}"));
         let [d, q] = machine.current;
+        let distance = self.wire.feedback(Idn::FOLLOWING_DISTANCE);
         format!(
-            "{:>9} us CP{} control {:04X}H status {:04X}H {:9.2} rpm {:11.6} rev, {:7.2} A (d {:6.2}), brake {:5.2} Nm, load {:6.2} Nm, {:4.0} V{}{}{}; S-0-0047 {}, S-0-0051 {}{}",
+            "{:>9} us CP{} control {:04X}H status {:04X}H {:9.2} rpm {:11.6} rev, {:7.2} A (d {:6.2}), brake {:5.2} Nm, load {:6.2} Nm, {:4.0} V{}{}{}; S-0-0047 {}, S-0-0051 {}{}{}",
             self.now.0 / 1_000,
             self.wire.phase,
             self.wire.control,
@@ -92,6 +93,7 @@ impl Scene {
             if self.deceived { ", a sensor lies" } else { "" },
             or_dash(self.position_command()),
             or_dash(self.position_feedback()),
+            distance.map_or_else(String::new, |distance| format!(", S-0-0189 {}", distance.cast_signed())),
             self.command.map_or_else(String::new, |idn| format!(", {idn} set")),
         )
     }

@@ -7,7 +7,7 @@ use crate::law::{Event, Law, Verdict};
 use crate::scene::Scene;
 
 /// A path between commands is done after so many cycles of the control unit, and so many of the ring for the way there and back.
-const SETTLED_CYCLES: i64 = 6;
+const SETTLED_CYCLES: i64 = 7;
 /// In revolutions: a held shaft trembles less.
 const STOOD: f64 = 1e-4;
 /// The shaft stands when it is slower than this in rad/s.
@@ -40,7 +40,7 @@ impl Distance {
         let following =
             scene.is_operating() && scene.wire.asks_to_follow() && scene.wire.follows() && scene.asks_for_position();
         let still = scene.sight.machine.velocity.abs() < STANDSTILL && scene.asked_mode() == scene.actual_mode();
-        if !following || !still || self.unchanged < SETTLED_CYCLES + unit_cycles {
+        if !following || !still || self.unchanged < SETTLED_CYCLES * unit_cycles {
             return Verdict::Silent;
         }
         let known = scene.position_command().zip(scene.position_feedback()).zip(scene.units);
