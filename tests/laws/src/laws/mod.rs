@@ -9,6 +9,7 @@ mod findings;
 mod following;
 mod limits;
 mod nothing_moves;
+mod probes;
 mod service;
 mod sizes;
 mod stop;
@@ -47,5 +48,6 @@ pub(crate) fn all() -> Vec<Box<dyn Law>> {
         Box::new(findings::Findings::default()),
         Box::new(contradictions::Contradictions::default()),
         Box::new(directions::Directions::default()),
+        Box::new(probes::Probes::default()),
     ]
 }
