@@ -85,7 +85,9 @@ impl Following {
         }
         let machine = &scene.sight.machine;
         let over = scene.now.saturating_sub(jump.since) > WATCH && scene.wire.follows();
-        if over || !scene.sight.bridge || !scene.is_left_alone(WATCH) {
+        // A far command waits for the bridge, which must not come.
+        let gone = !scene.sight.bridge && jump.what != AWAY;
+        if over || gone || !scene.is_left_alone(WATCH) {
             self.jump = None;
             return Verdict::Silent;
         }
@@ -163,7 +165,7 @@ mod tests {
             fake.write(32, &[11]);
             fake.data[0] = command.to_le_bytes().to_vec();
             fake.run(5, 0, 0x8000);
-            fake.cycle(0xE000, 0x8000);
+            fake.run(2, 0xE000, 0x8000);
             fake.sight.bridge = true;
             fake.run(5, 0xE000, 0x8000);
             assert_eq!(fake.broken().is_none(), lawful, "{:?}", fake.broken());

@@ -1,6 +1,7 @@
 //! The laws, one file each.
 
 mod back;
+mod border;
 mod contradictions;
 mod directions;
 mod distance;
@@ -49,5 +50,6 @@ pub(crate) fn all() -> Vec<Box<dyn Law>> {
         Box::new(contradictions::Contradictions::default()),
         Box::new(directions::Directions::default()),
         Box::new(probes::Probes::default()),
+        Box::new(border::Border::default()),
     ]
 }
