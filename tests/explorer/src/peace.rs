@@ -4,6 +4,7 @@ use ring::Nanoseconds;
 use ring::ident::Idn;
 use ring::service_client::status;
 
+use crate::life::Action;
 use crate::rig::{Rig, Stop};
 use crate::run::Run;
 use crate::services::{PASSWORD, is_list};
@@ -156,7 +157,9 @@ fn run_up(run: &mut Run) -> Result<(), Stop> {
         }
         Ok(()) => {
             // What was refused before has gone with it, also from P-0-0003.
-            let _ = run.rig.read(FINDING)?;
+            run.services.ask(run.rig.master(), &Action::Read(FINDING));
+            run.rig.wait_for_answers()?;
+            run.harvest();
             Ok(())
         }
         other => other,
