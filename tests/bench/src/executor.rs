@@ -49,6 +49,8 @@ pub struct Measurements {
     pub interrupt_to_at: Stopwatch,
     /// From the interrupt edge of t3 to the current command of the next loop tick that uses it.
     pub interrupt_to_command: Stopwatch,
+    /// Every access of the processor; only for a drive in QEMU.
+    pub trace: Option<emulator::Trace>,
     /// Decoded log lines.
     pub log: Vec<String>,
 }

@@ -67,6 +67,10 @@ impl Processor for QemuDrive {
     }
 
     fn run(&mut self, now: Nanoseconds, horizon: &dyn Fn() -> Nanoseconds) -> Result<(), ProcessorError> {
+        // An event of somebody else's that moves no pin of this drive.
+        if self.next_event().is_none_or(|time| time > now) && !self.environment.chip.borrow().has_pin_edges() {
+            return Ok(());
+        }
         self.environment.note_edges();
         self.environment.motor_side.borrow_mut().take_inputs();
         let due = self.guest.next_event().is_some_and(|time| time <= now);
@@ -76,6 +80,7 @@ impl Processor for QemuDrive {
         self.guest
             .run(&mut self.environment, now, until)
             .map_err(|error| ProcessorError::Stuck { address, cause: error.to_string() })?;
+        self.environment.observer.traced(self.guest.measurements().trace);
         for line in self.guest.take_log() {
             self.environment.observer.log(format!("{:>14}  {:<5} {}", line.time.to_string(), line.level, line.text));
         }

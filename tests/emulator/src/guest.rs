@@ -1,5 +1,6 @@
 //! The product in QEMU, seen as one more participant of the simulation: it has a next event and is run from event to event.
 
+use std::cell::Cell;
 use std::collections::VecDeque;
 use std::path::PathBuf;
 
@@ -87,6 +88,8 @@ pub struct Guest {
     /// Ticks of the last event of the current segment, for the instruction count.
     counted: u32,
     switches_set: bool,
+    /// The next event, once worked out between two runs.
+    next: Cell<Option<Nanoseconds>>,
 }
 
 /// A timer message this close to the wake-up that was asked for stands for exactly that time.
@@ -119,6 +122,7 @@ impl Guest {
             measurements: Measurements::default(),
             counted: 0,
             switches_set: false,
+            next: Cell::new(None),
         };
         guest.receive()?;
         let hello = guest.question;
@@ -141,11 +145,16 @@ impl Guest {
     /// that waited may have brought that forward.
     #[must_use]
     pub fn next_event(&self) -> Option<Nanoseconds> {
+        if let Some(next) = self.next.get() {
+            return Some(next);
+        }
         let guest = match self.posted.front() {
             Some(first) => self.clock.time_of(first.ticks),
             None => self.question_time(),
         };
-        Some(self.peripherals.next_event().map_or(guest, |peripherals| peripherals.min(guest)))
+        let next = self.peripherals.next_event().map_or(guest, |peripherals| peripherals.min(guest));
+        self.next.set(Some(next));
+        Some(next)
     }
 
     /// Does what is due at `now` and, if that answers the guest's question, lets the guest run until it asks again: at `horizon` at the latest.
@@ -161,6 +170,7 @@ impl Guest {
         now: Nanoseconds,
         horizon: Nanoseconds,
     ) -> Result<(), EmulatorError> {
+        self.next.set(None);
         if !self.switches_set {
             self.switches_set = true;
             self.peripherals.set_switches(environment);
@@ -188,8 +198,31 @@ impl Guest {
         }
         let value = self.answer(environment, time)?;
         self.fetch_log(time)?;
+        if self.sleeps_on(horizon) {
+            return Ok(());
+        }
         self.resume(environment, value, time, horizon)?;
         self.receive()
+    }
+
+    /// A processor that waits for an interrupt and gets none need not be asked: it goes on waiting, without an exchange.
+    fn sleeps_on(&mut self, horizon: Nanoseconds) -> bool {
+        let waits = self.question.kind == message::TIMER && self.question.idle;
+        if !waits || self.peripherals.interrupts_wait() {
+            return false;
+        }
+        self.restart_ticks();
+        self.wake = self.peripherals.next_interrupt().map_or(horizon, |event| event.min(horizon));
+        self.question.ticks = self.clock.ticks_until(self.wake);
+        self.measurements.slept_on += 1;
+        true
+    }
+
+    /// The guest's ticks count from here.
+    fn restart_ticks(&mut self) {
+        self.clock.resume();
+        self.counted = 0;
+        self.prefetch.resume();
     }
 
     /// Counters and latencies so far.
@@ -278,6 +311,7 @@ impl Guest {
         self.count_instructions(posted.ticks);
         self.peripherals.advance(environment, time)?;
         let access = Access { now: time, address: posted.address, width: posted.kind & 0xFF, pc: posted.pc };
+        self.measurements.trace.fold(time, posted.address, posted.value, posted.pc);
         if posted.kind & post::SERVED != 0 {
             self.measurements.prefetched_reads += 1;
             self.prefetch.pass(Place::Read { pc: posted.pc, address: posted.address }, posted.ticks);
@@ -297,7 +331,6 @@ impl Guest {
         time: Nanoseconds,
     ) -> Result<u32, EmulatorError> {
         let question = self.question;
-        self.measurements.exchanges += 1;
         if question.kind == message::TIMER && question.idle {
             self.measurements.idle_wakes += 1;
         } else {
@@ -311,6 +344,7 @@ impl Guest {
         let access = Access { now: time, address: question.address, width: question.width, pc: question.pc };
         self.prefetch.pass(Place::Read { pc: question.pc, address: question.address }, question.ticks);
         let value = self.peripherals.read(environment, access)?;
+        self.measurements.trace.fold(time, question.address, value, question.pc);
         self.happened(Trigger::Read(question.address), time);
         self.sample(environment, time)?;
         Ok(value)
@@ -324,9 +358,8 @@ impl Guest {
         horizon: Nanoseconds,
     ) -> Result<(), EmulatorError> {
         let (edges, levels) = self.peripherals.take_interrupts();
-        self.clock.resume();
-        self.counted = 0;
-        self.prefetch.resume();
+        self.restart_ticks();
+        self.measurements.exchanges += 1;
         for vector in (0..96_u8).filter(|vector| edges & 1 << vector != 0) {
             self.happened(Trigger::Interrupt(vector), time);
             self.prefetch.pass(Place::Interrupt(vector), 0);

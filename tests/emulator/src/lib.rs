@@ -20,6 +20,7 @@
 mod activations;
 mod audit;
 mod clock;
+mod cpu;
 mod demand;
 mod environment;
 mod error;
@@ -44,7 +45,7 @@ pub use environment::{DigitalInputs, Environment, IndexEdge};
 pub use error::EmulatorError;
 pub use guest::{Guest, GuestConfiguration};
 pub use log::LogLine;
-pub use measure::{Latency, Measurements, Probe, Trigger};
+pub use measure::{Latency, Measurements, Probe, Trace, Trigger};
 pub use peripherals::clocks::{CRYSTAL_HZ, ClockTree};
 pub use peripherals::gpio::PinMode;
 pub use trace::{TraceEvent, TraceSink, Tracer};

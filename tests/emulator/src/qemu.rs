@@ -4,12 +4,14 @@ use std::fs::{File, OpenOptions};
 use std::io::{Read, Write};
 use std::path::Path;
 use std::process::{Child, Command, Stdio};
+use std::rc::Rc;
 use std::time::{Duration, Instant};
 
 use rustix::event::{PollFd, PollFlags, Timespec, poll};
 use rustix::fs::{CWD, FileType, Mode, OFlags, mknodat};
 use tempfile::TempDir;
 
+use crate::cpu::OneCpu;
 use crate::protocol::{FROM_HOST, MESSAGE_WORDS, TO_HOST};
 use crate::{EmulatorError, GuestConfiguration};
 
@@ -24,6 +26,7 @@ pub(crate) struct Qemu {
     to_shim: File,
     bytes: Vec<u8>,
     _directory: TempDir,
+    _cpu: Rc<OneCpu>,
 }
 
 impl Qemu {
@@ -48,6 +51,7 @@ impl Qemu {
         let (from_shim, to_shim) = (open(TO_HOST)?, open(FROM_HOST)?);
         rustix::fs::fcntl_setfl(&from_shim, OFlags::NONBLOCK)
             .map_err(|error| EmulatorError::Io { what: "FIFO mode", source: error.into() })?;
+        let cpu = OneCpu::of_this_thread();
         let mut loader = std::ffi::OsString::from("loader,file=");
         loader.push(shim);
         let child = Command::new(&configuration.qemu)
@@ -75,7 +79,7 @@ impl Qemu {
                     EmulatorError::io("starting")(error)
                 }
             })?;
-        Ok(Self { child, from_shim, to_shim, bytes: vec![0; MESSAGE_WORDS * 4], _directory: directory })
+        Ok(Self { child, from_shim, to_shim, bytes: vec![0; MESSAGE_WORDS * 4], _directory: directory, _cpu: cpu })
     }
 
     /// Sends one command.

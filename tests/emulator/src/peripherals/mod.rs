@@ -200,6 +200,12 @@ impl Peripherals {
         (std::mem::take(&mut self.edges), self.lines)
     }
 
+    /// Does an interrupt wait to be taken, by its edge or by its level?
+    pub(crate) fn interrupts_wait(&mut self) -> bool {
+        self.update_lines();
+        (self.edges, self.lines) != (0, 0)
+    }
+
     /// What a read at `now` would answer, where that is sure not to change by itself until `until` and has no side effect.
     pub(crate) fn peek<E: Environment + ?Sized>(
         &self,
