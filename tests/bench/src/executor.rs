@@ -9,12 +9,14 @@ use ring::Nanoseconds;
 use crate::measure::Stopwatch;
 use crate::report::Platform;
 
-/// The two programs that QEMU runs: the product as it is flashed, and the shim beside it.
+/// What QEMU runs: the product as it is flashed, and what answers its accesses.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Elves {
     /// The release ELF of the product.
     pub product: PathBuf,
-    /// The trap shim.
+    /// The bus inside QEMU, a library that it loads.
+    pub bus: PathBuf,
+    /// The trap shim, beside which instructions are counted.
     pub shim: PathBuf,
 }
 

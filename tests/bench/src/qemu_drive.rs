@@ -1,6 +1,6 @@
 //! The flashed ELF in QEMU, as a processor of the world: its external bus is the chip's, its motor side is simulated.
 
-use emulator::{DigitalInputs, Environment, Guest, GuestConfiguration, IndexEdge};
+use emulator::{DigitalInputs, Environment, Guest, GuestConfiguration, IndexEdge, Rig};
 use ring::Nanoseconds;
 use ring::chip::SharedChip;
 use ring::wire::BitRate;
@@ -33,7 +33,7 @@ impl QemuDrive {
         bit_rate: BitRate,
         measurements: SharedMeasurements,
     ) -> Result<Self, ProcessorError> {
-        let guest = Guest::start(&GuestConfiguration::new(&elves.product, &elves.shim))
+        let guest = Guest::start(&GuestConfiguration::new(&elves.product, Rig::Bus(elves.bus.clone())))
             .map_err(|error| ProcessorError::Stuck { address, cause: error.to_string() })?;
         Ok(Self::around(guest, chip, motor_side, address, bit_rate, measurements))
     }

@@ -2,7 +2,8 @@
 
 use std::cell::Cell;
 use std::collections::VecDeque;
-use std::path::PathBuf;
+use std::ffi::OsString;
+use std::path::{Path, PathBuf};
 
 use object::{Object, ObjectSection};
 use ring::Nanoseconds;
@@ -12,34 +13,48 @@ use crate::log::{Log, LogLine};
 use crate::measure::{Measurements, Probe, Trigger};
 use crate::peripherals::{Access, Peripherals};
 use crate::prefetch::{Foretold, Place, Prefetch};
-use crate::protocol::{MEMORY_WORDS, VERSION, command, fault, header, message, post, prefetched, resume};
 use crate::qemu::Qemu;
 use crate::{EmulatorError, Environment};
+use emulator_link::protocol::{MEMORY_WORDS, VERSION, command, fault, header, message, post, prefetched, resume};
+
+/// The emulator.
+pub const QEMU: &str = "qemu-system-arm";
+/// The environment variable that names another program to run instead.
+pub const QEMU_VARIABLE: &str = "QEMU";
+
+/// What answers the accesses of the product.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub enum Rig {
+    /// The bus inside QEMU, a library that it loads.
+    Bus(PathBuf),
+    /// The shim, an ELF beside the product.
+    Shim(PathBuf),
+}
 
 /// What to run.
 #[derive(Clone, Debug)]
 pub struct GuestConfiguration {
     /// The release ELF of the product.
     pub product: PathBuf,
-    /// The ELF of the shim.
-    pub shim: PathBuf,
+    /// What answers its accesses.
+    pub rig: Rig,
     /// The emulator; a name is looked up in the search path.
-    pub qemu: String,
+    pub qemu: OsString,
     /// How long a write may wait for the next exchange before the product is interrupted to deliver it. The write keeps its own time, and so
     /// does an edge that it causes on an interrupt pin; only the product's interrupt for that edge may come this much late.
     pub post_bound: Nanoseconds,
     /// More arguments for QEMU, as [`crate::Tracer::arguments`] gives them.
-    pub arguments: Vec<std::ffi::OsString>,
+    pub arguments: Vec<OsString>,
 }
 
 impl GuestConfiguration {
-    /// The usual one.
+    /// The usual one, with the QEMU that [`QEMU_VARIABLE`] names.
     #[must_use]
-    pub fn new(product: impl Into<PathBuf>, shim: impl Into<PathBuf>) -> Self {
+    pub fn new(product: impl Into<PathBuf>, rig: Rig) -> Self {
         Self {
             product: product.into(),
-            shim: shim.into(),
-            qemu: "qemu-system-arm".into(),
+            rig,
+            qemu: std::env::var_os(QEMU_VARIABLE).unwrap_or_else(|| QEMU.into()),
             post_bound: Nanoseconds::from_microseconds(5),
             arguments: Vec::new(),
         }
@@ -103,7 +118,10 @@ impl Guest {
     pub fn start(configuration: &GuestConfiguration) -> Result<Self, EmulatorError> {
         let product = read_elf(&configuration.product)?;
         check_product(configuration, &product)?;
-        let vectors = shim_vectors(configuration)?;
+        let vectors = match &configuration.rig {
+            Rig::Bus(bus) => check_bus(bus).map(|()| 0)?,
+            Rig::Shim(shim) => shim_vectors(shim)?,
+        };
         let log = Log::new(&configuration.product, &product)?;
         let qemu = Qemu::start(configuration, vectors)?;
         let peripherals = Peripherals::new();
@@ -127,13 +145,13 @@ impl Guest {
         guest.receive()?;
         let hello = guest.question;
         if hello.kind != message::HELLO || hello.address != VERSION {
-            return Err(EmulatorError::Shim(format!(
-                "speaks protocol {}, expected {VERSION}: build shim and emulator from the same sources",
+            return Err(EmulatorError::Guest(format!(
+                "it speaks protocol {}, expected {VERSION}; build it and the emulator from the same sources",
                 hello.address
             )));
         }
-        if !hello.idle {
-            return Err(EmulatorError::Shim(
+        if matches!(configuration.rig, Rig::Shim(_)) && !hello.idle {
+            return Err(EmulatorError::Guest(
                 "QEMU's TIM5 does not interrupt when expected; the rig is made for QEMU 7.2".into(),
             ));
         }
@@ -261,7 +279,7 @@ impl Guest {
         self.qemu.send(command)?;
         self.qemu.receive(&mut self.words)?;
         if self.words.first() != Some(&message::MEMORY) || self.words.len() != header::WORDS + expected {
-            return Err(EmulatorError::Shim("wrong answer to a memory command".into()));
+            return Err(EmulatorError::Guest("wrong answer to a memory command".into()));
         }
         Ok(())
     }
@@ -408,7 +426,7 @@ impl Guest {
         self.qemu.receive(&mut self.words)?;
         let words = &self.words;
         if words.len() < header::WORDS || words.len() != header::WORDS + words[header::PAYLOAD] as usize {
-            return Err(EmulatorError::Shim(format!("message of {} words", words.len())));
+            return Err(EmulatorError::Guest(format!("message of {} words", words.len())));
         }
         self.question = Question {
             kind: words[header::KIND],
@@ -420,6 +438,9 @@ impl Guest {
             idle: words[header::FLAGS] & 1 != 0,
         };
         let payload = &words[header::WORDS..];
+        if self.question.kind == message::FAILED {
+            return Err(EmulatorError::Guest(text_of(payload)));
+        }
         if self.question.kind == message::FAULT {
             let time = self.clock.time_of(self.question.ticks);
             let report = fault_report(payload);
@@ -463,7 +484,7 @@ impl Guest {
     }
 }
 
-fn read_elf(path: &std::path::Path) -> Result<Vec<u8>, EmulatorError> {
+fn read_elf(path: &Path) -> Result<Vec<u8>, EmulatorError> {
     std::fs::read(path).map_err(|error| EmulatorError::Elf { path: path.to_owned(), what: error.to_string() })
 }
 
@@ -483,6 +504,9 @@ fn check_product(configuration: &GuestConfiguration, elf: &[u8]) -> Result<(), E
         let start = (16 + number) * 4;
         data.get(start..start + 4)
     };
+    if matches!(configuration.rig, Rig::Bus(_)) {
+        return Ok(());
+    }
     // Two of the interrupts that no drive uses share the default handler with TIM5.
     const TIM5: usize = 50;
     const HASH_RNG: usize = 80;
@@ -492,9 +516,26 @@ fn check_product(configuration: &GuestConfiguration, elf: &[u8]) -> Result<(), E
     Ok(())
 }
 
-fn shim_vectors(configuration: &GuestConfiguration) -> Result<u32, EmulatorError> {
-    let elf = read_elf(&configuration.shim)?;
-    let broken = |what: String| EmulatorError::Elf { path: configuration.shim.clone(), what };
+/// QEMU's own words about a library that is not there name neither cause nor remedy.
+fn check_bus(bus: &Path) -> Result<(), EmulatorError> {
+    let missing = |what: String| EmulatorError::Elf { path: bus.to_owned(), what };
+    let build = "build it with `cargo xtask build`";
+    let content =
+        std::fs::read(bus).map_err(|error| missing(format!("the bus inside QEMU is missing ({error}); {build}")))?;
+    object::File::parse(&*content)
+        .map(drop)
+        .map_err(|error| missing(format!("this is not the bus inside QEMU ({error}); {build}")))
+}
+
+/// The text of a [`message::FAILED`].
+fn text_of(payload: &[u32]) -> String {
+    let bytes: Vec<u8> = payload.iter().flat_map(|word| word.to_le_bytes()).take_while(|byte| *byte != 0).collect();
+    String::from_utf8_lossy(&bytes).into_owned()
+}
+
+fn shim_vectors(shim: &Path) -> Result<u32, EmulatorError> {
+    let elf = read_elf(shim)?;
+    let broken = |what: String| EmulatorError::Elf { path: shim.to_owned(), what };
     let file = object::File::parse(&*elf).map_err(|error| broken(error.to_string()))?;
     file.section_by_name(".vectors")
         .map(|section| section.address() as u32)

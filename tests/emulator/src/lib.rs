@@ -9,7 +9,7 @@
 //!
 //! How it works: QEMU's machine `netduinoplus2` has the core, the NVIC and the memories of the part but hardly a peripheral. A shim beside
 //! the product takes the reset and closes the peripheral space by the MPU; each access traps into it, is decoded ([`thumb`]) and
-//! travels over a FIFO ([`protocol`]) to the models here. Under `-icount shift=0` the guest is deterministic: an instruction is a tick,
+//! travels over a FIFO ([`emulator_link::protocol`]) to the models here. Under `-icount shift=0` the guest is deterministic: an instruction is a tick,
 //! simulated time is ticks times [`CYCLES_PER_INSTRUCTION_TENTHS`] / 10 core cycles, plus the wait states of the external bus. The core clock
 //! itself is worked out from the RCC registers that the product wrote.
 //!
@@ -25,11 +25,11 @@ mod demand;
 mod environment;
 mod error;
 mod guest;
+mod link;
 mod log;
 mod measure;
 mod peripherals;
 mod prefetch;
-pub mod protocol;
 mod qemu;
 pub mod thumb;
 #[cfg(test)]
@@ -43,7 +43,7 @@ pub use clock::CYCLES_PER_INSTRUCTION_TENTHS;
 pub use demand::{Demand, Price, Worst};
 pub use environment::{DigitalInputs, Environment, IndexEdge};
 pub use error::EmulatorError;
-pub use guest::{Guest, GuestConfiguration};
+pub use guest::{Guest, GuestConfiguration, QEMU, QEMU_VARIABLE, Rig};
 pub use log::LogLine;
 pub use measure::{Latency, Measurements, Probe, Trace, Trigger};
 pub use peripherals::clocks::{CRYSTAL_HZ, ClockTree};

@@ -19,7 +19,7 @@ pub(crate) enum Place {
 pub(crate) struct Foretold {
     pub(crate) address: u32,
     pub(crate) value: u32,
-    /// [`crate::protocol::prefetched::AT`].
+    /// [`emulator_link::protocol::prefetched::AT`].
     pub(crate) at: u32,
 }
 

@@ -1,6 +1,6 @@
 //! The flashed ELF boots in QEMU and sets the board up as it must.
 
-use emulator::{EmulatorError, Environment, Guest, GuestConfiguration, Probe, Trigger, audit, audit_power_stage};
+use emulator::{EmulatorError, Environment, Guest, GuestConfiguration, Probe, Rig, Trigger, audit, audit_power_stage};
 use ring::Nanoseconds;
 
 /// A world without a ring: a chip that answers with its version and otherwise with memory, a motor that stands still.
@@ -78,7 +78,7 @@ fn configuration() -> GuestConfiguration {
         std::env::var_os(name)
             .unwrap_or_else(|| panic!("{name} is not set: run `cargo xtask test`, which builds the ELF"))
     };
-    GuestConfiguration::new(elf("PRODUCT_ELF"), elf("SHIM_ELF"))
+    GuestConfiguration::new(elf("PRODUCT_ELF"), Rig::Bus(elf("BUS_PLUGIN").into()))
 }
 
 fn run(guest: &mut Guest, world: &mut Quiet, until: Nanoseconds) -> Result<(), EmulatorError> {
@@ -174,6 +174,6 @@ fn a_file_that_is_no_firmware_is_refused_before_qemu_starts() {
     let directory = tempfile::tempdir().unwrap();
     let file = directory.path().join("firmware");
     std::fs::write(&file, "no ELF").unwrap();
-    let error = Guest::start(&GuestConfiguration::new(&file, &file)).unwrap_err();
+    let error = Guest::start(&GuestConfiguration::new(&file, Rig::Bus(file.clone()))).unwrap_err();
     assert!(matches!(error, EmulatorError::Elf { .. }), "{error}");
 }

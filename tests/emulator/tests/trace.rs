@@ -2,7 +2,7 @@
 
 use std::path::{Path, PathBuf};
 
-use emulator::{Activations, Environment, Guest, GuestConfiguration, Listing, Spread, Step, TraceSink, Tracer};
+use emulator::{Activations, Environment, Guest, GuestConfiguration, Listing, Rig, Spread, Step, TraceSink, Tracer};
 use ring::Nanoseconds;
 
 /// A world in which nothing is connected.
@@ -109,7 +109,7 @@ fn path(name: &str) -> PathBuf {
 }
 
 fn start<S: TraceSink>(product: &Path, tracer: &Tracer<S>) -> Guest {
-    let configuration = GuestConfiguration::new(product, path("SHIM_ELF"));
+    let configuration = GuestConfiguration::new(product, Rig::Shim(path("SHIM_ELF")));
     Guest::start(&GuestConfiguration { arguments: tracer.arguments(), ..configuration }).unwrap()
 }
 

@@ -15,10 +15,10 @@ pub(crate) mod timer;
 
 use ring::Nanoseconds;
 
-use crate::protocol::{EXTERNAL_BUS, EXTERNAL_BUS_END};
 use crate::wiring;
 use crate::{EmulatorError, Environment};
 use clocks::{ClockTree, Flash, Power, Rcc};
+use emulator_link::protocol::{EXTERNAL_BUS, EXTERNAL_BUS_END};
 use encoder_counters::{Edge, EncoderCounters};
 use gpio::{PinMode, Port};
 use interrupts::{Exti, Syscfg};
