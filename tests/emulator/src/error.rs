@@ -40,7 +40,7 @@ pub enum EmulatorError {
     #[error("the bus inside QEMU: {0}")]
     Guest(String),
     /// There is nothing to share with the bus inside QEMU.
-    #[error("{0}; give TMPDIR a folder that can be written")]
+    #[error("{0}; TMPDIR names where it shall be")]
     Page(#[from] emulator_link::PageError),
     /// An ELF file cannot be read or is not the expected one.
     #[error("{}: {what}", path.display())]

@@ -43,6 +43,10 @@ pub struct GuestConfiguration {
     /// How long a write may wait for the next exchange before the product is interrupted to deliver it. The write keeps its own time, and so
     /// does an edge that it causes on an interrupt pin; only the product's interrupt for that edge may come this much late.
     pub post_bound: Nanoseconds,
+    /// QEMU and the thread that starts it share a CPU, which is faster and changes no result.
+    pub one_cpu: bool,
+    /// QEMU executes as many instructions at once as it can; otherwise one by one, which is slower and changes no result. For [`Rig::Bus`].
+    pub whole_blocks: bool,
     /// More arguments for QEMU, as [`crate::Tracer::arguments`] gives them.
     pub arguments: Vec<OsString>,
 }
@@ -56,6 +60,8 @@ impl GuestConfiguration {
             rig,
             qemu: std::env::var_os(QEMU_VARIABLE).unwrap_or_else(|| QEMU.into()),
             post_bound: Nanoseconds::from_microseconds(5),
+            one_cpu: true,
+            whole_blocks: true,
             arguments: Vec::new(),
         }
     }

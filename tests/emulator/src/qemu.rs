@@ -24,7 +24,7 @@ pub(crate) struct Qemu {
     child: Child,
     link: Link,
     _directory: TempDir,
-    _cpu: Rc<OneCpu>,
+    _cpu: Option<Rc<OneCpu>>,
 }
 
 impl Qemu {
@@ -32,7 +32,8 @@ impl Qemu {
     pub(crate) fn start(configuration: &GuestConfiguration, shim_vectors: u32) -> Result<Self, EmulatorError> {
         let absolute = |path: &Path| std::path::absolute(path).map_err(EmulatorError::io("path"));
         let product = absolute(&configuration.product)?;
-        let directory = TempDir::new().map_err(EmulatorError::io("temporary directory"))?;
+        let directory =
+            TempDir::new().map_err(EmulatorError::io("no temporary folder (TMPDIR names where it shall be)"))?;
         let mut command = Command::new(&configuration.qemu);
         command
             .args(["-machine", "netduinoplus2"])
@@ -43,7 +44,8 @@ impl Qemu {
                 let parent = std::process::id();
                 let mut plugin = option("file=", &absolute(bus)?);
                 plugin.push(option(",page=", &directory.path().join(PAGE)));
-                plugin.push(format!(",parent={parent}"));
+                let blocks = if configuration.whole_blocks { "whole" } else { "one" };
+                plugin.push(format!(",parent={parent},blocks={blocks}"));
                 command.arg("-plugin").arg(plugin);
                 Link::page(directory.path())?
             }
@@ -59,7 +61,7 @@ impl Qemu {
             }
         };
         // QEMU inherits the CPU.
-        let cpu = OneCpu::of_this_thread();
+        let cpu = configuration.one_cpu.then(OneCpu::of_this_thread);
         let child = command
             .arg("-kernel")
             .arg(product)

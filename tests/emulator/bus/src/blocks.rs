@@ -61,6 +61,7 @@ struct Again {
 
 /// Where the processor is.
 pub(crate) struct Blocks {
+    whole: bool,
     pub(crate) current: &'static Instruction,
     /// Where in QEMU's translated code the current instruction is.
     at_host: usize,
@@ -93,8 +94,10 @@ const TO_PROVE: u32 = 3;
 static NOTHING_YET: Instruction = Instruction { pc: 0, code: 0, index: 0, count: 1 };
 
 impl Blocks {
-    pub(crate) const fn new() -> Self {
+    /// Without `whole` blocks every instruction is one of its own: slow, and the same to the bit.
+    pub(crate) const fn new(whole: bool) -> Self {
         Self {
+            whole,
             current: &NOTHING_YET,
             at_host: 0,
             ticks: 0,
@@ -134,7 +137,8 @@ impl Blocks {
     /// The instruction is executed and takes a tick.
     #[inline]
     pub(crate) fn go_on(&mut self) {
-        if self.current.is_alone() && self.ticks + self.near < self.deadline && self.proven.0 == TO_PROVE {
+        if self.current.is_alone() && self.ticks + self.near < self.deadline && self.proven.0 == TO_PROVE && self.whole
+        {
             machine().set_one_instruction(false);
         }
         self.ticks += 1;

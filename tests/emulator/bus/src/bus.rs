@@ -41,10 +41,10 @@ enum Lock {
 }
 
 impl Bus {
-    pub(crate) const fn new(page: Page) -> Self {
+    pub(crate) const fn new(page: Page, whole_blocks: bool) -> Self {
         Self {
             page,
-            blocks: Blocks::new(),
+            blocks: Blocks::new(whole_blocks),
             greeted: false,
             outgoing: [0; MESSAGE_WORDS],
             incoming: [0; MESSAGE_WORDS],

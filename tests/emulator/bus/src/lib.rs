@@ -74,7 +74,8 @@ extern "C" fn choose_version() {
     qemu_plugin_version.0.store(version, Ordering::Relaxed);
 }
 
-/// Called by QEMU when it has loaded the library, with `page=PATH` and `parent=PID` as arguments. 0: installed; otherwise QEMU ends.
+/// Called by QEMU when it has loaded the library, with `page=PATH`, `parent=PID` and `blocks=whole` or `blocks=one` as arguments. 0: installed;
+/// otherwise QEMU ends.
 ///
 /// # Safety
 /// For QEMU only.
@@ -106,6 +107,11 @@ fn install(id: u64, arguments: &[String]) -> Result<(), String> {
     };
     let page = argument("page=")?;
     let parent: i32 = argument("parent=")?.parse().map_err(|_| "the argument parent= is no number".to_owned())?;
+    let whole = match argument("blocks=")? {
+        "whole" => true,
+        "one" => false,
+        other => return Err(format!("blocks={other} is neither whole nor one")),
+    };
     die_with(parent)?;
     let qemu = Functions::find().map_err(|name| {
         format!(
@@ -114,7 +120,7 @@ fn install(id: u64, arguments: &[String]) -> Result<(), String> {
     })?;
     let page = Page::open(Path::new(page)).map_err(|error| error.to_string())?;
     let qemu: &'static Functions = Box::leak(Box::new(qemu));
-    STATE.store(Box::into_raw(Box::new(Bus::new(page))), Ordering::Relaxed);
+    STATE.store(Box::into_raw(Box::new(Bus::new(page, whole))), Ordering::Relaxed);
     let ready =
         Box::leak(Box::new(Ready { notifier: Notifier { notify: machine_ready, node: [null_mut(); 2] }, qemu }));
     QEMU.store(std::ptr::from_ref(qemu).cast_mut(), Ordering::Relaxed);
