@@ -70,10 +70,11 @@ impl TickClock {
         self.ticks = 0;
     }
 
-    /// Ticks until `time`, rounded down, at least one.
+    /// Ticks until `time`, rounded up, at least one: what begins before them, begins before `time`.
     pub(crate) fn ticks_until(&self, time: Nanoseconds) -> u32 {
         let until = (u128::from(time.0) * FEMTOSECONDS).saturating_sub(self.femtoseconds);
-        quotient(until, self.femtoseconds_per_tick).clamp(1, i32::MAX as u64) as u32
+        let rounded_up = until + self.femtoseconds_per_tick - 1;
+        quotient(rounded_up, self.femtoseconds_per_tick).clamp(1, i32::MAX as u64) as u32
     }
 
     /// Ticks that so many cycles of the core clock take.
@@ -98,12 +99,12 @@ mod tests {
     }
 
     #[test]
-    fn budget_never_reaches_past_the_horizon() {
+    fn whatever_begins_within_the_budget_begins_before_the_horizon() {
         let mut clock = TickClock::new(168_000_000);
         for horizon in [10, 17, 1_000, 125_000, 999_999_999] {
             let ticks = clock.ticks_until(Nanoseconds(horizon));
-            assert!(clock.time_of(ticks).0 <= horizon.max(8));
-            assert!(clock.time_of(ticks + 2).0 > horizon);
+            assert!(clock.time_of(ticks).0 >= horizon.min(8), "{horizon}");
+            assert!(ticks == 1 || clock.time_of(ticks - 1).0 < horizon, "{horizon}");
         }
         clock.pass(100);
         assert_eq!(clock.ticks_until(Nanoseconds(0)), 1);

@@ -113,9 +113,6 @@ pub struct Guest {
     next: Cell<Option<Nanoseconds>>,
 }
 
-/// A timer message this close to the wake-up that was asked for stands for exactly that time.
-const WAKE_TOLERANCE: Nanoseconds = Nanoseconds(100);
-
 impl Guest {
     /// Starts QEMU and waits until the shim is up. The product has not executed an instruction yet.
     ///
@@ -296,11 +293,13 @@ impl Guest {
 
     fn question_time(&self) -> Nanoseconds {
         let time = self.clock.time_of(self.question.ticks);
-        // However late a WFI ends, nothing was executed in it.
-        let not_late = self.question.idle || time <= self.wake + WAKE_TOLERANCE;
-        let near = time + WAKE_TOLERANCE >= self.wake && not_late;
-        // A wake-up that was due at once takes one tick, so that time goes on.
-        if self.question.kind == message::TIMER && near { self.wake.max(self.clock.time_of(1)) } else { time }
+        // However late a WFI ends, nothing was executed in it. One that was due at once takes one tick, so that time goes on.
+        let waited = self.question.kind == message::TIMER && self.question.idle && time >= self.wake;
+        match waited {
+            true if self.wake > self.clock.time_of(0) => self.wake,
+            true => self.clock.time_of(1),
+            false => time,
+        }
     }
 
     fn sample<E: Environment + ?Sized>(&mut self, environment: &mut E, now: Nanoseconds) -> Result<(), EmulatorError> {

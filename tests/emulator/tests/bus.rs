@@ -248,17 +248,34 @@ fn an_instruction_of_several_accesses_makes_each_of_them_once() {
 
 /// What the release ELF does in its first 30 ms.
 fn boot(change: impl FnOnce(&mut GuestConfiguration)) -> (Trace, u64) {
+    boot_in_steps(Nanoseconds::from_millis(30), change)
+}
+
+/// The same in a world that looks at it in steps.
+fn boot_in_steps(step: Nanoseconds, change: impl FnOnce(&mut GuestConfiguration)) -> (Trace, u64) {
     let elf =
         std::env::var_os("PRODUCT_ELF").unwrap_or_else(|| panic!("PRODUCT_ELF is not set: run `cargo xtask test`"));
     let mut configuration = configuration(elf.into());
     change(&mut configuration);
     let mut guest = Guest::start(&configuration).unwrap();
     let mut world = Quiet::new();
-    let end = Nanoseconds::from_millis(30);
-    while let Some(now) = guest.next_event().filter(|now| *now < end) {
-        guest.run(&mut world, now, end).unwrap();
+    let mut end = Nanoseconds::ZERO;
+    while end < Nanoseconds::from_millis(30) {
+        end = (end + step).min(Nanoseconds::from_millis(30));
+        while let Some(now) = guest.next_event().filter(|now| *now < end) {
+            guest.run(&mut world, now, end).unwrap();
+        }
     }
     (guest.measurements().trace, guest.measurements().instructions)
+}
+
+#[test]
+#[ignore = "needs QEMU and the ELF: cargo xtask test"]
+fn how_often_the_world_looks_changes_no_access() {
+    let never = boot(|_| {}).0;
+    for step in [250_000, 37_123, 1_009] {
+        assert_eq!(boot_in_steps(Nanoseconds(step), |_| {}).0, never, "every {step} ns");
+    }
 }
 
 #[test]
