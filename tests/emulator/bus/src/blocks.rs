@@ -9,38 +9,81 @@
 
 use crate::machine::machine;
 
-/// An instruction of a block, as it was translated.
-#[derive(Debug, PartialEq, Eq, Hash)]
-pub(crate) struct Instruction {
-    pub(crate) pc: u32,
-    /// Its first half-word.
-    pub(crate) code: u16,
-    /// Its place in the block, and how many the block has.
-    pub(crate) index: u16,
-    pub(crate) count: u16,
-}
+/// An instruction of a block, as it was translated: a number, which QEMU hands to the callback in the place of a pointer. So there is nothing
+/// to fetch from memory before each of 10^8 instructions.
+///
+/// Bits 31..0 address, 41..32 place in the block, 51..42 instructions of the block, 52 and 53 as below.
+#[derive(Clone, Copy, Debug)]
+#[repr(transparent)]
+pub(crate) struct Instruction(u64);
+
+const SEVERAL: u64 = 1 << 52;
+const FALLS_THROUGH: u64 = 1 << 53;
+/// TCG_MAX_INSNS is 512.
+const MOST_IN_A_BLOCK: u64 = 0x3FF;
 
 impl Instruction {
+    /// The instruction at `pc` with this first half-word, and its place in a block of `count`.
+    pub(crate) fn new(pc: u32, code: u16, index: usize, count: usize) -> Self {
+        let place = |place: usize| (place as u64).min(MOST_IN_A_BLOCK);
+        let flag = |flag: u64, set: bool| if set { flag } else { 0 };
+        Self(
+            u64::from(pc)
+                | place(index) << 32
+                | place(count) << 42
+                | flag(SEVERAL, accesses_several(code))
+                | flag(FALLS_THROUGH, falls_through(code)),
+        )
+    }
+
+    pub(crate) const fn from_number(number: u64) -> Self {
+        Self(number)
+    }
+
+    pub(crate) const fn number(self) -> u64 {
+        self.0
+    }
+
+    pub(crate) const fn pc(self) -> u32 {
+        self.0 as u32
+    }
+
+    const fn index(self) -> u64 {
+        self.0 >> 32 & MOST_IN_A_BLOCK
+    }
+
+    const fn count(self) -> u64 {
+        self.0 >> 42 & MOST_IN_A_BLOCK
+    }
+
     /// Is it the only one of its block?
-    pub(crate) const fn is_alone(&self) -> bool {
-        self.count == 1
+    pub(crate) const fn is_alone(self) -> bool {
+        self.count() == 1
     }
 
     /// The instructions behind it in its block.
-    const fn rest(&self) -> u64 {
-        (self.count - 1 - self.index) as u64
+    const fn rest(self) -> u64 {
+        self.count() - 1 - self.index()
     }
 
-    /// May it access memory more than once (LDM, STM, LDRD, STRD, exclusive, coprocessor; ARM DDI 0403E A5.2, A5.3)?
-    pub(crate) const fn accesses_several(&self) -> bool {
-        self.code & 0xF000 == 0xC000 || self.code & 0xFE00 == 0xE800 || self.code & 0xFE00 == 0xEC00
+    pub(crate) const fn accesses_several(self) -> bool {
+        self.0 & SEVERAL != 0
     }
 
-    /// Is the next instruction surely the one behind it? Said of plain 16-bit instructions only.
-    pub(crate) const fn falls_through(&self) -> bool {
-        // Arithmetic on low registers, literal loads, loads and stores, addresses.
-        matches!(self.code >> 12, 0x0..=0x3 | 0x5..=0xA) || self.code & 0xFC00 == 0x4000 || self.code & 0xF800 == 0x4800
+    const fn falls_through(self) -> bool {
+        self.0 & FALLS_THROUGH != 0
     }
+}
+
+/// May it access memory more than once (LDM, STM, LDRD, STRD, exclusive, coprocessor; ARM DDI 0403E A5.2, A5.3)?
+const fn accesses_several(code: u16) -> bool {
+    code & 0xF000 == 0xC000 || code & 0xFE00 == 0xE800 || code & 0xFE00 == 0xEC00
+}
+
+/// Is the next instruction surely the one behind it? Said of plain 16-bit instructions only.
+const fn falls_through(code: u16) -> bool {
+    // Arithmetic on low registers, literal loads, loads and stores, addresses.
+    matches!(code >> 12, 0x0..=0x3 | 0x5..=0xA) || code & 0xFC00 == 0x4000 || code & 0xF800 == 0x4800
 }
 
 /// An access that was made before its instruction was left.
@@ -62,7 +105,7 @@ struct Again {
 /// Where the processor is.
 pub(crate) struct Blocks {
     whole: bool,
-    pub(crate) current: &'static Instruction,
+    pub(crate) current: Instruction,
     /// Where in QEMU's translated code the current instruction is.
     at_host: usize,
     /// Instructions and waits since the host last answered; within an instruction, including it.
@@ -75,7 +118,7 @@ pub(crate) struct Blocks {
     /// What the current instruction made before it was left.
     pub(crate) made: Option<Made>,
     /// How many instructions [`Blocks::prove`] has watched, and the last of them.
-    proven: (u32, &'static Instruction),
+    proven: (u32, Instruction),
 }
 
 /// What stands before an instruction.
@@ -91,36 +134,37 @@ pub(crate) enum Begin {
 /// Instructions that are watched at the start.
 const TO_PROVE: u32 = 3;
 
-static NOTHING_YET: Instruction = Instruction { pc: 0, code: 0, index: 0, count: 1 };
+/// Alone in its block.
+const NOTHING_YET: Instruction = Instruction(1 << 42);
 
 impl Blocks {
     /// Without `whole` blocks every instruction is one of its own: slow, and the same to the bit.
     pub(crate) const fn new(whole: bool) -> Self {
         Self {
             whole,
-            current: &NOTHING_YET,
+            current: NOTHING_YET,
             at_host: 0,
             ticks: 0,
             deadline: 0,
             near: 0,
             again: None,
             made: None,
-            proven: (0, &NOTHING_YET),
+            proven: (0, NOTHING_YET),
         }
     }
 
     /// An instruction is about to be executed; after [`Begin::Due`], [`Blocks::go_on`] follows.
     #[inline]
-    pub(crate) fn begin(&mut self, this: &'static Instruction, at_host: usize) -> Begin {
+    pub(crate) fn begin(&mut self, this: Instruction, at_host: usize) -> Begin {
         self.current = this;
         self.at_host = at_host;
         if let Some(again) = self.again.take() {
             self.made = again.made;
-            return if again.pc == this.pc && this.is_alone() { Begin::Go } else { Begin::Wrong };
+            return if again.pc == this.pc() && this.is_alone() { Begin::Go } else { Begin::Wrong };
         }
         self.made = None;
-        let count = u64::from(this.count);
-        if this.index == 0 && count > 1 && self.ticks + count > self.deadline {
+        let count = this.count();
+        if this.index() == 0 && count > 1 && self.ticks + count > self.deadline {
             self.near = count;
             machine().leave_block(at_host);
         }
@@ -154,15 +198,15 @@ impl Blocks {
         let (number, before) = self.proven;
         self.proven = (number + 1, this);
         match number {
-            0 => this.pc == machine().vector(RESET),
-            _ if before.falls_through() => this.pc == before.pc + 2,
-            _ => this.pc != before.pc,
+            0 => this.pc() == machine().vector(RESET),
+            _ if before.falls_through() => this.pc() == before.pc() + 2,
+            _ => this.pc() != before.pc(),
         }
     }
 
     /// Leaves the block; the current instruction begins again. What it has made must not be made again.
     pub(crate) fn leave(&mut self, near: u64, made: Option<Made>) -> ! {
-        self.again = Some(Again { pc: self.current.pc, made });
+        self.again = Some(Again { pc: self.current.pc(), made });
         self.near = near;
         machine().leave_block(self.at_host)
     }

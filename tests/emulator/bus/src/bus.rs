@@ -61,7 +61,7 @@ impl Bus {
 
     /// Before every instruction. Whoever counts or traces instructions does it here: each passes once, in order.
     #[inline]
-    pub(crate) fn each(&mut self, this: &'static Instruction, at_host: usize) {
+    pub(crate) fn each(&mut self, this: Instruction, at_host: usize) {
         match self.blocks.begin(this, at_host) {
             Begin::Go => {}
             Begin::Due => {
@@ -69,7 +69,7 @@ impl Bus {
                 self.blocks.go_on();
             }
             Begin::Wrong => {
-                self.fail(&format!("QEMU executes {:08x} out of turn; use QEMU 7.2, 10.0 or 11.1", this.pc))
+                self.fail(&format!("QEMU executes {:08x} out of turn; use QEMU 7.2, 10.0 or 11.1", this.pc()))
             }
         }
     }
@@ -92,7 +92,7 @@ impl Bus {
         const INTERRUPT_STATE: u32 = 0xE000_ED04;
         let state = machine().word(INTERRUPT_STATE);
         if state & 0x1FF != 0 {
-            let pc = self.blocks.current.pc;
+            let pc = self.blocks.current.pc();
             self.fail(&format!(
                 "the product waits for an interrupt in a handler (WFI at {pc:08x}); let only the idle task wait"
             ));
@@ -114,7 +114,7 @@ impl Bus {
         self.outgoing[..header::WORDS].fill(0);
         self.outgoing[header::KIND] = kind;
         self.outgoing[header::TICKS] = self.blocks.ticks as u32;
-        self.outgoing[header::PC] = self.blocks.current.pc;
+        self.outgoing[header::PC] = self.blocks.current.pc();
         self.outgoing[header::PAYLOAD] = payload.len() as u32;
         self.outgoing[header::WORDS..header::WORDS + payload.len()].copy_from_slice(payload);
         loop {
@@ -155,7 +155,7 @@ impl Bus {
             ticks as u32,
             question.address,
             question.width,
-            self.blocks.current.pc,
+            self.blocks.current.pc(),
             watched,
             u32::from(question.idle),
             payload as u32,
@@ -229,7 +229,7 @@ impl Bus {
             self.blocks.deadline = self.blocks.deadline.min(time + self.post_bound);
         }
         let start = header::WORDS + self.posts * post::WORDS;
-        let entry = [time as u32, address, value, kind, self.blocks.current.pc];
+        let entry = [time as u32, address, value, kind, self.blocks.current.pc()];
         self.outgoing[start..start + post::WORDS].copy_from_slice(&entry);
         self.posts += 1;
     }
@@ -264,7 +264,7 @@ impl Bus {
     fn begin_access(&mut self, address: u32) -> Option<u32> {
         if let Some(made) = self.blocks.made.take() {
             if made.address != address {
-                let (pc, before) = (self.blocks.current.pc, made.address);
+                let (pc, before) = (self.blocks.current.pc(), made.address);
                 self.fail(&format!(
                     "the instruction at {pc:08x} accesses {before:08x} and, begun again, {address:08x}"
                 ));

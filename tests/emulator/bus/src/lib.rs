@@ -21,12 +21,10 @@ mod qemu;
 mod self_test;
 mod system;
 
-use std::collections::HashSet;
 use std::ffi::{CStr, c_char, c_int, c_void};
 use std::path::Path;
 use std::ptr::null_mut;
 use std::sync::atomic::{AtomicPtr, Ordering};
-use std::sync::{Mutex, PoisonError};
 
 use blocks::Instruction;
 use bus::Bus;
@@ -178,12 +176,11 @@ unsafe extern "C" fn translated(first: Opaque, second: Opaque) {
         for index in 0..count {
             let instruction = (qemu.instruction)(block, index);
             let pc = (qemu.address)(instruction) as u32;
-            let this =
-                known(Instruction { pc, code: machine().word(pc) as u16, index: index as u16, count: count as u16 });
-            let data = std::ptr::from_ref(this).cast_mut().cast();
+            let code = machine().word(pc) as u16;
+            let data = Instruction::new(pc, code, index, count).number() as usize as Opaque;
             let call = |callback| (qemu.register_execution)(instruction, callback, CALLBACK_USES_REGISTERS, data);
             call(each);
-            if this.code == WAIT_FOR_INTERRUPT {
+            if code == WAIT_FOR_INTERRUPT {
                 call(wait_for_interrupt);
             }
             if pc == hard_fault {
@@ -191,19 +188,6 @@ unsafe extern "C" fn translated(first: Opaque, second: Opaque) {
             }
         }
     }
-}
-
-/// One copy of each, however often QEMU translates it.
-fn known(instruction: Instruction) -> &'static Instruction {
-    static KNOWN: Mutex<Option<HashSet<&Instruction>>> = Mutex::new(None);
-    let mut known = KNOWN.lock().unwrap_or_else(PoisonError::into_inner);
-    let known = known.get_or_insert_default();
-    if let Some(same) = known.get(&instruction) {
-        return same;
-    }
-    let new = Box::leak(Box::new(instruction));
-    known.insert(new);
-    new
 }
 
 /// The callback of every instruction: hands on where in the translated code it was called, from which QEMU knows the instruction.
@@ -221,8 +205,7 @@ unsafe extern "C" fn each(_processor: u32, _this: Opaque) {
 }
 
 unsafe extern "C" fn each_from(_processor: u32, this: Opaque, at_host: usize) {
-    // SAFETY: what was given at the translation, and lives as long as the process.
-    bus().each(unsafe { &*this.cast::<Instruction>() }, at_host);
+    bus().each(Instruction::from_number(this as usize as u64), at_host);
 }
 
 unsafe extern "C" fn wait_for_interrupt(_processor: u32, _this: Opaque) {

@@ -10,7 +10,7 @@ const SYSTICK: core::ops::Range<u64> = 0x10..0x20;
 /// QEMU's SysTick would count the host's time.
 fn refuse_systick(offset: u64) {
     if SYSTICK.contains(&offset) {
-        let pc = bus().blocks.current.pc;
+        let pc = bus().blocks.current.pc();
         let address = u64::from(SYSTEM) + offset;
         bus().fail(&format!(
             "the product uses SysTick (access to {address:#010x}, pc {pc:#010x}), which does not follow simulated time; use a timer of the part"
