@@ -227,3 +227,6 @@ fn word_of(byte_offset: u32) -> u16 {
     let within = byte_offset % REGISTERS;
     u16::try_from(within / 2).unwrap_or(u16::MAX)
 }
+
+#[cfg(test)]
+mod tests;
