@@ -154,7 +154,7 @@ impl Environment for QemuEnvironment {
 
     /// What is written meanwhile does not move the shaft by an increment within microseconds.
     fn encoder_foretold(&self, at: Nanoseconds) -> Option<u32> {
-        Some(self.motor_side.borrow_mut().machine().clone().encoder_count(at.0))
+        Some(self.motor_side.borrow_mut().machine().encoder_ahead(at.0))
     }
 
     fn index_count(&mut self, now: Nanoseconds) -> IndexEdge {
