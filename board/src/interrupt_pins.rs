@@ -31,13 +31,25 @@ impl InterruptPin {
     /// comes while the status is being served then starts the handler once more instead of being lost.
     #[inline(always)]
     pub fn acknowledge(&mut self) {
-        let bit = match self.line {
-            InterruptLine::Int0 => INT0_BIT,
-            InterruptLine::Int1 => INT1_BIT,
-        };
+        let bit = bit_of(self.line);
         // SAFETY: EXTI_PR is write-one-to-clear: a single store that touches no bit but this line's, so it cannot
         // race with the other handler.
         unsafe { (*pac::EXTI::ptr()).pr().write(|w| w.bits(bit)) };
+    }
+}
+
+/// Whether the handler of this line has still to be started for an edge.
+#[inline(always)]
+pub(crate) fn edge_waits(line: InterruptLine) -> bool {
+    // SAFETY: reading EXTI_PR changes nothing.
+    let pending = unsafe { (*pac::EXTI::ptr()).pr().read().bits() };
+    pending & bit_of(line) != 0
+}
+
+const fn bit_of(line: InterruptLine) -> u32 {
+    match line {
+        InterruptLine::Int0 => INT0_BIT,
+        InterruptLine::Int1 => INT1_BIT,
     }
 }
 

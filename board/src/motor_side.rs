@@ -6,7 +6,7 @@ use crate::{
     brake_coil::BrakeCoil,
     bridge::Bridge,
     encoder::Encoder,
-    inputs,
+    inputs, interrupt_pins,
     loop_phase::{self, LoopPhase},
     marks::{Edge, Marks},
 };
@@ -38,6 +38,11 @@ impl Hardware for MotorSide {
     #[inline(always)]
     fn edge_phase(&mut self, line: InterruptLine) -> u16 {
         self.loop_phase.at_edge(line)
+    }
+
+    #[inline(always)]
+    fn edge_waits(&mut self, line: InterruptLine) -> bool {
+        interrupt_pins::edge_waits(line)
     }
 
     #[inline(always)]

@@ -15,6 +15,10 @@ pub trait Hardware {
     /// the tick, as the hardware captured it. Read with the latch, before the interrupt is acknowledged.
     fn edge_phase(&mut self, line: InterruptLine) -> u16;
 
+    /// An edge has come on this line that its handler has not begun to serve: what [`Hardware::encoder_latch`] and
+    /// [`Hardware::edge_phase`] of the line tell belongs to it.
+    fn edge_waits(&mut self, line: InterruptLine) -> bool;
+
     /// Phase of the present instant.
     fn phase_now(&mut self) -> u16;
 
@@ -142,6 +146,17 @@ pub enum InterruptLine {
     Int0,
     /// Pin INT1.
     Int1,
+}
+
+impl InterruptLine {
+    /// The other pin.
+    #[must_use]
+    pub const fn other(self) -> Self {
+        match self {
+            Self::Int0 => Self::Int1,
+            Self::Int1 => Self::Int0,
+        }
+    }
 }
 
 /// Why the processor was started.

@@ -26,6 +26,8 @@ pub struct Interrupts<B> {
     interrupts_arrive: bool,
     learning: bool,
     phase_byte: u8,
+    /// The line of all events but t4, once one of them has come.
+    common_line: Option<InterruptLine>,
 }
 
 impl<B: Bus + Clone> Interrupts<B> {
@@ -41,6 +43,7 @@ impl<B: Bus + Clone> Interrupts<B> {
             interrupts_arrive: false,
             learning: true,
             phase_byte: NO_PHASE,
+            common_line: None,
         }
     }
 
@@ -56,15 +59,23 @@ impl<B: Bus + Clone> Interrupts<B> {
     #[inline]
     pub fn take<H: Hardware>(&mut self, line: InterruptLine, motion: &mut Motion<B, H>) -> Work {
         self.interrupted = true;
+        let common_line = self.common_line.unwrap_or(line);
         let events = self.chip.take(|seen| {
             if seen.command_valid {
-                motion.take_edge(line);
+                let edge = edge_of(common_line, line, motion);
+                motion.take_edge(edge);
             }
             if seen.capture_feedback {
-                motion.take_latch(line);
+                let edge = edge_of(common_line.other(), line, motion);
+                motion.take_latch(edge);
             }
         });
-        events.map_or(Work::empty(), |events| self.sort(events))
+        let Some(events) = events else { return Work::empty() };
+        if self.learning {
+            // t4 is not set before CP3, so that this is the line of the others.
+            self.common_line = Some(line);
+        }
+        self.sort(events)
     }
 
     /// [`Interrupts::poll`] still has something to do. Once it has not, it never has again.
@@ -136,4 +147,17 @@ impl<B: Bus + Clone> Interrupts<B> {
         self.phase_byte = received;
         changed
     }
+}
+
+/// The line whose edge belongs to an event of the line `own` that is found while `handled` is served.
+///
+/// It is another one than `handled` when the event came between that line's edge and the reading of the status: then `own` waits to be served.
+/// On a chip that does not route t4 apart, it never waits.
+#[inline(always)]
+fn edge_of<B: Bus + Clone, H: Hardware>(
+    own: InterruptLine,
+    handled: InterruptLine,
+    motion: &mut Motion<B, H>,
+) -> InterruptLine {
+    if own != handled && motion.edge_waits(own) { own } else { handled }
 }

@@ -371,6 +371,12 @@ impl<B: Bus + Clone, H: Hardware> Motion<B, H> {
         self.edge_phase = self.hardware.edge_phase(line);
     }
 
+    /// See [`Hardware::edge_waits`].
+    #[inline]
+    pub fn edge_waits(&mut self, line: InterruptLine) -> bool {
+        self.hardware.edge_waits(line)
+    }
+
     /// Keeps the encoder position that the hardware latched at the edge of t4 on this interrupt line; to be called before the interrupt is
     /// acknowledged.
     #[inline]

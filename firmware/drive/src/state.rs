@@ -132,8 +132,7 @@ impl StateMachine {
             DriveState::Engaging if conditions.torque_off => Self::stopped(conditions),
             DriveState::Engaging if may_come && !conditions.fault => DriveState::SwitchingOn,
             DriveState::Engaging => DriveState::Engaging,
-            // Nothing moves yet: there is nothing to decelerate.
-            DriveState::SwitchingOn if conditions.fault || !request => DriveState::Engaging,
+            DriveState::SwitchingOn if conditions.fault || !request => Self::given_up(conditions),
             DriveState::SwitchingOn if conditions.released => Self::running(switches),
             DriveState::SwitchingOn => DriveState::SwitchingOn,
             DriveState::FaultReaction if conditions.standstill => DriveState::Engaging,
@@ -150,6 +149,15 @@ impl StateMachine {
 
     const fn running(switches: Switches) -> DriveState {
         if switches.run { DriveState::Following } else { DriveState::Halted }
+    }
+
+    /// Switching on has an end before it is done. What stands has nothing to decelerate; a shaft that was caught at speed has.
+    const fn given_up(conditions: Conditions) -> DriveState {
+        match (conditions.released && !conditions.standstill, conditions.fault) {
+            (false, _) => DriveState::Engaging,
+            (true, true) => DriveState::FaultReaction,
+            (true, false) => DriveState::SwitchingOff,
+        }
     }
 
     const fn stopped(conditions: Conditions) -> DriveState {
@@ -335,6 +343,21 @@ mod tests {
         assert_eq!(machine.update(FOLLOW, standing), DriveState::SwitchingOn, "wanted again before it had gone");
         assert_eq!(machine.update(ENABLED, standing), DriveState::Engaging, "and given up before it was released");
         assert_eq!(machine.update(ENABLED, Conditions { torque_off: true, ..standing }), DriveState::Off);
+    }
+
+    #[test]
+    fn a_shaft_that_was_caught_at_speed_is_stopped_and_one_that_stands_is_let_go() {
+        let caught = || {
+            let mut machine = StateMachine::default();
+            let _ = machine.update(NONE, READY);
+            assert_eq!(machine.update(FOLLOW, READY), DriveState::SwitchingOn);
+            machine
+        };
+        assert_eq!(caught().update(FOLLOW, FAULT), DriveState::FaultReaction);
+        assert_eq!(caught().update(ENABLED, READY), DriveState::SwitchingOff);
+        for conditions in [Conditions { fault: true, ..STANDING }, Conditions { released: false, ..FAULT }] {
+            assert_eq!(caught().update(FOLLOW, conditions), DriveState::Engaging, "{conditions:?}");
+        }
     }
 
     #[test]

@@ -321,6 +321,19 @@ impl Axis {
         self.filter.reset(fine(current));
     }
 
+    /// Holds the place where the axis stands, beginning with this current: something else has stopped it on the way of its ramp. Ignored
+    /// outside [`Mode::Halt`], and of an axis that does not stand.
+    pub fn anchor(&mut self, current: CurrentFraction) {
+        if self.mode == Mode::Halt && self.velocity.velocity().abs() <= self.settings.standstill_window {
+            self.preload(current);
+            let setpoint = Setpoint::moving(self.measured, Velocity::ZERO);
+            self.trajectory = Trajectory::start(setpoint);
+            self.position_loop = PositionLoop::new(&self.settings.position_loop, setpoint);
+            self.setpoint_velocity = Velocity::ZERO;
+            self.expected_velocity = FilteredVelocity::new(Velocity::ZERO);
+        }
+    }
+
     /// One loop period: the measured position goes in, the current command comes out, within these limits of the torque.
     #[inline]
     pub fn tick(&mut self, measured: Position, limits: &TorqueLimits) -> AxisOutput {

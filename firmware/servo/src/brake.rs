@@ -78,6 +78,9 @@ pub struct BrakeOutput {
     pub test_current: CurrentFraction,
     /// In the tick in which the torque comes on: the current with which the velocity loop is to start ([`crate::VelocityLoop::preset`]).
     pub preload: Option<CurrentFraction>,
+    /// In the tick in which a brake that has held the axis begins to open: an axis that stands is to hold this place with this current,
+    /// whatever it meant to do before. What its loops have worked up against the closed brake would throw the load.
+    pub anchor: Option<CurrentFraction>,
     /// What is asked for is reached; an error keeps it from being reached.
     pub finished: bool,
     /// An error or a warning ([`BrakeError::is_warning`]), in the tick in which it is found.
@@ -116,6 +119,8 @@ pub struct BrakeSequencer {
     scale: u32,
     /// Filtered current that holds the axis, in 2^-31 of the peak current.
     load: i32,
+    /// Ticks since the brake has had no current.
+    closing: u32,
 }
 
 /// The load is filtered with 2^4 ticks of the supervision, 8 ms.
@@ -142,6 +147,7 @@ impl BrakeSequencer {
             reference: Position::ZERO,
             scale: WHOLE,
             load: 0,
+            closing: u32::MAX,
         }
     }
 
@@ -150,6 +156,7 @@ impl BrakeSequencer {
     pub fn tick(&mut self, settings: &BrakeSettings, inputs: &BrakeInputs) -> BrakeOutput {
         let before = self.state;
         self.elapsed = self.elapsed.saturating_add(1);
+        self.closing = if self.energises(settings) { 0 } else { self.closing.saturating_add(1) };
         if inputs.request != BrakeRequest::Release {
             self.locked = false;
         }
@@ -187,19 +194,24 @@ impl BrakeSequencer {
             BrakeRequest::Engage | BrakeRequest::Immediate => State::Off,
         };
         let proving = state == State::Proving && settings.fitted;
+        let load = CurrentFraction::from_bits((self.load >> 16) as i16);
         // At most 2^15.
         let scale = TorqueScale::from_bits((self.scale >> 16) as u16);
         BrakeOutput {
-            energise: settings.fitted && matches!(state, State::Releasing | State::Released),
+            energise: self.energises(settings),
             torque: state != State::Off,
             hold: state != State::Released,
             torque_scale: if state == State::Off { TorqueScale::ZERO } else { scale },
             test_current: CurrentFraction::from_bits(if proving { settings.proof_current } else { 0 }),
-            preload: (state == State::Proving && before == State::Off)
-                .then(|| CurrentFraction::from_bits((self.load >> 16) as i16)),
+            preload: (state == State::Proving && before == State::Off).then_some(load),
+            anchor: (settings.fitted && state == State::Releasing && before == State::Proving).then_some(load),
             finished: state == reached,
             event,
         }
+    }
+
+    const fn energises(&self, settings: &BrakeSettings) -> bool {
+        settings.fitted && matches!(self.state, State::Releasing | State::Released)
     }
 
     fn enter(&mut self, state: State) {
@@ -228,12 +240,14 @@ impl BrakeSequencer {
     #[inline]
     fn proving(&mut self, settings: &BrakeSettings, inputs: &BrakeInputs) -> Option<BrakeError> {
         if inputs.request != BrakeRequest::Release {
-            // The brake has not been opened since it held.
-            self.enter(State::Off);
+            // The brake has not been opened since it held, unless it is still closing from the time before.
+            let holds = !settings.fitted || self.closing >= settings.off_delay;
+            self.enter(if holds || !inputs.bridge_on { State::Off } else { State::Engaging });
             return None;
         }
         if !settings.fitted && inputs.bridge_on {
             self.release(inputs);
+            self.enter(State::Released);
             return None;
         }
         let far = |commanded: i16, measured: CurrentFraction| {

@@ -313,7 +313,7 @@ fn without_a_brake_there_is_nothing_to_prove_but_the_bridge_has_to_answer() {
     bench.inputs.torque_current = CurrentFraction::from_num(0.5);
     bench.tick();
     assert_eq!(bench.output.test_current, CurrentFraction::ZERO);
-    assert_eq!(bench.until(|output| output.finished), 2, "the bridge is seen to switch, and the axis is free");
+    assert_eq!(bench.until(|output| output.finished), 1, "the bridge is seen to switch, and the axis is free");
     assert!(!bench.output.energise);
     bench.inputs.blocked = true;
     bench.run(1_000);
@@ -350,6 +350,27 @@ fn the_torque_comes_back_with_the_current_that_held_the_axis() {
     assert!((preload + 0.3).abs() < 0.000_1, "{preload}");
     bench.tick();
     assert_eq!(bench.output.preload, None, "once");
+    bench.until(|output| output.energise);
+    let anchor = bench.output.anchor.unwrap().to_num::<f64>();
+    assert!((anchor + 0.3).abs() < 0.000_1, "it holds its place with that when the brake opens: {anchor}");
+    bench.tick();
+    assert_eq!(bench.output.anchor, None, "once");
+}
+
+#[test]
+fn a_brake_that_is_still_closing_is_waited_for_when_the_proof_is_given_up() {
+    // S-0-0207, the test of the brake and the ramp that unloads the motor: 60, 80 and 80 ticks.
+    for (closed_for, waits) in [(10, 221), (58, 221), (60, 1), (200, 1)] {
+        let mut bench = Bench::released(PARAMETERS);
+        bench.inputs.request = BrakeRequest::Immediate;
+        bench.run(closed_for);
+        assert!(!bench.output.torque && !bench.output.energise);
+        bench.inputs.request = BrakeRequest::Release;
+        bench.tick();
+        assert!(bench.output.torque);
+        bench.inputs.request = BrakeRequest::Engage;
+        assert_eq!(bench.until(|output| !output.torque), waits, "{closed_for}");
+    }
 }
 
 #[test]

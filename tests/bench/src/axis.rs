@@ -11,6 +11,8 @@ const CURRENT_CROSSING: f64 = 6_912.0;
 pub fn parameters_of(axis: &ReferenceAxis) -> Vec<(Idn, Value)> {
     let gains = &axis.gains;
     let windings = &axis.machine.windings;
+    let mechanics = &axis.machine.mechanics;
+    let inertia = mechanics.rotor_inertia + mechanics.load.map_or(0.0, |load| load.inertia);
     let word = |value: f64| Value::Word(value.round() as u16);
     let long = |value: f64| Value::Long(value.round() as u32);
     let supply = axis.machine.supply.voltage;
@@ -38,6 +40,8 @@ pub fn parameters_of(axis: &ReferenceAxis) -> Vec<(Idn, Value)> {
         (product(113), long(windings.inductance_q * 1e6)),
         (product(114), long(windings.flux * 1e6)),
         (product(120), Value::Word(u16::from(axis.machine.brake.is_some()))),
+        // kg m2 in 0.001 kg cm2.
+        (product(221), long(inertia * 1e7)),
     ]
 }
 

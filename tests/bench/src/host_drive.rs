@@ -109,6 +109,7 @@ impl HostDrive {
         for (index, line) in [InterruptLine::Int0, InterruptLine::Int1].into_iter().enumerate() {
             if self.edges[index].is_some_and(|due| due <= now) {
                 self.edges[index] = None;
+                self.motor_side.borrow_mut().acknowledge(line);
                 let work = self.interrupts.take(line, &mut self.motion);
                 self.start_tasks(now, work);
             }

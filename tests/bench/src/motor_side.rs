@@ -40,6 +40,8 @@ pub struct MotorSideState {
     tripped: bool,
     brake_open: bool,
     latches: [u32; 2],
+    /// Edges that no handler serves yet.
+    waiting: [bool; 2],
     phases: [u16; 2],
     index_seen: u32,
     probes: [[Option<u32>; 2]; 2],
@@ -114,6 +116,7 @@ impl MotorSideState {
             tripped: false,
             brake_open: false,
             latches: [0; 2],
+            waiting: [false; 2],
             phases: [0; 2],
             index_seen: 0,
             probes: [[None; 2]; 2],
@@ -224,6 +227,12 @@ impl MotorSideState {
     pub fn latch(&mut self, line: InterruptLine, at: Nanoseconds) {
         self.latches[line_index(line)] = self.machine.encoder_count(at.0);
         self.phases[line_index(line)] = self.timer.phase_of(at);
+        self.waiting[line_index(line)] = true;
+    }
+
+    /// The handler of this line begins.
+    pub fn acknowledge(&mut self, line: InterruptLine) {
+        self.waiting[line_index(line)] = false;
     }
 
     /// When the current loop runs next.
@@ -311,6 +320,10 @@ impl Hardware for MotorSide {
 
     fn edge_phase(&mut self, line: InterruptLine) -> u16 {
         self.state.borrow().phases[line_index(line)]
+    }
+
+    fn edge_waits(&mut self, line: InterruptLine) -> bool {
+        self.state.borrow().waiting[line_index(line)]
     }
 
     fn phase_now(&mut self) -> u16 {

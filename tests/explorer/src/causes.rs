@@ -5,7 +5,7 @@ use std::collections::BTreeSet;
 use fault_matrix::Fault;
 
 use crate::life::{Action, Axis};
-use crate::units::{default_of, setting};
+use crate::units::setting;
 
 pub(crate) const LAW: &str = "an error tells of something that has happened";
 /// Holding brake: bit 0, there is one.
@@ -33,9 +33,13 @@ impl Causes {
     pub(crate) fn note(&mut self, action: &Action) {
         let cause = match action {
             Action::Break(fault) => match fault {
-                Fault::EncoderFrozen | Fault::EncoderSlip | Fault::EncoderJump | Fault::CommutationDisturbed => {
-                    Cause::Encoder
-                }
+                // Current that is not seen is more than was asked for: the motor goes where it likes, or says nothing of where it goes.
+                Fault::ConvertersStuck
+                | Fault::Overspeed
+                | Fault::EncoderFrozen
+                | Fault::EncoderSlip
+                | Fault::EncoderJump
+                | Fault::CommutationDisturbed => Cause::Encoder,
                 Fault::MotorHot | Fault::HeatSinkHot | Fault::TemperatureSensorBroken => Cause::Temperature,
                 Fault::GateDriver => Cause::GateDriver,
                 Fault::SafeTorqueOff | Fault::OneSafeTorqueChannel => Cause::SafeTorqueOff,
@@ -52,6 +56,8 @@ impl Causes {
             },
             // A load may make the shaft faster than S-0-0113 and a quarter: a counter that fast is taken for one that jumps.
             Action::Load(_) => Cause::Encoder,
+            // Whoever forgets the angle has it searched for.
+            Action::Write(0x8076, _) => Cause::Encoder,
             Action::SafeTorqueOff(_) => Cause::SafeTorqueOff,
             Action::Mains(_) | Action::Contactor { .. } => Cause::Supply,
             // The undervoltage and overvoltage thresholds, and those of the temperatures.
@@ -63,7 +69,8 @@ impl Causes {
             | Action::DamageMdt(_)
             | Action::WrongPhase(_)
             | Action::Dark(_)
-            | Action::FallBack(_) => Cause::Ring,
+            | Action::FallBack(_)
+            | Action::SkipCheck(_) => Cause::Ring,
             _ => return,
         };
         self.seen.insert(cause);
@@ -80,7 +87,7 @@ impl Causes {
             0xF109 => seen(Cause::Supply) || seen(Cause::Encoder),
             0xF10F => seen(Cause::GateDriver),
             0xF111 => seen(Cause::LateCycles),
-            0xF112 => setting(axis, BRAKE).unwrap_or_else(|| default_of(BRAKE)) & 1 != 0,
+            0xF112 => setting(axis, BRAKE).map_or(axis.plant.axis().machine.brake.is_some(), |brake| brake & 1 != 0),
             0xF113 | 0xF114 => seen(Cause::SafeTorqueOff),
             _ => true,
         }

@@ -66,6 +66,12 @@ impl Coverage {
         self.add(heading, name, 1);
     }
 
+    /// There is something of this name under a heading.
+    #[must_use]
+    pub fn has(&self, heading: &str, name: &str) -> bool {
+        self.seen.get(heading).is_some_and(|names| names.contains_key(name))
+    }
+
     /// More of a heading.
     pub fn add(&mut self, heading: &str, name: impl Into<String>, number: u64) {
         if !self.seen.contains_key(heading) {
@@ -163,7 +169,7 @@ impl Coverage {
                 never.push(format!("{name} written in CP4 and accepted"));
             }
         }
-        for mode in ["1", "2", "3", "11", "19", "27"] {
+        for mode in ["1", "2", "3", "11", "19", "27", "531", "539"] {
             if !has("mode followed", mode) {
                 never.push(format!("operation mode {mode} followed"));
             }

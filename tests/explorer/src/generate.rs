@@ -2,6 +2,8 @@
 
 mod axis;
 mod events;
+mod ordeals;
+mod services;
 
 pub(crate) use axis::MODES;
 pub(crate) use events::{BRAKE_FAULTS, FAULTS};

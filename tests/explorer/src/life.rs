@@ -50,6 +50,9 @@ pub struct Axis {
     pub wraps: bool,
     /// Written in CP2 in this order, beside what the machine needs.
     pub settings: Vec<(u16, i64)>,
+    /// What the service channel tries in CP2 after that, refused or not; reads and writes alone.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub also: Vec<Action>,
 }
 
 /// The machines that there are.
@@ -109,6 +112,12 @@ pub enum Action {
     Align(bool),
     /// The service channel writes a data block.
     Write(u16, i64),
+    /// The service channel writes a list of numbers or IDNs.
+    WriteList(u16, Vec<u32>),
+    /// The service channel writes a text.
+    WriteText(u16, String),
+    /// The service channel writes these words, which are fewer or more than the data block has.
+    WriteWords(u16, Vec<u16>),
     /// The service channel reads a data block.
     Read(u16),
     /// A procedure command is started.
@@ -131,7 +140,12 @@ pub enum Action {
     RunUp {
         /// The switches stay as they are.
         stubborn: bool,
+        /// What the service channel tries in CP2, as [`Axis::also`].
+        #[serde(default, skip_serializing_if = "Vec::is_empty")]
+        also: Vec<Action>,
     },
+    /// A run-up to the phase before this one, 3 or 4, and this one without its transition check; then a proper run-up.
+    SkipCheck(u8),
     /// The master goes back to this phase for some cycles, then runs up from CP0.
     FallBack(u8),
     /// Something breaks.

@@ -20,6 +20,8 @@ const MOST_MST_BITS: usize = 56;
 const SHORTEST_AT: usize = 5;
 
 const POSITION_COMMAND: u16 = 47;
+/// Target position.
+const TARGET: u16 = 258;
 const POSITION_FEEDBACK: u16 = 51;
 
 /// What the cyclic telegrams of CP3 and CP4 look like.
@@ -210,7 +212,7 @@ impl Stubborn {
         self.align = true;
         for field in &mut self.fields {
             field.per_control_cycle = 0;
-            if field.idn != POSITION_COMMAND {
+            if !matches!(field.idn, POSITION_COMMAND | TARGET) {
                 field.value = 0;
             }
         }
@@ -224,6 +226,11 @@ impl Stubborn {
 
     pub(crate) fn ask(&mut self, request: Request) {
         self.client.request(request);
+    }
+
+    /// Takes back what it has not begun to ask; how many requests.
+    pub(crate) fn take_back(&mut self) -> usize {
+        self.client.take_back()
     }
 
     pub(crate) fn answer(&mut self) -> Option<Finished> {
@@ -326,7 +333,7 @@ impl Stubborn {
         let due = self.cycles.is_multiple_of(u64::from(self.layout.control_cycles.max(1)));
         let (align, wraps_at) = (self.align, self.wraps_at);
         for field in &mut self.fields {
-            let is_position = field.idn == POSITION_COMMAND;
+            let is_position = matches!(field.idn, POSITION_COMMAND | TARGET);
             if is_position && align && !follows {
                 if let Some(feedback) = feedback {
                     field.value = feedback << 16;
@@ -334,7 +341,9 @@ impl Stubborn {
             } else if due {
                 field.value = field.value.wrapping_add(field.per_control_cycle);
             }
-            if is_position && let Some(modulo) = wraps_at {
+            if field.idn == POSITION_COMMAND
+                && let Some(modulo) = wraps_at
+            {
                 field.value = field.value.rem_euclid(modulo.max(1) << 16);
             }
         }

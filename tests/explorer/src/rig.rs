@@ -1,5 +1,7 @@
 //! The simulation of a life: machine, drive, ring and master, and the service channel asked and waited for.
 
+use std::collections::BTreeSet;
+
 use bench::motor_side::SharedMotorSide;
 use bench::{DriveHandle, DriveSetup, ProcessorError, World, ring_of_drives};
 use fault_matrix::{MatrixError, Mode, Target};
@@ -13,7 +15,9 @@ use ring::{Nanoseconds, RingConfiguration};
 
 use crate::life::Axis;
 use crate::master::{Layout, Stubborn, bytes_of};
-use crate::units::{Units, value_of, words_of, writes};
+use crate::services::{KEY, PASSWORD, words_of_text};
+use crate::steps::{read_value, reading, refusals, writing};
+use crate::units::{Units, words_of, writes};
 
 pub(crate) const ADDRESS: u8 = 5;
 /// Polls of a procedure command before it counts as one without an end.
@@ -22,6 +26,7 @@ const POLLS: u32 = 400;
 const START: u16 = 3;
 const DONE: u16 = 3;
 const EXECUTING: u16 = 7;
+const LOAD_DEFAULTS: u16 = 262;
 
 /// Why a life ends before its time.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -64,7 +69,15 @@ pub(crate) struct Rig {
     pub(crate) world: World<Stubborn>,
     pub(crate) drive: DriveHandle,
     pub(crate) axis: Axis,
+    /// The axis with what the life has changed of it in CP2.
+    pub(crate) now: Axis,
+    /// Other data than the axis' own may stand in the drive.
+    pub(crate) is_another: bool,
+    /// S-0-0001 does not follow S-0-0002 in this run-up: something has been written there.
+    pub(crate) writes_control_cycle: bool,
     pub(crate) machine: ReferenceAxis,
+    /// What the run-ups have written.
+    pub(crate) set: BTreeSet<u16>,
     times: Option<DriveTimes>,
     /// The fibre is sound again from this cycle on.
     pub(crate) sound_from: u64,
@@ -90,7 +103,11 @@ impl Rig {
             world,
             drive: handles.remove(0),
             axis: axis.clone(),
+            now: axis.clone(),
+            is_another: false,
+            writes_control_cycle: false,
             machine,
+            set: BTreeSet::new(),
             times: None,
             sound_from: 0,
             chosen: 0,
@@ -184,7 +201,12 @@ impl Rig {
 
     /// Writes operation data; the error word, if it is refused, or 0 if there is no answer.
     pub(crate) fn write(&mut self, idn: u16, value: i64) -> Result<Result<(), u16>, Stop> {
-        let Some(records) = self.ask(writing(idn, &words_of(idn, value)))? else { return Ok(Err(0)) };
+        self.write_words(idn, &words_of(idn, value))
+    }
+
+    /// The same with the words as they are.
+    pub(crate) fn write_words(&mut self, idn: u16, words: &[u16]) -> Result<Result<(), u16>, Stop> {
+        let Some(records) = self.ask(writing(idn, words))? else { return Ok(Err(0)) };
         Ok(records.iter().find(|record| record.error).map_or(Ok(()), |record| Err(record.reply)))
     }
 
@@ -204,8 +226,23 @@ impl Rig {
         Ok(self.write(idn, 0)?.map(|()| result & 0xF))
     }
 
-    /// From CP0 to CP4; `settings`: everything is written, not only what a run-up needs.
-    pub(crate) fn run_up(&mut self, settings: bool) -> Result<(), Stop> {
+    /// Writes in CP2 what a run-up needs; `settings`: and everything else that the axis has.
+    pub(crate) fn set_up(&mut self, settings: bool) -> Result<(), Stop> {
+        if settings && self.is_another {
+            // Data that nobody writes again may be those of another machine, or lost on their way through another scaling.
+            if let Err(code) = self.command(LOAD_DEFAULTS)? {
+                return Err(Stop::Refused(format!("S-0-0262 is refused in CP2 with {code:04X}H")));
+            }
+            self.now = self.axis.clone();
+            self.is_another = false;
+        }
+        let times = self.needs()?;
+        let slots = self.layout(times)?;
+        self.configure(&slots, settings)
+    }
+
+    /// From CP0 to CP2.
+    pub(crate) fn open_cp2(&mut self) -> Result<(), Stop> {
         self.fall_to_cp0()?;
         self.master().open_channel();
         self.master().phase = 1;
@@ -217,23 +254,72 @@ impl Rig {
             });
         }
         self.master().phase = 2;
-        self.cycles(2)?;
-        let times = self.needs()?;
-        let slots = self.layout(times)?;
-        self.configure(&slots, settings)?;
+        self.cycles(2)
+    }
+
+    /// From CP0 to CP4 with everything that the axis has.
+    pub(crate) fn run_up(&mut self) -> Result<(), Stop> {
+        self.open_cp2()?;
+        self.set_up(true)?;
+        self.go_on_to_cp4()
+    }
+
+    /// From CP2 to CP4.
+    pub(crate) fn go_on_to_cp4(&mut self) -> Result<(), Stop> {
         self.check(127)?;
         self.master().phase = 3;
         self.cycles(3)?;
         self.check(128)?;
         self.master().phase = 4;
-        self.cycles(3)?;
+        self.cycles(3)
+    }
+
+    /// From CP0 to the phase before this one, 3 or 4, and to this one without its transition check.
+    pub(crate) fn skip_check(&mut self, phase: u8) -> Result<(), Stop> {
+        self.open_cp2()?;
+        self.set_up(false)?;
+        if phase == 4 {
+            self.check(127)?;
+            self.master().phase = 3;
+            self.cycles(3)?;
+        }
+        self.master().phase = phase;
+        self.cycles(3)
+    }
+
+    /// Until the service channel has nothing to do any more.
+    pub(crate) fn wait_for_answers(&mut self) -> Result<(), Stop> {
+        while !self.master().is_idle() && self.master().silent() < 100 {
+            self.cycles(1)?;
+        }
         Ok(())
+    }
+
+    /// Takes the password back, if one is set.
+    pub(crate) fn unlock(&mut self) -> Result<(), Stop> {
+        if self.bytes(PASSWORD)?.is_some_and(|shown| !shown.is_empty()) {
+            self.ask(writing(PASSWORD, &words_of_text(KEY)))?;
+        }
+        Ok(())
+    }
+
+    /// The drive has taken another setting than the axis began with.
+    pub(crate) fn learn(&mut self, idn: u16, value: i64) {
+        self.now.settings.push((idn, value));
+        self.is_another = true;
+        self.wrap();
+    }
+
+    fn wrap(&mut self) {
+        let modulo = Units::of(&self.now).modulo.map(|modulo| modulo as i64);
+        let wraps = self.now.wraps;
+        self.master().wrap_at(modulo, wraps);
     }
 
     /// The operation mode that the mode bits ask for.
     pub(crate) fn chosen_mode(&self) -> i64 {
         let idn = crate::generate::MODES.get(usize::from(self.chosen)).copied().unwrap_or(32);
-        crate::units::setting(&self.axis, idn).unwrap_or_else(|| crate::units::default_of(idn))
+        crate::units::setting(&self.now, idn).unwrap_or_else(|| crate::units::default_of(idn))
     }
 
     /// Ten clean cycles of CP0, once the fibre is sound.
@@ -283,10 +369,8 @@ impl Rig {
             at: axis.at.clone(),
             mdt: axis.mdt.clone(),
         };
-        let modulo = Units::of(axis).modulo.map(|modulo| modulo as i64);
-        let wraps = axis.wraps;
         self.master().set_layout(layout);
-        self.master().wrap_at(modulo, wraps);
+        self.wrap();
         Ok(slots)
     }
 
@@ -295,7 +379,6 @@ impl Rig {
         let bytes: usize = axis.mdt.iter().map(|&idn| bytes_of(idn)).sum();
         let mut values = vec![
             (2, i64::from(axis.cycle)),
-            (1, i64::from(axis.cycle) * i64::from(axis.control_cycles.max(1))),
             (6, slots.t1.first().copied().unwrap_or(0).into()),
             (89, slots.t2.into()),
             (8, slots.t3.into()),
@@ -304,6 +387,10 @@ impl Rig {
             (10, 4 + bytes as i64),
             (15, axis.telegram.into()),
         ];
+        // S-0-0001 follows S-0-0002, if nobody writes it.
+        if axis.control_cycles > 1 || self.writes_control_cycle {
+            values.push((1, i64::from(axis.cycle) * i64::from(axis.control_cycles.max(1))));
+        }
         if settings {
             values.extend(writes(axis, &self.machine));
         }
@@ -320,6 +407,8 @@ impl Rig {
         if settings && self.axis.aligned && !self.bridge_is_on() {
             steps.extend(writing(0x8000 | 118, &words_of(0x8000 | 118, self.commutation_angle())));
         }
+        let opened = steps.iter().filter(|step| step.element == Element::Idn).map(|step| step.info);
+        self.set.extend(opened);
         let Some(records) = self.ask(steps)? else {
             return Err(Stop::Broken {
                 law: "the service channel answers in CP2".to_owned(),
@@ -352,58 +441,6 @@ impl Rig {
     }
 }
 
-/// Opens a data block and writes its operation data.
-pub(crate) fn writing(idn: u16, words: &[u16]) -> Vec<Step> {
-    let mut steps = vec![Step::open(ring::ident::Idn(idn))];
-    steps.extend(writing_open(words));
-    steps
-}
-
-/// Writes operation data of the data block that is open.
-pub(crate) fn writing_open(words: &[u16]) -> impl Iterator<Item = Step> + '_ {
-    let last = words.len().saturating_sub(1);
-    let step = move |(index, word): (usize, &u16)| Step {
-        element: Element::Data,
-        write: true,
-        end: index == last,
-        info: *word,
-    };
-    words.iter().enumerate().map(step)
-}
-
-/// Reads operation data of fixed length; `open`: opens the data block first.
-pub(crate) fn reading(idn: u16, open: bool) -> Vec<Step> {
-    let words = words_of(idn, 0).len();
-    let mut steps = Vec::new();
-    if open {
-        steps.push(Step::open(ring::ident::Idn(idn)));
-    }
-    steps.extend((1..=words).map(|word| Step { element: Element::Data, write: false, end: word == words, info: 0 }));
-    steps
-}
-
-/// The value that the reading steps among these have brought, if none of them is refused.
-pub(crate) fn read_value(idn: u16, records: &[StepRecord]) -> Option<i64> {
-    let reads = records.iter().filter(|record| record.step.element == Element::Data && !record.step.write);
-    let words: Option<Vec<u16>> = reads.map(|record| (!record.error).then_some(record.reply)).collect();
-    words.filter(|words| !words.is_empty()).map(|words| value_of(idn, &words))
-}
-
-/// The data blocks that were refused, with the first error word of each.
-fn refusals(records: &[StepRecord]) -> Vec<(u16, u16)> {
-    let mut open = 0;
-    let mut refused: Vec<(u16, u16)> = Vec::new();
-    for record in records {
-        if record.step.element == Element::Idn {
-            open = record.step.info;
-        }
-        if record.error && refused.last().is_none_or(|(idn, _)| *idn != open) {
-            refused.push((open, record.reply));
-        }
-    }
-    refused
-}
-
 impl Target for Rig {
     fn now(&self) -> Nanoseconds {
         self.world.now()
@@ -416,8 +453,8 @@ impl Target for Rig {
     fn mode(&self) -> Mode {
         match self.chosen_mode() {
             1 => Mode::Torque,
-            3 | 0x13 => Mode::Position,
-            11 | 0x1B => Mode::PositionWithoutLag,
+            3 | 0x13 | 0x213 => Mode::Position,
+            11 | 0x1B | 0x21B => Mode::PositionWithoutLag,
             _ => Mode::Velocity,
         }
     }

@@ -1,20 +1,18 @@
 //! A life, lived.
 
-use std::collections::VecDeque;
 use std::panic::{AssertUnwindSafe, catch_unwind};
 
 use fault_matrix::{Fault, Target};
 use ring::Nanoseconds;
 use ring::fibre::{Effect, TelegramKind};
-use ring::ident::Element;
-use ring::service_client::{Request, status};
+use ring::service_client::status;
 
 use crate::causes::{Causes, LAW};
 use crate::coverage::Coverage;
 use crate::life::{Action, Life};
 use crate::peace;
-use crate::rig::{Rig, Stop, read_value, reading, writing_open};
-use crate::units::words_of;
+use crate::rig::{Rig, Stop};
+use crate::services::Services;
 
 /// How a life ended.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -43,34 +41,17 @@ pub struct Outcome {
     pub coverage: Coverage,
 }
 
-/// A data block that the life has written, and what it was before.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(crate) struct Written {
-    pub(crate) idn: u16,
-    pub(crate) before: Option<i64>,
-}
-
-/// What is waited for from the service channel, in the order of asking.
-#[derive(Clone, Copy, Debug)]
-enum Pending {
-    Write { idn: u16, words: usize },
-    Read,
-    Diagnosis,
-    Start(u16),
-    Cancel,
-}
-
 pub(crate) struct Run {
     pub(crate) rig: Rig,
     pub(crate) coverage: Coverage,
-    pub(crate) written: Vec<Written>,
-    pub(crate) started: Vec<u16>,
+    pub(crate) services: Services,
     causes: Causes,
     /// A diagnosis that nothing in this life explains.
     unexplained: Option<u16>,
-    pending: VecDeque<Pending>,
     /// A fault that goes on by itself, and since when.
     going_on: Option<(Fault, u64)>,
+    /// The axis was in CP4 with its own settings.
+    pub(crate) proven: bool,
     /// When CP4 began, moved on by what run-ups take.
     base: Nanoseconds,
     hash: u64,
@@ -102,12 +83,11 @@ fn live_on(life: &Life) -> Outcome {
             let mut run = Run {
                 rig,
                 coverage: Coverage::default(),
-                written: Vec::new(),
-                started: Vec::new(),
+                services: Services::default(),
                 causes: Causes::default(),
                 unexplained: None,
-                pending: VecDeque::new(),
                 going_on: None,
+                proven: false,
                 base: Nanoseconds::ZERO,
                 hash: 0,
             };
@@ -145,13 +125,23 @@ fn ending_of(stop: Stop) -> Ending {
 
 impl Run {
     fn whole(&mut self, life: &Life) -> Result<(), Stop> {
-        self.rig.run_up(true)?;
+        let mut refused = match self.run_up(true, &life.axis.also) {
+            // What was tried in CP2 may have spoilt it; peace mends it.
+            Err(Stop::Refused(reason)) if !life.axis.also.is_empty() => {
+                self.coverage.count("run-up refused in a life", reason);
+                true
+            }
+            other => other.map(|()| false)?,
+        };
+        self.proven = !refused;
         self.base = self.rig.world.now();
-        for (idn, _) in crate::units::writes(&self.rig.axis, &self.rig.machine) {
+        for idn in std::mem::take(&mut self.rig.set) {
             self.coverage.count("set up", ring::ident::Idn(idn).to_string());
         }
-        let mut refused = false;
         for event in &life.events {
+            if refused {
+                break;
+            }
             self.run_to(event.at)?;
             self.coverage.count("action", name_of(&event.action));
             self.causes.note(&event.action);
@@ -161,7 +151,6 @@ impl Run {
                 Err(Stop::Refused(reason)) => {
                     self.coverage.count("run-up refused in a life", reason);
                     refused = true;
-                    break;
                 }
                 Err(broken) => return Err(broken),
             }
@@ -199,6 +188,9 @@ impl Run {
 
     fn happen(&mut self, action: &Action) -> Result<(), Stop> {
         let rig = &mut self.rig;
+        if self.services.ask(rig.master(), action) {
+            return Ok(());
+        }
         match *action {
             Action::Switches(bits) => rig.master().switch(bits),
             Action::Blip(bits, cycles) => rig.master().blip(bits, cycles),
@@ -210,23 +202,6 @@ impl Run {
             Action::Jump(idn, by) => rig.master().jump(idn, by),
             Action::Ramp(idn, per_second) => rig.master().ramp(idn, per_second),
             Action::Align(align) => rig.master().align(align),
-            Action::Write(idn, value) => self.ask_to_write(idn, &words_of(idn, value)),
-            Action::Read(idn) => {
-                rig.master().ask(Request::Steps(reading(idn, true)));
-                self.pending.push_back(Pending::Read);
-            }
-            Action::Start(idn) => {
-                if idn == 99 {
-                    rig.master().ask(Request::Steps(reading(390, true)));
-                    self.pending.push_back(Pending::Diagnosis);
-                }
-                rig.master().ask(Request::Steps(crate::rig::writing(idn, &[3])));
-                self.pending.push_back(Pending::Start(idn));
-            }
-            Action::Cancel(idn) => {
-                rig.master().ask(Request::Steps(crate::rig::writing(idn, &[0])));
-                self.pending.push_back(Pending::Cancel);
-            }
             Action::LoseMst(cycles) => self.disturb(TelegramKind::Mst, cycles.into(), Effect::Drop)?,
             Action::LoseMdt(cycles) => self.disturb(TelegramKind::Mdt, cycles.into(), Effect::Drop)?,
             Action::DamageMst(bit) => self.disturb(TelegramKind::Mst, 1, Effect::FlipBit(bit.into()))?,
@@ -235,17 +210,24 @@ impl Run {
             Action::Dark(cycles) => {
                 rig.darken(cycles.into())?;
             }
-            Action::RunUp { stubborn } => {
+            Action::RunUp { stubborn, ref also } => {
                 if !stubborn {
                     rig.master().switch(0);
                     rig.cycles(2)?;
                 }
-                self.run_up_again()?;
+                self.run_up_again(also)?;
             }
             Action::FallBack(phase) => {
                 rig.master().phase = phase.min(7);
                 rig.cycles(3)?;
-                self.run_up_again()?;
+                self.run_up_again(&[])?;
+            }
+            Action::SkipCheck(phase) => {
+                let before = rig.world.now();
+                rig.skip_check(phase)?;
+                let spent = rig.world.now().saturating_sub(before);
+                self.base += spent;
+                self.run_up_again(&[])?;
             }
             Action::Break(fault) => self.break_something(fault)?,
             Action::Repair => self.repair(),
@@ -272,6 +254,14 @@ impl Run {
             Action::HomeSwitch(on) => {
                 rig.drive.motor_side.borrow_mut().change_inputs(|inputs| inputs.home_switch = on);
             }
+            // The service channel's.
+            Action::Write(..)
+            | Action::WriteList(..)
+            | Action::WriteText(..)
+            | Action::WriteWords(..)
+            | Action::Read(_)
+            | Action::Start(_)
+            | Action::Cancel(_) => {}
             Action::Probe(on) => rig.drive.motor_side.borrow_mut().change_inputs(|inputs| inputs.probe_1 = on),
         }
         Ok(())
@@ -298,22 +288,53 @@ impl Run {
             inputs.home_switch = false;
             inputs.probe_1 = false;
         });
+        // What a stop has fed into the DC link is gone when somebody has repaired the machine.
+        let now = self.rig.world.now().0;
+        let supply = self.rig.machine.machine.supply.voltage;
+        let mut side = self.rig.drive.motor_side.borrow_mut();
+        if side.machine().glance(now).bus_voltage > supply {
+            side.machine().set_bus_voltage(supply, now);
+        }
     }
 
-    fn run_up_again(&mut self) -> Result<(), Stop> {
+    fn run_up_again(&mut self, also: &[Action]) -> Result<(), Stop> {
         let before = self.rig.world.now();
-        let result = self.rig.run_up(false);
-        self.drop_pending();
+        let result = self.run_up(false, also);
         let spent = self.rig.world.now().saturating_sub(before);
         self.base += spent;
         result
     }
 
-    fn ask_to_write(&mut self, idn: u16, words: &[u16]) {
-        let mut steps = reading(idn, true);
-        steps.extend(writing_open(words));
-        self.rig.master().ask(Request::Steps(steps));
-        self.pending.push_back(Pending::Write { idn, words: words.len() });
+    /// From CP0 to CP4, with what the service channel tries in CP2.
+    pub(crate) fn run_up(&mut self, settings: bool, also: &[Action]) -> Result<(), Stop> {
+        self.services.drop_pending();
+        self.rig.open_cp2()?;
+        if settings && self.services.may_be_locked {
+            self.rig.unlock()?;
+        }
+        self.rig.set_up(settings)?;
+        if !settings {
+            self.services.ask_why(self.rig.master());
+        }
+        for action in also {
+            self.causes.note(action);
+            self.services.ask(self.rig.master(), action);
+        }
+        self.rig.wait_for_answers()?;
+        self.harvest();
+        for action in also {
+            if let Action::Write(idn, value) = *action
+                && self.services.has_taken(idn)
+            {
+                self.rig.learn(idn, value);
+            }
+        }
+        if !also.is_empty() && self.services.has_taken_telegrams() {
+            self.rig.writes_control_cycle = true;
+            self.rig.set_up(false)?;
+            self.rig.writes_control_cycle = false;
+        }
+        self.rig.go_on_to_cp4()
     }
 
     /// The drive tells of an error.
@@ -324,6 +345,11 @@ impl Run {
                 self.unexplained.get_or_insert(number);
             }
         }
+    }
+
+    /// The drive has told of this error.
+    pub(crate) fn has_met(&self, number: u16) -> bool {
+        self.coverage.has("error met", &format!("{number:04X}H"))
     }
 
     /// Whether every error so far had a cause.
@@ -341,58 +367,10 @@ impl Run {
         }
     }
 
-    /// Requests that a run-up has cut off: nobody knows what came of them.
-    pub(crate) fn drop_pending(&mut self) {
-        for pending in self.pending.drain(..) {
-            match pending {
-                Pending::Write { idn, .. } => self.written.push(Written { idn, before: None }),
-                Pending::Start(idn) => self.started.push(idn),
-                Pending::Read | Pending::Diagnosis | Pending::Cancel => {}
-            }
-        }
-    }
-
     /// Takes the answers of the service channel that have come.
     pub(crate) fn harvest(&mut self) {
-        while let Some(finished) = self.rig.master().answer() {
-            let Some(pending) = self.pending.pop_front() else { continue };
-            let phase = self.rig.master().sent_phase();
-            let sound = finished.result.is_ok();
-            match pending {
-                Pending::Write { idn, words } => {
-                    let writes = finished.steps.iter().filter(|record| record.step.write);
-                    let data = writes.filter(|record| record.step.element == Element::Data);
-                    let refused = data.clone().find(|record| record.error).map(|record| record.reply);
-                    let name = ring::ident::Idn(idn);
-                    match refused {
-                        Some(code) => self.coverage.count("write refused", format!("{name} CP{phase} {code:04X}H")),
-                        None if sound && data.count() == words => {
-                            self.coverage.count("write accepted", format!("{name} CP{phase}"));
-                            let before = read_value(idn, &finished.steps);
-                            self.written.push(Written { idn, before });
-                        }
-                        None => self.written.push(Written { idn, before: read_value(idn, &finished.steps) }),
-                    }
-                }
-                Pending::Start(idn) => {
-                    let refused = finished.steps.iter().find(|record| record.error);
-                    let name = ring::ident::Idn(idn);
-                    match refused {
-                        Some(record) => {
-                            self.coverage.count("command refused", format!("{name} CP{phase} {:04X}H", record.reply));
-                        }
-                        None => {
-                            self.coverage.count("command started", format!("{name} CP{phase}"));
-                            self.started.push(idn);
-                        }
-                    }
-                }
-                Pending::Diagnosis => {
-                    let number = read_value(390, &finished.steps).unwrap_or(0) as u16;
-                    self.diagnosed(number);
-                }
-                Pending::Read | Pending::Cancel => {}
-            }
+        for number in self.services.harvest(self.rig.world.ring_mut().master_mut(), &mut self.coverage) {
+            self.diagnosed(number);
         }
     }
 }

@@ -12,6 +12,7 @@ pub fn shrink(life: &Life, trials: u32) -> Life {
         let before = shrinker.best.clone();
         shrinker.events();
         shrinker.settings();
+        shrinker.tries();
         shrinker.axis();
         shrinker.values();
         shrinker.times();
@@ -30,7 +31,7 @@ struct Shrinker {
 
 impl Shrinker {
     /// Takes the simpler life if the law breaks in it, too.
-    fn tries(&mut self, simpler: Life) -> bool {
+    fn try_it(&mut self, simpler: Life) -> bool {
         if self.trials == 0 || simpler == self.best {
             return false;
         }
@@ -51,7 +52,7 @@ impl Shrinker {
                 let begin = end.saturating_sub(size);
                 let mut simpler = self.best.clone();
                 simpler.events.drain(begin..end.min(simpler.events.len()));
-                self.tries(simpler);
+                self.try_it(simpler);
                 end = begin;
             }
             size /= 2;
@@ -66,10 +67,29 @@ impl Shrinker {
                 let begin = end.saturating_sub(size);
                 let mut simpler = self.best.clone();
                 simpler.axis.settings.drain(begin..end.min(simpler.axis.settings.len()));
-                self.tries(simpler);
+                self.try_it(simpler);
                 end = begin;
             }
             size /= 2;
+        }
+    }
+
+    /// Fewer tries in CP2, of the axis and of later run-ups.
+    fn tries(&mut self) {
+        for index in (0..self.best.axis.also.len()).rev() {
+            let mut simpler = self.best.clone();
+            simpler.axis.also.remove(index);
+            self.try_it(simpler);
+        }
+        for event in 0..self.best.events.len() {
+            let Action::RunUp { also, .. } = &self.best.events[event].action else { continue };
+            for index in (0..also.len()).rev() {
+                let mut simpler = self.best.clone();
+                if let Action::RunUp { also, .. } = &mut simpler.events[event].action {
+                    also.remove(index);
+                    self.try_it(simpler);
+                }
+            }
         }
     }
 
@@ -95,7 +115,7 @@ impl Shrinker {
         for change in plainer {
             let mut simpler = self.best.clone();
             change(&mut simpler.axis);
-            self.tries(simpler);
+            self.try_it(simpler);
         }
         for list in [false, true] {
             for index in (0..if list { self.best.axis.mdt.len() } else { self.best.axis.at.len() }).rev() {
@@ -105,7 +125,7 @@ impl Shrinker {
                 let needed = !list && idns.get(index) == Some(&51);
                 if simpler.axis.telegram == 7 && index < idns.len() && !needed {
                     idns.remove(index);
-                    self.tries(simpler);
+                    self.try_it(simpler);
                 }
             }
         }
@@ -117,14 +137,14 @@ impl Shrinker {
             for value in number_in(&self.best.events[index].action).map(simpler_numbers).unwrap_or_default() {
                 let mut simpler = self.best.clone();
                 put_number(&mut simpler.events[index].action, value);
-                self.tries(simpler);
+                self.try_it(simpler);
             }
         }
         for index in 0..self.best.axis.settings.len() {
             for value in simpler_numbers(self.best.axis.settings[index].1) {
                 let mut simpler = self.best.clone();
                 simpler.axis.settings[index].1 = value;
-                self.tries(simpler);
+                self.try_it(simpler);
             }
         }
     }
@@ -139,14 +159,14 @@ impl Shrinker {
                 for event in &mut simpler.events[index..] {
                     event.at -= gap - shorter;
                 }
-                if shorter < gap && self.tries(simpler) {
+                if shorter < gap && self.try_it(simpler) {
                     break;
                 }
             }
         }
         for rest in [0, 20_000, self.best.rest / 2] {
             let simpler = Life { rest, ..self.best.clone() };
-            if rest < self.best.rest && self.tries(simpler) {
+            if rest < self.best.rest && self.try_it(simpler) {
                 break;
             }
         }

@@ -150,6 +150,7 @@ mod tests {
             aligned: true,
             wraps: false,
             settings: settings.to_vec(),
+            also: Vec::new(),
         }
     }
 

@@ -3,6 +3,8 @@
 use std::fmt;
 
 use ring::ident::Idn;
+use sercos::attribute::Format;
+use sercos::dictionary;
 
 use crate::life::{Action, Axis, Life};
 use crate::units::Units;
@@ -10,10 +12,15 @@ use crate::units::Units;
 impl fmt::Display for Life {
     fn fmt(&self, formatter: &mut fmt::Formatter<'_>) -> fmt::Result {
         write!(formatter, "{}; CP4", self.axis)?;
-        let units = Units::of(&self.axis);
+        // Under another scaling a number is worth something else.
+        let mut axis = self.axis.clone();
+        learn(&mut axis, &self.axis.also);
         for event in &self.events {
             write!(formatter, "; at {} ms ", f64::from(event.at) / 1_000.0)?;
-            tell(formatter, &event.action, &units)?;
+            if let Action::RunUp { also, .. } = &event.action {
+                learn(&mut axis, also);
+            }
+            tell(formatter, &event.action, &Units::of(&axis))?;
         }
         write!(formatter, "; {} ms more.", f64::from(self.rest) / 1_000.0)
     }
@@ -44,8 +51,30 @@ impl fmt::Display for Axis {
         for (idn, value) in &self.settings {
             write!(formatter, ", {} = {value}", Idn(*idn))?;
         }
-        Ok(())
+        if !self.also.is_empty() {
+            write!(formatter, ", in CP2 also ")?;
+        }
+        tell_all(formatter, &self.also, &Units::of(self))
     }
+}
+
+/// What an axis is after these writes, if the drive takes them.
+fn learn(axis: &mut Axis, writes: &[Action]) {
+    axis.settings.extend(writes.iter().filter_map(|action| match *action {
+        Action::Write(idn, value) => Some((idn, value)),
+        _ => None,
+    }));
+}
+
+/// What the service channel tries in CP2.
+fn tell_all(formatter: &mut fmt::Formatter<'_>, actions: &[Action], units: &Units) -> fmt::Result {
+    for (index, action) in actions.iter().enumerate() {
+        if index > 0 {
+            write!(formatter, " and ")?;
+        }
+        tell(formatter, action, units)?;
+    }
+    Ok(())
 }
 
 fn tell(formatter: &mut fmt::Formatter<'_>, action: &Action, units: &Units) -> fmt::Result {
@@ -57,6 +86,38 @@ fn tell(formatter: &mut fmt::Formatter<'_>, action: &Action, units: &Units) -> f
         _ => String::new(),
     };
     match *action {
+        Action::WriteList(idn, ref items) => {
+            write!(formatter, "write {} = (", Idn(idn))?;
+            let is_idns = is_list_of_idns(idn);
+            for (index, item) in items.iter().enumerate() {
+                let gap = if index > 0 { " " } else { "" };
+                match u16::try_from(*item) {
+                    Ok(item) if is_idns => write!(formatter, "{gap}{}", Idn(item))?,
+                    _ => write!(formatter, "{gap}{item}")?,
+                }
+            }
+            write!(formatter, ")")
+        }
+        Action::WriteText(idn, ref text) => write!(formatter, "write {} = {text:?}", Idn(idn)),
+        Action::WriteWords(idn, ref words) => {
+            write!(formatter, "write {} with the {} words", Idn(idn), words.len())?;
+            words.iter().try_for_each(|word| write!(formatter, " {word:04X}H"))
+        }
+        Action::RunUp { stubborn, ref also } => {
+            write!(
+                formatter,
+                "{}",
+                if stubborn { "CP0 and a run-up with the bits left on" } else { "bits 000, CP0 and a run-up" }
+            )?;
+            if !also.is_empty() {
+                write!(formatter, ", in CP2 ")?;
+            }
+            tell_all(formatter, also, units)
+        }
+        Action::SkipCheck(phase) => {
+            let check = if phase == 4 { "S-0-0128" } else { "S-0-0127" };
+            write!(formatter, "a run-up to CP{phase} without {check}, then a proper one")
+        }
         Action::Switches(bits) => write!(formatter, "bits {bits:03b}"),
         Action::Blip(bits, cycles) => write!(formatter, "bits {bits:03b} for {cycles} cycles"),
         Action::Mode(bits) => write!(formatter, "mode bits {bits:03b}"),
@@ -80,8 +141,6 @@ fn tell(formatter: &mut fmt::Formatter<'_>, action: &Action, units: &Units) -> f
         Action::DamageMdt(bit) => write!(formatter, "line bit {bit} of an MDT inverted"),
         Action::WrongPhase(phase) => write!(formatter, "one MST of phase {phase}"),
         Action::Dark(cycles) => write!(formatter, "dark for {cycles} cycles"),
-        Action::RunUp { stubborn: true } => write!(formatter, "CP0 and a run-up with the bits left on"),
-        Action::RunUp { stubborn: false } => write!(formatter, "bits 000, CP0 and a run-up"),
         Action::FallBack(phase) => write!(formatter, "back to CP{phase}, then a run-up"),
         Action::Break(fault) => write!(formatter, "{fault}"),
         Action::Repair => write!(formatter, "repaired"),
@@ -95,4 +154,8 @@ fn tell(formatter: &mut fmt::Formatter<'_>, action: &Action, units: &Units) -> f
         Action::HomeSwitch(on) => write!(formatter, "home switch {}", u8::from(on)),
         Action::Probe(on) => write!(formatter, "probe 1 {}", u8::from(on)),
     }
+}
+
+fn is_list_of_idns(idn: u16) -> bool {
+    dictionary::find(sercos::Idn(idn)).is_some_and(|block| block.attribute.format() == Format::Idn)
 }

@@ -84,7 +84,11 @@ pub fn told(life: &Life, outcome: &Outcome) -> String {
         Ending::Refused(reason) => format!("the axis is refused: {reason}"),
         Ending::Broken { law, detail } => format!("BROKEN: {law}\n  {detail}"),
     };
-    format!("{life}\n{end}\n(trace {:016x})", outcome.hash)
+    let errors =
+        outcome.coverage.seen.get("error met").into_iter().flat_map(|errors| errors.keys().map(String::as_str));
+    let errors = errors.collect::<Vec<_>>().join(" ");
+    let errors = if errors.is_empty() { String::new() } else { format!("errors met: {errors}\n") };
+    format!("{life}\n{errors}{end}\n(trace {:016x})", outcome.hash)
 }
 
 fn say(out: &mut dyn Write, line: &Line) -> std::io::Result<()> {

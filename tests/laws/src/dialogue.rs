@@ -41,6 +41,13 @@ impl Dialogue {
         self.handshake = Some(handshake);
     }
 
+    /// The procedure command that the record in front of the drive starts: it may begin before an AT acknowledges it.
+    #[must_use]
+    pub fn starts(&self) -> Option<Idn> {
+        let step = self.pending.filter(|step| step.write && step.element == Element::Data && step.end)?;
+        self.open.filter(|_| step.info == 3)
+    }
+
     /// The words of an AT of the drive.
     pub fn answer(&mut self, words: AtWords) -> Option<Heard> {
         if words.status & status::HANDSHAKE != self.handshake? || words.status & status::BUSY != 0 {
@@ -103,6 +110,19 @@ mod tests {
         assert_eq!(say(&mut dialogue, step(8, true), 1, 0, 0), Some(written));
         let read = Step { write: false, ..step(0, true) };
         assert_eq!(say(&mut dialogue, read, 0, 0, 9), Some(Heard::Read(Idn(47), Element::Data, vec![9])));
+    }
+
+    #[test]
+    fn a_command_starts_before_the_drive_has_said_so() {
+        let mut dialogue = Dialogue::default();
+        dialogue.record(MdtWords { control: 0, info: 0 });
+        say(&mut dialogue, Step::open(Idn(148)), 1, 0, 0);
+        assert_eq!(dialogue.starts(), None);
+        let write = Step { element: Element::Data, write: true, end: true, info: 3 };
+        dialogue.record(MdtWords { control: write.control(), info: 3 });
+        assert_eq!(dialogue.starts(), Some(Idn(148)));
+        assert!(dialogue.answer(AtWords { status: 0, info: 0 }).is_some());
+        assert_eq!(dialogue.starts(), None);
     }
 
     #[test]

@@ -32,6 +32,11 @@ const CHANGERS: [(u16, &[u16]); 4] = [
     (0x8000 | 226, &[0x8000 | 221]),
 ];
 
+/// An MST that comes so much too early or too late is not in time.
+const JITTER: Nanoseconds = Nanoseconds::from_microseconds(1);
+/// Nor is a record so long after a cycle.
+const LATE_MICROSECONDS: u64 = 100;
+
 /// Commands that give positions another zero, and values that give them another weight.
 const REZEROES: [u16; 17] = [44, 45, 46, 55, 76, 77, 78, 79, 103, 116, 121, 122, 123, 148, 262, 277, 447];
 
@@ -43,6 +48,10 @@ pub struct Observer {
     broken: Option<Broken>,
     address: u8,
     looked: bool,
+    /// When the last record came.
+    record: Nanoseconds,
+    /// `LAWS_TRACE` is in the environment: a line for every AT.
+    traced: bool,
 }
 
 impl Observer {
@@ -70,11 +79,22 @@ impl Observer {
             pins_changed: None,
             bridge_changed: None,
             command: None,
+            starting: None,
+            irregular: None,
             rezeroed: None,
             path: VecDeque::new(),
         };
         let laws = laws.into_iter().map(|law| (law, 0)).collect();
-        Self { scene, dialogue: Dialogue::default(), laws, broken: None, address, looked: false }
+        Self {
+            scene,
+            dialogue: Dialogue::default(),
+            laws,
+            broken: None,
+            address,
+            looked: false,
+            record: Nanoseconds::ZERO,
+            traced: std::env::var_os("LAWS_TRACE").is_some(),
+        }
     }
 
     /// The first law that was broken.
@@ -158,6 +178,7 @@ impl Observer {
         match heard {
             Heard::Written(idn, Element::Data, words) => {
                 scene.settings.note(*idn, words.clone());
+                scene.settings.note_written(*idn);
                 scene.written = Some(scene.now);
                 if REZEROES.contains(&idn.0) {
                     scene.rezeroed = Some(scene.now);
@@ -209,6 +230,19 @@ impl Tap for Observer {
                     self.dialogue.reset();
                     scene.command = None;
                 }
+                if scene.wire.phase_since == scene.wire.mst {
+                    match scene.wire.phase {
+                        2 => scene.settings.begin_set(),
+                        4 => {
+                            scene.settings.end_set();
+                            scene.units = Units::of(&scene.settings);
+                        }
+                        _ => {}
+                    }
+                }
+                if scene.wire.mst.0.abs_diff(scene.wire.mst_before.0 + scene.cycle.0) > JITTER.0 {
+                    scene.irregular = Some(scene.now);
+                }
                 self.ask(&Event::Mst);
             }
             Some(Telegram::Record) => {
@@ -217,6 +251,11 @@ impl Tap for Observer {
                     self.dialogue.reset();
                 }
                 self.dialogue.record(scene.wire.request());
+                scene.starting = self.dialogue.starts();
+                if scene.now.saturating_sub(self.record) > scene.cycles(1, LATE_MICROSECONDS) {
+                    scene.irregular = Some(scene.now);
+                }
+                self.record = scene.now;
                 if scene.wire.phase == 4 {
                     for (idn, value) in scene.wire.commands() {
                         scene.settings.note_cyclic(*idn, *value);
@@ -236,6 +275,9 @@ impl Tap for Observer {
         if matches!(&heard, Some(Heard::Written(idn, Element::Data, _)) if REZEROES.contains(&idn.0)) {
             // The AT that acknowledges it may show the new coordinate already.
             scene.rezeroed = Some(scene.now);
+        }
+        if self.traced {
+            println!("{}", scene.words());
         }
         self.ask(&Event::Answer);
         if let Some(heard) = heard {

@@ -45,6 +45,10 @@ pub struct Scene {
     pub bridge_changed: Option<Nanoseconds>,
     /// The last procedure command that was started and not yet cancelled.
     pub command: Option<Idn>,
+    /// The procedure command that is being started, before the drive has acknowledged it.
+    pub starting: Option<Idn>,
+    /// When a telegram of the master last came late or not at all, or an MST too early.
+    pub irregular: Option<Nanoseconds>,
     /// When a command or a value was last written that may give positions another zero or another weight.
     pub rezeroed: Option<Nanoseconds>,
     /// Where the shaft was, in revolutions, over the last cycles; the newest at the end.
@@ -54,10 +58,46 @@ pub struct Scene {
 /// Procedure commands by which the drive moves the axis itself.
 const MOVERS: [u16; 6] = [148, 149, 152, 0x8000 | 224, 0x8000 | 225, 0x8000 | 226];
 
+/// A temperature may be measured so many degrees wrong.
+const SENSOR: f64 = 5.0;
+
 /// Operation modes 3, 4, 11 and 12: S-0-0047 is followed.
 const POSITION_MODES: [u16; 4] = [3, 4, 11, 12];
 
+/// A brake holds at this multiple of its delay.
+const FIRM: f64 = 1.2;
+
 impl Scene {
+    /// A line for a reader who follows an axis from AT to AT (`LAWS_TRACE`).
+    #[must_use]
+    pub fn words(&self) -> String {
+        let (sight, machine) = (&self.sight, &self.sight.machine);
+        let or_dash = |value: Option<f64>| value.map_or_else(|| "-".to_owned(), |value| format!("{value:.0}"));
+        let [d, q] = machine.current;
+        let distance = self.wire.feedback(Idn::FOLLOWING_DISTANCE);
+        format!(
+            "{:>9} us CP{} control {:04X}H status {:04X}H {:9.2} rpm {:11.6} rev, {:7.2} A (d {:6.2}), brake {:5.2} Nm, load {:6.2} Nm, {:4.0} V{}{}{}; S-0-0047 {}, S-0-0051 {}{}{}",
+            self.now.0 / 1_000,
+            self.wire.phase,
+            self.wire.control,
+            self.wire.status,
+            sight.rpm(),
+            machine.angle,
+            q,
+            d,
+            machine.brake_torque,
+            machine.load_torque,
+            machine.bus_voltage,
+            if sight.bridge { ", bridge on" } else { "" },
+            if sight.coil { ", coil on" } else { "" },
+            if self.deceived { ", a sensor lies" } else { "" },
+            or_dash(self.position_command()),
+            or_dash(self.position_feedback()),
+            distance.map_or_else(String::new, |distance| format!(", S-0-0189 {}", distance.cast_signed())),
+            self.command.map_or_else(String::new, |idn| format!(", {idn} set")),
+        )
+    }
+
     /// In CP4, with the ring intact.
     #[must_use]
     pub fn is_operating(&self) -> bool {
@@ -67,7 +107,7 @@ impl Scene {
     /// A procedure command is set by which the drive moves the axis itself.
     #[must_use]
     pub fn drive_moves_the_axis(&self) -> bool {
-        self.command.is_some_and(|idn| MOVERS.contains(&idn.0))
+        [self.command, self.starting].iter().flatten().any(|idn| MOVERS.contains(&idn.0))
     }
 
     /// So long ago, or `None` if never.
@@ -158,6 +198,13 @@ impl Scene {
         !self.within(self.disturbed, for_so_long) && !machine.seized && !machine.brake_broken && !self.deceived
     }
 
+    /// S-0-0207 is shorter than the brake takes: the drive is told to hand a load over to a brake that does not hold yet.
+    #[must_use]
+    pub fn hurries_its_brake(&self) -> bool {
+        let told = self.settings.unsigned(Idn(207)).map_or(0.0, |milliseconds| milliseconds as f64 * 1e-3);
+        self.machine.brake.is_some_and(|brake| told < FIRM * brake.engage_delay)
+    }
+
     /// Torque in Nm for 1 A across the magnet.
     #[must_use]
     pub fn torque_constant(&self) -> f64 {
@@ -177,6 +224,18 @@ impl Scene {
         let side = if positive { self.settings.signed(Idn(82))? } else { -self.settings.signed(Idn(83))? } as f64;
         let torque = side.min(number(92)?) * self.units?.torque;
         Some(torque.min(number(109)? * 1e-3).min(number(110)? * 1e-3))
+    }
+
+    /// Heat sink or motor are as hot as S-0-0203 or S-0-0204 allow, or the DC link is near P-0-0104 or P-0-0105, whatever these are set to:
+    /// what a control has made an error is not gone.
+    #[must_use]
+    pub fn is_beyond_thresholds(&self) -> bool {
+        let number = |idn: u16| self.settings.unsigned(Idn(idn)).map(|value| value as f64);
+        let ([heat_sink, winding], bus) = (self.sight.machine.temperatures, self.sight.machine.bus_voltage);
+        let hot = |temperature: f64, idn| number(idn).is_some_and(|most| temperature > 0.1 * most - SENSOR);
+        let low = number(0x8000 | 104).is_none_or(|least| bus < 1.15 * least);
+        let high = number(0x8000 | 105).is_none_or(|most| bus > 0.95 * most);
+        hot(heat_sink, 203) || hot(winding, 204) || low || high
     }
 
     /// The motor gives what its limits or its supply leave it, or nearly so.

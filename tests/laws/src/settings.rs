@@ -1,11 +1,13 @@
 //! What the drive is set to, as the service channel and the MDT have told, and from the start what IDN.md says of a new drive.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 
 use ring::ident::Idn;
 
+use crate::units::Units;
+
 /// Settings of a new drive that the laws ask for, as IDN.md has them: number and value of the operation data.
-const DEFAULTS: [(u16, i64); 54] = [
+const DEFAULTS: [(u16, i64); 66] = [
     (1, 2_000),
     (2, 2_000),
     (9, 1),
@@ -16,6 +18,8 @@ const DEFAULTS: [(u16, i64); 54] = [
     (35, 0),
     (38, 0),
     (39, 0),
+    (41, 1_000_000),
+    (42, 100_000),
     (43, 0),
     (44, 2),
     (45, 1),
@@ -24,6 +28,7 @@ const DEFAULTS: [(u16, i64); 54] = [
     (50, -2_147_483_647),
     (52, 0),
     (55, 0),
+    (57, 10_000),
     (76, 2),
     (77, 1),
     (78, -7),
@@ -43,14 +48,23 @@ const DEFAULTS: [(u16, i64); 54] = [
     (121, 1),
     (122, 1),
     (123, 100_000),
+    (124, 100_000),
+    (125, 1_000_000),
+    (136, 0),
+    (137, 0),
     (138, 1_000_000),
     (147, 0x60),
+    (150, 0),
+    (157, 100_000),
     (159, 300_000),
     (160, 2),
     (161, 1),
     (162, -3),
     (206, 100),
     (207, 100),
+    (259, 1_000_000),
+    (260, 1_000_000),
+    (261, 100_000),
     (277, 0),
     (349, 0),
     (372, 0),
@@ -77,18 +91,37 @@ const LONGS: [u16; 50] = [
 /// Data blocks that stay what they are when the defaults are loaded: they belong to the ring.
 const OF_THE_RING: [u16; 11] = [1, 2, 6, 7, 8, 9, 10, 15, 16, 24, 89];
 
+/// Types, factors and exponents of the scaling of positions, velocities and accelerations. Gear and feed constant are none: data of the load
+/// stay data of the load.
+const SCALING: [u16; 10] = [44, 45, 46, 76, 77, 78, 79, 160, 161, 162];
+/// Settings of four bytes that are counted in such a scaling.
+const OF_VELOCITY: [u16; 8] = [38, 39, 41, 91, 124, 125, 157, 259];
+const OF_ACCELERATION: [u16; 8] = [42, 136, 137, 138, 193, 260, 349, 372];
+const OF_POSITION: [u16; 3] = [57, 159, 261];
+
 /// What is known of a drive's settings.
 #[derive(Clone, Debug)]
 pub struct Settings {
     values: BTreeMap<u16, Vec<u16>>,
+    /// [`SCALING`] of the last set that came into operation.
+    scaling: [Option<Vec<u16>>; SCALING.len()],
+    /// Written since CP2 began: their numbers count in the scaling that the set ends with.
+    fresh: BTreeSet<u16>,
     mdt: Vec<Idn>,
     at: Vec<Idn>,
 }
 
 impl Default for Settings {
     fn default() -> Self {
-        let mut settings = Self { values: BTreeMap::new(), mdt: Vec::new(), at: Vec::new() };
+        let mut settings = Self {
+            values: BTreeMap::new(),
+            scaling: Default::default(),
+            fresh: BTreeSet::new(),
+            mdt: Vec::new(),
+            at: Vec::new(),
+        };
         settings.new_drive(|_| true);
+        settings.scaling = settings.scaling_now();
         settings.arrange();
         settings
     }
@@ -113,6 +146,69 @@ impl Settings {
         }
     }
 
+    /// A set of data begins: CP2.
+    pub(crate) fn begin_set(&mut self) {
+        self.fresh.clear();
+    }
+
+    /// The master has written it, and the drive has taken it.
+    pub(crate) fn note_written(&mut self, idn: Idn) {
+        self.fresh.insert(idn.0);
+    }
+
+    /// The set has come into operation: what nobody has written keeps its size, if the scaling is another one.
+    pub(crate) fn end_set(&mut self) {
+        let now = self.scaling_now();
+        if now == self.scaling {
+            return;
+        }
+        let mut old = self.clone();
+        for (number, words) in SCALING.iter().zip(&self.scaling) {
+            match words {
+                Some(words) => old.values.insert(*number, words.clone()),
+                None => old.values.remove(number),
+            };
+        }
+        self.scaling = now;
+        let units = Units::of(&old).zip(Units::of(self));
+        let ratios = units.map(|(old, new)| {
+            let position = new.increments / old.increments;
+            [position, old.velocity / new.velocity, old.acceleration / new.acceleration]
+        });
+        for (numbers, dimension) in [(&OF_POSITION[..], 0), (&OF_VELOCITY, 1), (&OF_ACCELERATION, 2)] {
+            let ratio = ratios.map(|ratios| ratios[dimension]);
+            for number in numbers {
+                if !self.fresh.contains(number) {
+                    self.convert(*number, ratio);
+                }
+            }
+        }
+    }
+
+    fn convert(&mut self, number: u16, ratio: Option<f64>) {
+        let Some(value) = self.signed(Idn(number)) else { return };
+        // The end of the format means that there is no limit, in every scaling; 0 is 0.
+        if value.unsigned_abs() >= 0x7FFF_FFFF || value == 0 {
+            return;
+        }
+        let least = if value < 0 { -1.0 } else { 1.0 };
+        let converted =
+            ratio.map(|ratio| (value as f64 * ratio).round()).map(|value| if value == 0.0 { least } else { value });
+        match converted.filter(|value| value.abs() < f64::from(i32::MAX)) {
+            Some(value) => {
+                let value = value as i32;
+                self.values.insert(number, vec![value as u16, (value >> 16) as u16]);
+            }
+            None => {
+                self.values.remove(&number);
+            }
+        }
+    }
+
+    fn scaling_now(&self) -> [Option<Vec<u16>>; SCALING.len()] {
+        SCALING.map(|number| self.values.get(&number).cloned())
+    }
+
     /// A value that came in the MDT.
     pub fn note_cyclic(&mut self, idn: Idn, value: u32) {
         let words = self.values.entry(idn.0).or_default();
@@ -133,6 +229,8 @@ impl Settings {
         if protected {
             self.values.retain(|number, _| OF_THE_RING.contains(number));
             self.new_drive(|number| !OF_THE_RING.contains(&number));
+            self.scaling = self.scaling_now();
+            self.fresh.clear();
         } else {
             // What may change in CP4 says the drive; until it is read it is unknown.
             self.values.retain(|number, _| OF_THE_RING.contains(number) || is_protected_in_cp4(*number));
@@ -225,6 +323,11 @@ impl Settings {
 pub(crate) fn is_protected_in_cp4(number: u16) -> bool {
     matches!(number, 1..=24 | 32..=35 | 43..=46 | 55 | 76..=79 | 85..=90 | 103 | 109..=116 | 121..=123 | 160..=162 | 277 | 284..=287)
         || number == 0x8000 | 120
+}
+
+/// Counted in the scaling of positions, velocities or accelerations.
+pub(crate) fn is_sized(idn: Idn) -> bool {
+    [&OF_POSITION[..], &OF_VELOCITY, &OF_ACCELERATION].iter().any(|numbers| numbers.contains(&idn.0))
 }
 
 #[cfg(test)]

@@ -92,6 +92,7 @@ enum Input {
     Velocity(f64),
     Slip(i32),
     Temperatures([f64; 2]),
+    Bus(f64),
 }
 
 impl Machine {
@@ -177,6 +178,11 @@ impl Machine {
     /// Sets the rectified mains voltage in V; 0 is mains off.
     pub fn set_supply(&mut self, voltage: f64, at: u64) {
         self.change(at, |outside| outside.mains = voltage);
+    }
+
+    /// Brings the DC link to a voltage in V, as its discharge resistor does within minutes.
+    pub fn set_bus_voltage(&mut self, voltage: f64, at: u64) {
+        self.timeline.enter(Input::Bus(voltage), at);
     }
 
     /// Sets the torque with which the load is driven (negative brakes positive movement), in Nm; gravity comes on top.
@@ -443,6 +449,7 @@ impl Machine {
                 state.shafts = self.settings.mechanics.together(state.shafts.turn, velocity);
             }
             Input::Temperatures([heat_sink, winding]) => state.temperatures = Temperatures { winding, heat_sink },
+            Input::Bus(voltage) => state.bus.voltage = voltage,
             Input::Slip(counts) => state.counter = Encoder::slip(state.counter, counts),
             Input::Outside(outside) => {
                 if outside.encoder_frozen != self.outside.encoder_frozen {

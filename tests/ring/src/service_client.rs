@@ -326,6 +326,11 @@ impl ServiceClient {
         self.waiting.push_back(request);
     }
 
+    /// Takes back the requests that nothing has been done for yet; how many.
+    pub fn take_back(&mut self) -> usize {
+        std::mem::take(&mut self.waiting).len()
+    }
+
     /// The next request that has ended, in the order of asking.
     pub fn take_finished(&mut self) -> Option<Finished> {
         self.finished.pop_front()

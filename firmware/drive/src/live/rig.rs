@@ -55,6 +55,10 @@ impl Hardware for Still {
         0
     }
 
+    fn edge_waits(&mut self, _: InterruptLine) -> bool {
+        false
+    }
+
     fn phase_now(&mut self) -> u16 {
         0
     }

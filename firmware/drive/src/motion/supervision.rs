@@ -183,6 +183,9 @@ impl<B: Bus + Clone, H: Hardware> Motion<B, H> {
         if let Some(current) = self.progress.preload {
             self.axis.preload(current);
         }
+        if let Some(current) = self.progress.anchor {
+            self.axis.anchor(current);
+        }
         self.set_bridge(self.progress.bridge);
         self.hardware.set_brake(self.progress.brake);
     }

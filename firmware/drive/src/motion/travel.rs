@@ -95,7 +95,8 @@ impl<B: Bus + Clone, H: Hardware> Motion<B, H> {
             self.end_homing(CommandState::Failed, Some(HomingFailure::Torque));
             return true;
         }
-        self.inputs = self.hardware.inputs();
+        // The others are the supervision's, which says why the torque goes when it acts on them.
+        self.inputs.home_switch = self.hardware.inputs().home_switch;
         let output = homing.tick(
             &settings,
             HomingInputs {

@@ -35,6 +35,8 @@ pub(crate) struct Progress {
     pub(crate) brake: bool,
     /// The velocity loop is to start with this current.
     pub(crate) preload: Option<CurrentFraction>,
+    /// See [`servo::BrakeOutput::anchor`].
+    pub(crate) anchor: Option<CurrentFraction>,
 }
 
 /// What the sequence needs to know of the rest of the drive.
@@ -110,6 +112,7 @@ impl Motor {
             brake: output.energise || (aligning && self.settings.has_brake),
             // Only a brake hands a load over. Without one the last current may be that of an axis that was blocked: it would be thrown.
             preload: output.preload.filter(|_| self.settings.has_brake),
+            anchor: output.anchor,
         }
     }
 

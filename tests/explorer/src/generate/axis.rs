@@ -2,6 +2,7 @@
 
 use fault_matrix::Fault;
 
+use super::{ordeals, services};
 use crate::dice::Dice;
 use crate::life::{Axis, Plant};
 use crate::master::bytes_of;
@@ -30,6 +31,7 @@ pub(crate) const fn command_of(mode: i64) -> u16 {
         1 => 80,
         2 => 36,
         0x13 | 0x1B => 258,
+        0x213 | 0x21B => 282,
         _ => 47,
     }
 }
@@ -77,6 +79,7 @@ pub(super) fn any(dice: &mut Dice) -> Axis {
         aligned: dice.chance(if plant == Plant::Vertical { 100 } else { 96 }),
         wraps: dice.chance(60),
         settings: Vec::new(),
+        also: Vec::new(),
     };
     if dice.chance(15) {
         let increments = plant.axis().machine.encoder.increments_per_revolution;
@@ -93,11 +96,18 @@ pub(super) fn any(dice: &mut Dice) -> Axis {
     polarity(dice, &mut axis);
     limits(dice, &mut axis);
     odds(dice, &mut axis);
+    ordeals::prepare(dice, &mut axis);
+    if dice.chance(10) {
+        let also = services::in_cp2(dice, &axis);
+        axis.also.extend(also);
+    }
     axis
 }
 
 fn telegram(dice: &mut Dice, axis: &mut Axis) {
-    let primary = dice.weighted(&[(30, 11), (20, 3), (25, 2), (10, 1), (8, 0x13), (7, 0x1B)]).unwrap_or(2);
+    let primary = dice
+        .weighted(&[(30, 11), (20, 3), (25, 2), (10, 1), (8, 0x13), (7, 0x1B), (3, 0x213), (3, 0x21B)])
+        .unwrap_or(2);
     let standard: Vec<_> = STANDARD.iter().filter(|(_, mdt, _)| mdt.contains(&command_of(primary))).collect();
     let mut modes = vec![primary];
     match dice.pick(&standard).filter(|_| dice.chance(40)) {
@@ -114,13 +124,16 @@ fn telegram(dice: &mut Dice, axis: &mut Axis) {
         }
         None => {
             while dice.chance(50) && modes.len() < 8 {
-                modes.push(dice.pick(&[11, 3, 2, 1, 0x13, 0x1B]).unwrap_or(2));
+                modes.push(dice.pick(&[11, 3, 2, 1, 0x13, 0x1B, 0x213, 0x21B]).unwrap_or(2));
             }
             let mut mdt: Vec<u16> = modes.iter().map(|&mode| command_of(mode)).collect();
             for more in [36, 37, 47, 48, 80, 81, 145, 258] {
                 if dice.chance(12) {
                     mdt.push(more);
                 }
+            }
+            if mdt.contains(&282) && dice.chance(70) {
+                mdt.push(346);
             }
             axis.mdt = shuffled(dice, mdt);
             let mut at = vec![51];
@@ -225,6 +238,10 @@ fn polarity(dice: &mut Dice, axis: &mut Axis) {
         if idn == 55 {
             // A control whose command and feedback count against each other has no position to speak of.
             value = if value & 1 != 0 { value | 5 } else { value & 2 };
+            // Some builders do not know that: the drive says so.
+            if dice.chance(1) {
+                value ^= 4;
+            }
             // An endless axis has no limits: the drive refuses the two together.
             let endless = Units::of(axis).modulo.is_some();
             if dice.chance(if endless { 3 } else { 35 }) {
@@ -296,8 +313,10 @@ fn limits(dice: &mut Dice, axis: &mut Axis) {
     }
     if dice.chance(40) {
         let reach = 20.0 + 700.0 * dice.share();
-        set(49, degrees(reach));
-        set(50, -degrees(20.0 + 700.0 * dice.share()));
+        // Crossed, now and then: the drive refuses that.
+        let sense = if dice.chance(3) { -1 } else { 1 };
+        set(49, sense * degrees(reach));
+        set(50, -sense * degrees(20.0 + 700.0 * dice.share()));
     }
 }
 

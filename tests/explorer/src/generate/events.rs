@@ -1,8 +1,6 @@
 //! Any life that an axis could have: what a control unit does on purpose, what it does by mistake, and what happens to both.
 
 use fault_matrix::Fault;
-use sercos::dictionary;
-use sercos::{Phase, data_block::Location};
 
 use super::axis::{MODES, command_of};
 use crate::dice::Dice;
@@ -10,20 +8,11 @@ use crate::life::{Action, Axis, Event, Plant};
 use crate::units::{Units, setting};
 
 /// Bits 15, 14, 13 of the control word.
-const FOLLOW: u8 = 0b111;
-const HALT: u8 = 0b110;
-const OFF: u8 = 0b011;
+pub(super) const FOLLOW: u8 = 0b111;
+pub(super) const HALT: u8 = 0b110;
+pub(super) const OFF: u8 = 0b011;
 const DISABLE: u8 = 0b101;
-const NOTHING: u8 = 0;
-
-/// Gains and motor data: another value makes another machine, which is no fault of the drive if it swings.
-const NEVER_WRITTEN: [u16; 24] = [
-    100, 101, 104, 106, 107, 114, 155, 348, 392, 36, 37, 47, 48, 80, 81, 258, 0x8067, 0x806B, 0x8074, 0x8076, 0x8079,
-    0x808E, 0x8068, 0x8069,
-];
-/// What lives are about, written more often than the rest.
-const LIMITS: [u16; 22] =
-    [91, 92, 38, 39, 82, 83, 138, 372, 136, 137, 159, 349, 49, 50, 52, 57, 124, 259, 260, 193, 200, 201];
+pub(super) const NOTHING: u8 = 0;
 
 pub(crate) const FAULTS: [Fault; 26] = [
     Fault::Overcurrent,
@@ -55,21 +44,24 @@ pub(crate) const FAULTS: [Fault; 26] = [
 ];
 pub(crate) const BRAKE_FAULTS: [Fault; 3] = [Fault::BrakeStuckClosed, Fault::BrakeStuckOpen, Fault::BrakeWorn];
 
-struct Writer<'a> {
-    dice: &'a mut Dice,
-    axis: &'a Axis,
-    units: Units,
+/// Whoever writes a life, an event after the other.
+pub(super) struct Writer<'a> {
+    pub(super) dice: &'a mut Dice,
+    pub(super) axis: &'a Axis,
+    pub(super) units: Units,
     fastest: f64,
     now: u32,
     events: Vec<Event>,
-    ended: bool,
+    /// S-0-0346 bit 0.
+    toggle: i64,
+    /// The axis has become another machine: nothing is switched on before it has its own data again.
+    pub(super) ended: bool,
 }
 
 /// Events of a life, and how long it is watched after the last.
 pub(super) fn any(dice: &mut Dice, axis: &Axis) -> (Vec<Event>, u32) {
-    let fastest = f64::from(axis.plant.axis().maximum_speed);
     let least = 10 + dice.below(25) as usize;
-    let mut writer = Writer { dice, axis, units: Units::of(axis), fastest, now: 0, events: Vec::new(), ended: false };
+    let mut writer = Writer::new(dice, axis);
     writer.beginning();
     while writer.events.len() < least && !writer.ended {
         writer.phrase();
@@ -79,17 +71,24 @@ pub(super) fn any(dice: &mut Dice, axis: &Axis) -> (Vec<Event>, u32) {
     (writer.events, rest)
 }
 
+impl<'a> Writer<'a> {
+    pub(super) fn new(dice: &'a mut Dice, axis: &'a Axis) -> Self {
+        let fastest = f64::from(axis.plant.axis().maximum_speed);
+        Self { dice, axis, units: Units::of(axis), fastest, now: 0, events: Vec::new(), toggle: 0, ended: false }
+    }
+}
+
 impl Writer<'_> {
-    fn event(&mut self, action: Action) {
+    pub(super) fn event(&mut self, action: Action) {
         self.events.push(Event { at: self.now, action });
     }
 
-    fn wait(&mut self, milliseconds: f64) {
+    pub(super) fn wait(&mut self, milliseconds: f64) {
         // Whole microseconds, so that a life is the same in a file.
         self.now += (milliseconds * 1_000.0).max(0.0) as u32;
     }
 
-    fn pause(&mut self) {
+    pub(super) fn pause(&mut self) {
         let longest = self.dice.weighted(&[(3, 3.0), (5, 12.0), (2, 40.0)]).unwrap_or(12.0);
         let span = longest * self.dice.share();
         self.wait(span);
@@ -97,13 +96,16 @@ impl Writer<'_> {
 
     fn beginning(&mut self) {
         self.wait(1.0);
+        self.block_from_the_start();
         if self.dice.chance(15) {
             self.set_absolute();
         }
         if self.dice.chance(85) {
             self.event(Action::Switches(FOLLOW));
             self.pause();
+            self.wait_for_the_angle();
         }
+        self.overload_at_once();
     }
 
     /// A few events that belong together.
@@ -129,6 +131,10 @@ impl Writer<'_> {
             (3, 17),
             (2, 18),
             (2, 19),
+            (1, 20),
+            (1, 21),
+            (1, 22),
+            (1, 23),
         ]);
         match kind.unwrap_or(0) {
             0 => self.command(),
@@ -150,12 +156,16 @@ impl Writer<'_> {
             16 => self.press_against_a_stop(),
             17 => self.read(),
             19 => self.catch_at_speed(),
+            20 => self.ordeal(),
+            21 => self.run_up_with_changes(),
+            22 => self.identify(),
+            23 => self.foreign_data(),
             _ => self.leave_alone(),
         }
     }
 
     /// A mode that the axis has set, by its number in the control word.
-    fn any_mode(&mut self) -> (u8, i64) {
+    pub(super) fn any_mode(&mut self) -> (u8, i64) {
         let set: Vec<(u8, i64)> =
             (0..8).filter_map(|bits| Some((bits, setting(self.axis, MODES[usize::from(bits)])?))).collect();
         self.dice.pick(&set).unwrap_or((0, setting(self.axis, 32).unwrap_or(2)))
@@ -165,17 +175,17 @@ impl Writer<'_> {
         self.dice.pick(&self.axis.mdt).unwrap_or(47)
     }
 
-    fn rpm(&mut self) -> f64 {
+    pub(super) fn rpm(&mut self) -> f64 {
         let most = self.fastest * 0.9;
         self.dice.spread(2.0, most)
     }
 
-    fn long(value: f64) -> i64 {
+    pub(super) fn long(value: f64) -> i64 {
         value.round().clamp(f64::from(i32::MIN), f64::from(i32::MAX)) as i64
     }
 
     /// The axis is asked to move.
-    fn command(&mut self) {
+    pub(super) fn command(&mut self) {
         let idn = if self.dice.chance(70) { command_of(self.any_mode().1) } else { self.any_command() };
         let rpm = self.rpm();
         match idn {
@@ -207,6 +217,7 @@ impl Writer<'_> {
                 let degrees = self.dice.spread(1.0, 2_000.0);
                 self.event(Action::Set(idn, self.units.degrees(degrees)));
             }
+            282 | 346 => self.position_by_control(),
             _ => {
                 let value = self.dice.between(0, 0xFFFF);
                 self.event(Action::Set(idn, value));
@@ -214,7 +225,20 @@ impl Writer<'_> {
         }
     }
 
-    fn stop(&mut self) {
+    /// A position or distance, and S-0-0346 that has it taken over.
+    fn position_by_control(&mut self) {
+        let degrees = self.dice.spread(1.0, 2_000.0);
+        self.event(Action::Set(282, self.units.degrees(degrees)));
+        self.wait(4.0);
+        // Bit 3: a distance, 4: from where it is, 5: at once; bits 2 and 1: turns, or stops.
+        let way = self.dice.pick(&[0, 0, 0x08, 0x18, 0x20, 0x28, 0x02, 0x04, 0x06]).unwrap_or(0);
+        self.toggle ^= 1;
+        let control = way | self.toggle;
+        let in_mdt = self.axis.mdt.contains(&346);
+        self.event(if in_mdt { Action::Set(346, control) } else { Action::Write(346, control) });
+    }
+
+    pub(super) fn stop(&mut self) {
         let bits =
             self.dice.weighted(&[(4, HALT), (4, OFF), (1, DISABLE), (2, NOTHING), (1, 0b001), (1, 0b100), (1, 0b010)]);
         self.event(Action::Switches(bits.unwrap_or(HALT)));
@@ -261,61 +285,6 @@ impl Writer<'_> {
         }
     }
 
-    fn write(&mut self) {
-        let idn = if self.dice.chance(50) {
-            self.dice.pick(&LIMITS).unwrap_or(91)
-        } else {
-            let protected = self.dice.chance(15);
-            let choices: Vec<u16> = dictionary::DICTIONARY
-                .iter()
-                .filter(|block| {
-                    block.fixed_bytes().is_some()
-                        && matches!(block.location, Location::Parameter | Location::Live)
-                        && !block.attribute.is_read_only()
-                        && block.attribute.is_protected_in(Phase::Cp4) == protected
-                })
-                .map(|block| block.idn.0)
-                .filter(|idn| !NEVER_WRITTEN.contains(idn) && !self.axis.mdt.contains(idn))
-                .collect();
-            self.dice.pick(&choices).unwrap_or(52)
-        };
-        let value = self.value(idn);
-        self.event(Action::Write(idn, value));
-    }
-
-    fn value(&mut self, idn: u16) -> i64 {
-        let block = dictionary::find(sercos::Idn(idn));
-        let bytes = block.and_then(|block| block.fixed_bytes()).unwrap_or(2);
-        let (least, most) = if bytes == 2 { (-0x8000, 0xFFFF) } else { (i64::from(i32::MIN), i64::from(u32::MAX)) };
-        let minimum = block.and_then(|block| block.minimum).unwrap_or(least);
-        let maximum = block.and_then(|block| block.maximum).unwrap_or(most);
-        let default = block.map_or(0, |block| block.default);
-        let degrees = |degrees: f64| self.units.revolution * degrees / 360.0;
-        match idn {
-            52 | 150 if self.dice.chance(70) => {
-                let edge = self.dice.pick(&[i64::from(i32::MAX), i64::from(i32::MIN), 0, 0]).unwrap_or(0);
-                let by = degrees(self.dice.spread(1.0, 1_000.0)) as i64;
-                return (edge + by).clamp(i32::MIN.into(), i32::MAX.into());
-            }
-            49 | 50 if self.dice.chance(70) => return degrees(self.dice.spread(1.0, 2_000.0)) as i64,
-            91 | 259 if self.dice.chance(60) => return Self::long(self.rpm().abs() * self.units.rpm).max(1),
-            92 if self.dice.chance(60) => return self.dice.between(10, 3_000),
-            138 | 372 | 136 | 137 if self.dice.chance(70) => {
-                let ramp = f64::from(self.axis.plant.axis().gains.acceleration_limit) * 1e-3;
-                return Self::long(ramp * self.units.acceleration * (0.05 + self.dice.share())).max(1);
-            }
-            159 if self.dice.chance(60) => return degrees(0.5 + 60.0 * self.dice.share()) as i64,
-            _ => {}
-        }
-        match self.dice.below(6) {
-            0 => self.dice.pick(&[0, 1, -1, 2, 7, i64::from(i32::MAX), 0x7FFF]).unwrap_or(0),
-            1 => self.dice.pick(&[minimum, maximum, minimum - 1, maximum + 1]).unwrap_or(0),
-            2 => self.dice.between(minimum, maximum),
-            3 => default,
-            _ => (default as f64 * (0.2 + 2.0 * self.dice.share())) as i64,
-        }
-    }
-
     fn disturb(&mut self) {
         let action = match self.dice.below(10) {
             0 | 1 => Action::LoseMst(self.dice.weighted(&[(5, 1), (3, 2), (2, 3), (1, 8)]).unwrap_or(1)),
@@ -345,7 +314,7 @@ impl Writer<'_> {
     }
 
     /// What an operator does after an error.
-    fn recover(&mut self) {
+    pub(super) fn recover(&mut self) {
         if self.dice.chance(50) {
             self.event(Action::Switches(NOTHING));
             self.pause();
@@ -363,7 +332,7 @@ impl Writer<'_> {
 
     fn run_up(&mut self) {
         let stubborn = self.dice.chance(60);
-        self.event(Action::RunUp { stubborn });
+        self.event(Action::RunUp { stubborn, also: Vec::new() });
         self.pause();
         if self.dice.chance(60) {
             self.recover();
@@ -407,6 +376,8 @@ impl Writer<'_> {
         self.wait(30.0);
         self.event(Action::Cancel(447));
         self.wait(6.0);
+        // A control that wants to know.
+        self.event(Action::Read(403));
         self.event(Action::Switches(FOLLOW));
         // Over the border of 32 bits, or back to where the axis comes from.
         if self.axis.mdt.contains(&47) && self.dice.chance(60) {
@@ -441,34 +412,8 @@ impl Writer<'_> {
         self.wait(30.0);
         if self.dice.chance(80) {
             self.event(Action::Cancel(148));
-        }
-    }
-
-    fn defaults(&mut self) {
-        self.event(Action::Switches(NOTHING));
-        self.wait(5.0);
-        self.event(Action::Start(262));
-        self.wait(10.0);
-        self.event(Action::Cancel(262));
-        // Its gains are those of another machine now: it is looked at, and not switched on before it has its own again.
-        self.wait(10.0);
-        self.read();
-        self.ended = true;
-    }
-
-    fn command_of_any_kind(&mut self) {
-        let commands = [99, 139, 148, 170, 191, 447, 0x80DC, 0x80E0, 0x80E1, 127, 128];
-        let idn = self.dice.pick(&commands).unwrap_or(99);
-        self.event(Action::Start(idn));
-        self.pause();
-        if idn == 170 {
-            self.event(Action::Write(405, 1));
-            self.event(Action::Probe(true));
-            self.pause();
-            self.event(Action::Probe(false));
-        }
-        if self.dice.chance(70) {
-            self.event(Action::Cancel(idn));
+            self.event(Action::Read(403));
+            self.event(Action::Read(0x8003));
         }
     }
 
@@ -512,11 +457,6 @@ impl Writer<'_> {
         self.wait(pause);
         self.event(Action::Switches(FOLLOW));
         self.wait(40.0);
-    }
-
-    fn read(&mut self) {
-        let idn = self.dice.pick(&[36, 40, 47, 51, 189, 84, 11, 12, 13, 14, 390, 403, 130, 336, 380, 134, 135]);
-        self.event(Action::Read(idn.unwrap_or(51)));
     }
 
     fn leave_alone(&mut self) {

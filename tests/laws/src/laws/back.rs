@@ -12,12 +12,16 @@ use crate::scene::Scene;
 const PATIENCE: Nanoseconds = Nanoseconds::from_millis(5_000);
 /// Nothing outside has changed for so long: supply, load, pins.
 const QUIET: Nanoseconds = Nanoseconds::from_millis(500);
+/// Telegrams have been in time for so many cycles.
+const REGULAR: u64 = 8;
 /// In operation so long without an error, it is back.
 const BACK: Nanoseconds = Nanoseconds::from_millis(250);
 /// A command may be this share of S-0-0159 away.
 const NEAR: f64 = 0.5;
 /// rad/s: 3 rpm.
 const STANDSTILL: f64 = 0.3;
+/// S-0-0277 bit 3.
+const COUNTS_AGAINST: u16 = 8;
 
 /// Follows an axis from the edge until it is in operation.
 #[derive(Default)]
@@ -59,16 +63,20 @@ impl Back {
     /// Nothing stands in the way of an axis that is to be switched on.
     fn may_come(scene: &Scene) -> bool {
         let (machine, settings) = (&scene.sight.machine, &scene.settings);
-        let sound =
-            scene.is_left_alone(QUIET) && !scene.within(scene.troubled, QUIET) && machine.velocity.abs() < STANDSTILL;
+        let sound = scene.is_left_alone(QUIET)
+            && !scene.within(scene.troubled, QUIET)
+            && !scene.within(scene.irregular, scene.cycles(REGULAR, 0))
+            && machine.velocity.abs() < STANDSTILL;
         let motor = settings.unsigned(Idn(116)).map(|lines| 4 * lines)
             == Some(i64::from(scene.machine.encoder.increments_per_revolution))
-            && settings.word(Idn(0x8000 | 110)) == Some(scene.machine.windings.pole_pairs as u16);
+            && settings.word(Idn(0x8000 | 110)) == Some(scene.machine.windings.pole_pairs as u16)
+            // The machine's encoder counts with its motor.
+            && settings.word(Idn(277)).is_some_and(|kind| kind & COUNTS_AGAINST == 0);
         let free = scene.command.is_none()
             && scene.wire.phase == 4
             && !scene.wire.has_error()
             && scene.machine.brake.is_none();
-        sound && motor && free && Self::asks_for_rest(scene)
+        sound && motor && free && Self::asks_for_rest(scene) && !scene.is_beyond_thresholds()
     }
 }
 
@@ -96,9 +104,6 @@ impl Law for Back {
                 let same = |begun: &Begun| {
                     wire.control & 0xEB00 == begun.control && Self::asks_for_rest(scene) && Self::is_still(begun, scene)
                 };
-                if let Some(begun) = self.begun.as_mut().filter(|begun| begun.command.is_none() && wire.follows()) {
-                    begun.command = scene.position_command();
-                }
                 if !self.begun.as_ref().is_some_and(same) {
                     self.begun = None;
                 }
@@ -113,6 +118,7 @@ impl Law for Back {
                         && wire.status_before & status::SHUT_DOWN != 0
                         && scene.is_left_alone(QUIET)
                         && !scene.within(scene.pins_changed, QUIET)
+                        && !scene.is_beyond_thresholds()
                     {
                         return Verdict::Broken(format!(
                             "S-0-0099 was executed at {cleared}, and the AT shows an error"
@@ -138,7 +144,16 @@ impl Back {
             self.begun = None;
             return Verdict::Silent;
         };
+        if begun.command.is_none() && wire.follows() {
+            // Not that of the next MDT: the control has seen this AT by then, and goes where it likes.
+            begun.command = scene.position_command();
+        }
         let edge = begun.edge;
+        if wire.has_error() && scene.is_beyond_thresholds() {
+            // They have been written since.
+            self.begun = None;
+            return Verdict::Silent;
+        }
         if wire.has_error() {
             return Verdict::Broken(format!("a fresh edge at {edge} with nothing in its way ended in an error"));
         }
@@ -171,7 +186,8 @@ mod tests {
         fake.write(32, &[11]);
         fake.write(116, &[16_384, 0]);
         fake.write(0x8000 | 110, &[4]);
-        fake.run(5, 0, 0x8000);
+        fake.write(0x8000 | 105, &[700]);
+        fake.run(12, 0, 0x8000);
         fake
     }
 
@@ -188,6 +204,41 @@ mod tests {
         error.run(3, 0xE000, 0x8000);
         error.run(3, 0xE000, 0xA000);
         assert!(error.broken().is_some_and(|words| words.contains("ended in an error")));
+    }
+
+    #[test]
+    fn an_encoder_that_is_said_to_count_against_its_motor_is_in_the_way() {
+        let mut fake = fake();
+        fake.write(277, &[8]);
+        fake.run(3, 0xE000, 0x8000);
+        fake.run(3, 0xE000, 0xA000);
+        assert_eq!(fake.broken(), None);
+    }
+
+    #[test]
+    fn what_a_threshold_makes_an_error_is_not_gone() {
+        for (idn, words) in [(204, 300), (203, 100), (0x8000 | 104, 3_000), (0x8000 | 105, 10)] {
+            let mut fake = fake();
+            fake.sight.machine.temperatures = [40.0, 60.0];
+            fake.run(3, 0xE000, 0x8000);
+            fake.write(idn, &[words]);
+            fake.run(3, 0xE000, 0xA000);
+            assert_eq!(fake.broken(), None, "{idn}");
+            fake.write(99, &[3]);
+            fake.open(99, 3);
+            fake.run(10, 0, 0xA000);
+            assert_eq!(fake.broken(), None, "{idn}");
+        }
+    }
+
+    #[test]
+    fn a_command_that_goes_on_as_soon_as_it_is_followed_may_be_refused() {
+        let mut fake = fake();
+        fake.run(3, 0xE000, 0x8000);
+        fake.data[0] = 100_000_i32.to_le_bytes().to_vec();
+        fake.run(1, 0xE000, 0xC008);
+        fake.run(3, 0xE000, 0xE000);
+        assert_eq!(fake.broken(), None);
     }
 
     #[test]

@@ -7,7 +7,7 @@ use crate::law::{Event, Law, Verdict};
 use crate::scene::Scene;
 
 /// A path between commands is done after so many cycles of the control unit, and so many of the ring for the way there and back.
-const SETTLED_CYCLES: i64 = 6;
+const SETTLED_CYCLES: i64 = 7;
 /// In revolutions: a held shaft trembles less.
 const STOOD: f64 = 1e-4;
 /// The shaft stands when it is slower than this in rad/s.
@@ -18,14 +18,16 @@ const STANDSTILL: f64 = 0.05;
 pub(crate) struct Distance {
     command: Option<u32>,
     unchanged: i64,
-    /// Where the shaft was when a homing was started, in revolutions.
-    started: Option<f64>,
+    /// From where to where the shaft was since a homing was started, in revolutions.
+    started: Option<[f64; 2]>,
     /// Where the shaft stood when S-0-0447, or S-0-0148 where it stands, gave it S-0-0052.
     zeroed: Option<Zeroed>,
 }
 
 struct Zeroed {
     angle: f64,
+    /// How far from there the shaft may have been at that moment, in revolutions.
+    blur: f64,
     distance: f64,
     answers: u32,
 }
@@ -38,7 +40,7 @@ impl Distance {
         let following =
             scene.is_operating() && scene.wire.asks_to_follow() && scene.wire.follows() && scene.asks_for_position();
         let still = scene.sight.machine.velocity.abs() < STANDSTILL && scene.asked_mode() == scene.actual_mode();
-        if !following || !still || self.unchanged < SETTLED_CYCLES + unit_cycles {
+        if !following || !still || self.unchanged < SETTLED_CYCLES * unit_cycles {
             return Verdict::Silent;
         }
         let known = scene.position_command().zip(scene.position_feedback()).zip(scene.units);
@@ -59,10 +61,11 @@ impl Distance {
             && scene.sight.machine.velocity.abs() < STANDSTILL
             && !scene.deceived
             // It is executed at once, and the master asks later: only for a shaft that has stood since then is it known where.
-            && self.started.is_some_and(|angle| (scene.sight.machine.angle - angle).abs() < STOOD)
+            && let Some([least, most]) = self.started.filter(|[least, most]| most - least < STOOD)
             && let Some(distance) = scene.settings.signed(Idn(52))
         {
-            self.zeroed = Some(Zeroed { angle: scene.sight.machine.angle, distance: distance as f64, answers: 0 });
+            let (angle, blur) = (scene.sight.machine.angle, most - least);
+            self.zeroed = Some(Zeroed { angle, blur, distance: distance as f64, answers: 0 });
         }
     }
 
@@ -81,7 +84,7 @@ impl Distance {
         let Some(((feedback, sense), units)) = known.filter(|_| scene.wire.phase == 4) else { return Verdict::Silent };
         let moved = sense * (scene.sight.machine.angle - zeroed.angle) * units.increments;
         let off = units.way(zeroed.distance + moved, feedback);
-        let tolerance = 2.0 * scene.quantum(&units) + 2.0 + moved.abs();
+        let tolerance = 2.0 * scene.quantum(&units) + 2.0 + moved.abs() + zeroed.blur * units.increments;
         Verdict::of(off.abs() <= tolerance, || {
             format!("S-0-0052 is {}, and S-0-0051 {feedback} after homing", zeroed.distance)
         })
@@ -94,12 +97,16 @@ impl Law for Distance {
     }
 
     fn judge(&mut self, event: &Event<'_>, scene: &Scene) -> Verdict {
+        if let Some([least, most]) = &mut self.started {
+            *least = least.min(scene.sight.machine.angle);
+            *most = most.max(scene.sight.machine.angle);
+        }
         match event {
             Event::Record => {
                 let command = scene.wire.command(Idn::POSITION_COMMAND);
                 self.unchanged = if command == self.command { self.unchanged + 1 } else { 0 };
                 self.command = command;
-                if !scene.wire.asks_to_follow() {
+                if !scene.wire.asks_to_follow() || !scene.wire.follows() {
                     self.unchanged = 0;
                 }
                 Verdict::Silent
@@ -116,7 +123,7 @@ impl Law for Distance {
                 _ => Verdict::Silent,
             },
             Event::Service(Heard::Written(Idn(148 | 447), Element::Data, words)) => {
-                self.started = (words[..] == [3]).then_some(scene.sight.machine.angle);
+                self.started = (words[..] == [3]).then_some([scene.sight.machine.angle; 2]);
                 Verdict::Silent
             }
             Event::Service(Heard::Opened(idn, 3)) if scene.command == Some(*idn) => {

@@ -36,12 +36,18 @@ impl Fake {
         let observer = Observer::with(ADDRESS, machine, vec![Box::new(law)]);
         let mut fake = Self { observer, time: CYCLE, sight, data: [vec![0; 4], vec![0; 4]], handshake: 0 };
         for phase in 0..=4 {
-            fake.phase(phase);
-            if phase == 1 {
-                fake.observer.arrived(fake.time, fake.time, Ok(&[ADDRESS, 0, 0, 0, 0]));
-            }
+            fake.enter(phase);
         }
         fake
+    }
+
+    /// The first MST of a phase, and in CP1 the record with which CP2 begins.
+    pub(crate) fn enter(&mut self, phase: u8) {
+        self.phase(phase);
+        if phase == 1 {
+            self.handshake = 0;
+            self.observer.arrived(self.time, self.time, Ok(&[ADDRESS, 0, 0, 0, 0]));
+        }
     }
 
     /// An MST.
@@ -98,7 +104,8 @@ impl Fake {
 
     fn record(&mut self, control: u16, info: u16) {
         let words = [control, info].map(u16::to_le_bytes).concat();
-        self.observer.arrived(self.time, self.time, Ok(&[&[255][..], &words, &self.data[0]].concat()));
+        let address = if self.observer.scene().wire.phase < 3 { ADDRESS } else { 255 };
+        self.observer.arrived(self.time, self.time, Ok(&[&[address][..], &words, &self.data[0]].concat()));
     }
 
     fn step(&mut self, step: Step, reply: u16, control: u16, status: u16) {

@@ -9,7 +9,7 @@ use crate::law::{Event, Law, Verdict};
 use crate::scene::Scene;
 
 /// Between two looks the shaft is where a straight line says, and the latch is exact to this, in seconds.
-const TIMING: f64 = 5e-6;
+const TIMING: f64 = 1e-6;
 /// A tolerance of the communication cycle: an MST that comes then is in time.
 const JITTER: Nanoseconds = Nanoseconds::from_microseconds(2);
 /// A procedure that gives positions another zero is done so long after its beginning, or is still running.
@@ -20,6 +20,8 @@ const REZEROING: Nanoseconds = Nanoseconds::from_millis(100);
 pub(crate) struct Feedback {
     /// S-0-0051 less what the shaft has turned, in increments.
     zero: Option<f64>,
+    /// The fastest that the shaft was since then, in revolutions per second: the zero is as exact as the latch at that speed.
+    fastest: f64,
     session: Nanoseconds,
 }
 
@@ -29,6 +31,10 @@ impl Law for Feedback {
     }
 
     fn judge(&mut self, event: &Event<'_>, scene: &Scene) -> Verdict {
+        if scene.deceived {
+            // Also where the bridge comes on, and ends it, before an AT.
+            self.zero = None;
+        }
         if !matches!(event, Event::Answer) {
             return Verdict::Silent;
         }
@@ -52,18 +58,24 @@ impl Law for Feedback {
             return Verdict::Silent;
         };
         let t4 = scene.settings.word(Idn::T4).unwrap_or(0);
+        if wire.at.saturating_sub(wire.mst) > Nanoseconds::from_microseconds(t4.into()) {
+            // So early in the cycle it may be that of the same.
+            return Verdict::Silent;
+        }
         let captured = wire.mst_before + Nanoseconds::from_microseconds(t4.into());
         let Some(angle) = scene.angle_at(captured).filter(|_| regular && wire.answers > 3) else {
             return Verdict::Silent;
         };
         let turned = sense * angle * units.increments;
+        let speed = scene.sight.machine.velocity.abs().max(scene.before.machine.velocity.abs()) / TAU;
         let Some(zero) = self.zero else {
+            self.fastest = speed;
             self.zero = Some(shown - turned);
             return Verdict::Silent;
         };
         let off = units.way(zero + turned, shown);
-        let speed = scene.sight.machine.velocity.abs().max(scene.before.machine.velocity.abs()) / TAU;
-        let tolerance = 2.0 * scene.quantum(&units) + 2.0 + speed * TIMING * units.increments;
+        self.fastest = self.fastest.max(speed);
+        let tolerance = 2.0 * scene.quantum(&units) + 2.0 + self.fastest * TIMING * units.increments;
         Verdict::of(off.abs() <= tolerance, || {
             format!(
                 "S-0-0051 shows {shown}, but the shaft is {off:.0} increments from there (tolerance {tolerance:.0})"

@@ -79,7 +79,9 @@ impl Law for Velocity {
     fn judge(&mut self, event: &Event<'_>, scene: &Scene) -> Verdict {
         let (Event::Look, true) = (event, scene.sight.bridge) else { return Verdict::Silent };
         let machine = &scene.sight.machine;
-        let positive = scene.is_positive(machine.velocity, Idn(43)).filter(|_| scene.is_left_alone(GRACE));
+        // A shaft that another gear or scaling finds too fast is on its way.
+        let known = scene.is_left_alone(GRACE) && !scene.within(scene.rezeroed, GRACE);
+        let positive = scene.is_positive(machine.velocity, Idn(43)).filter(|_| known);
         let limit = positive.and_then(|positive| Self::limit(scene, positive));
         let Some(limit) = limit else {
             self.0.end();
@@ -99,7 +101,6 @@ impl Law for Velocity {
 pub(crate) struct PositionLimits {
     /// Where the shaft was when it passed the limit, or was found beyond it, and how much further it may go, in revolutions.
     beyond: Option<(f64, f64)>,
-    inside: bool,
 }
 
 impl Law for PositionLimits {
@@ -130,14 +131,15 @@ impl Law for PositionLimits {
             0.0
         };
         if out == 0.0 {
-            *self = Self { beyond: None, inside: true };
+            *self = Self::default();
             return Verdict::Kept;
         }
         let machine = &scene.sight.machine;
         let (from, allowed) = *self.beyond.get_or_insert_with(|| {
             let ramp = settings.unsigned(Idn(138)).unwrap_or(1).max(1) as f64
                 * scene.units.map_or(1.0, |units| units.acceleration);
-            let speed = if self.inside { machine.velocity.abs() } else { 0.0 };
+            // Whoever is caught outside, or passes the limit, is stopped.
+            let speed = machine.velocity.abs();
             let latency = POSITION.1 + 3.0 * scene.cycle.as_seconds();
             (machine.angle, (POSITION.0 * speed * speed / (2.0 * ramp) + speed * latency) / TAU + POSITION.2)
         });
@@ -209,6 +211,23 @@ mod tests {
             fake.sight.machine.current = [0.0, rpm / 20.0];
             fake.run(20, 0xE000, 0xC008);
             assert_eq!(fake.broken().is_none(), lawful, "{polarity} {rpm}");
+        }
+    }
+
+    #[test]
+    fn an_axis_that_is_caught_beyond_its_limit_is_stopped_there() {
+        for (acceleration, lawful) in [(-1_000.0, true), (0.0, false)] {
+            let mut fake = Fake::in_cp4(PositionLimits::default());
+            fake.settle_limits(1_000_000);
+            fake.sight.machine.velocity = 100.0;
+            for cycle in 0..60 {
+                fake.sight.bridge = cycle > 10;
+                let shown = (fake.angle_before() * 3_600_000.0) as i32 + 1_000_001;
+                fake.data[1] = shown.to_le_bytes().to_vec();
+                let braked = fake.sight.bridge && fake.sight.machine.velocity > 0.0;
+                fake.turning(0xE000, 0xC008, if braked { acceleration } else { 0.0 }, |_| {});
+            }
+            assert_eq!(fake.broken().is_none(), lawful, "{:?}", fake.broken());
         }
     }
 

@@ -1,12 +1,16 @@
 //! The laws, one file each.
 
 mod back;
+mod contradictions;
+mod directions;
 mod distance;
 mod feedback;
+mod findings;
 mod following;
 mod limits;
 mod nothing_moves;
 mod service;
+mod sizes;
 mod stop;
 mod switching_on;
 mod torque_goes;
@@ -39,5 +43,9 @@ pub(crate) fn all() -> Vec<Box<dyn Law>> {
         Box::new(service::AtAndService::default()),
         Box::new(service::Acknowledged::default()),
         Box::new(service::Protected::default()),
+        Box::new(sizes::Sizes),
+        Box::new(findings::Findings::default()),
+        Box::new(contradictions::Contradictions::default()),
+        Box::new(directions::Directions::default()),
     ]
 }

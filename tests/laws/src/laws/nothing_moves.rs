@@ -18,6 +18,8 @@ const LASTING: Nanoseconds = Nanoseconds::from_millis(20);
 const SLACK: f64 = 0.02;
 /// Without S-0-0159 nobody says how far it may be; it is not a revolution.
 const UNMONITORED: f64 = 1.0;
+/// Seconds in which a shaft that turns comes to what is commanded.
+const CATCHING_UP: f64 = 0.05;
 /// Beyond the commanded velocity: a share, and rad/s (20 rpm).
 const OVERSHOOT: (f64, f64) = (1.1, 2.0);
 /// A halted axis that has stood for so long stays where it is, within so many revolutions.
@@ -65,13 +67,10 @@ impl NothingMoves {
             (Some(3 | 4 | 11 | 12), Some(command), followed) => {
                 let Some(feedback) = scene.position_feedback() else { return };
                 let way = sense * units.way(feedback, command) / units.increments;
-                *followed = Followed::Position {
-                    start: machine.angle,
-                    last: command,
-                    way,
-                    low: way.min(0.0),
-                    high: way.max(0.0),
-                };
+                // What turns already, after a cycle without a command, needs a way to come back.
+                let going = machine.velocity / TAU * CATCHING_UP;
+                let (low, high) = (way.min(going).min(0.0), way.max(going).max(0.0));
+                *followed = Followed::Position { start: machine.angle, last: command, way, low, high };
             }
             (Some(2), ..) => {
                 let value = |idn: Idn| {

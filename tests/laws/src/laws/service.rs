@@ -14,7 +14,7 @@ const ANSWERS: usize = 12;
 const ANSWERS_AFTER: u32 = 3;
 /// Data blocks that the drive itself changes, or that read otherwise than they are written: command values, bits that a control bit or an
 /// input owns, the password, the commutation angle, what follows another, and the recorder's.
-const ALIVE: [u16; 26] = [
+const ALIVE: [u16; 27] = [
     1,
     36,
     37,
@@ -27,6 +27,7 @@ const ALIVE: [u16; 26] = [
     267,
     282,
     301,
+    346,
     400,
     405,
     406,

@@ -11,6 +11,8 @@ use crate::scene::Scene;
 const OVERSHOOT: (f64, f64) = (0.05, 0.5);
 /// The torque of the moment goes on for so long: filter of the velocity and current loop.
 const LOOP_LAG: f64 = 2e-3;
+/// And where the load hangs on an elastic shaft, which winds up and unwinds.
+const ELASTIC_LAG: f64 = 4e-3;
 /// It is no overshoot that lasts longer than this.
 const LASTING: Nanoseconds = Nanoseconds::from_millis(1);
 /// The axis stands when it is slower than this in rad/s, or has this share of its speed.
@@ -65,7 +67,8 @@ impl Stop {
             let seconds = (speed / ramp + rounded) * (1.0 + MARGIN.0) + MARGIN.1 * 1e-3 + 5.0 / kv;
             scene.now + effect + Nanoseconds((seconds.min(1e6) * 1e9) as u64)
         });
-        let tolerance = OVERSHOOT.0 * speed + OVERSHOOT.1 + acceleration * LOOP_LAG;
+        let lag = if scene.machine.mechanics.load.is_some() { ELASTIC_LAG } else { LOOP_LAG };
+        let tolerance = OVERSHOOT.0 * speed + OVERSHOOT.1 + acceleration * lag;
         let effect = scene.now + effect;
         let (begun, faster, stood) = (scene.now, None, false);
         self.running = Some(Running { cause, begun, effect, speed, tolerance, deadline, faster, stood });
@@ -83,7 +86,8 @@ impl Stop {
             running.speed = running.speed.max(speed);
             return Verdict::Silent;
         }
-        if scene.within(scene.disturbed, RECOVERY) || machine.seized {
+        if scene.within(scene.disturbed, RECOVERY) || machine.seized || (scene.hurries_its_brake() && !scene.sight.coil)
+        {
             // Another load is another stop: it counts from where it leaves the shaft.
             running.speed = running.speed.max(speed);
             running.faster = None;

@@ -1,23 +1,31 @@
 //! The bridge switches on only after an edge of bits 15 and 14 seen in this CP4, with C1D = 0.
 
 use ring::Nanoseconds;
-use ring::ident::Idn;
+use ring::ident::{Element, Idn};
 use ring::service_client::status;
 
+use crate::dialogue::Heard;
 use crate::law::{Event, Law, Verdict};
 use crate::scene::Scene;
 
 /// From the MDT that has the edge to the bridge: t3 of this cycle or the next, and what the amplifier takes to be reset.
 const PROMPT_MICROSECONDS: u64 = 2_000;
 
-/// S-0-0099 may come with the edge: the ATs that show the error are older, by so many cycles.
-const CLEARED_CYCLES: u64 = 3;
+/// What the search for the zero of the current sensors takes.
+const ZERO_MICROSECONDS: u64 = 200_000;
+
+/// S-0-0099 may come with the edge: the ATs that show the error are older, up to so many after the one that acknowledges it.
+const STALE_ANSWERS: u64 = 3;
 
 /// Watches the bridge come on.
 #[derive(Default)]
 pub(crate) struct SwitchingOn {
     /// The last edge of a CP4, also when the next MST has ended it: what it has begun comes on.
     edge: Option<Nanoseconds>,
+    /// How many ATs had been sent in this CP4 when S-0-0099 was last acknowledged.
+    cleared: Option<u64>,
+    /// A sensor lied at the last look.
+    lied: bool,
 }
 
 impl Law for SwitchingOn {
@@ -30,10 +38,18 @@ impl Law for SwitchingOn {
         if matches!(event, Event::Record) && wire.edge.is_some() {
             self.edge = wire.edge;
         }
-        if !matches!(event, Event::Look) || scene.before.bridge || !scene.sight.bridge {
+        if let Event::Service(Heard::Written(Idn(99), Element::Data, words)) = event {
+            self.cleared = (words[..] == [3]).then_some(wire.answers);
+        }
+        if !matches!(event, Event::Look) {
             return Verdict::Silent;
         }
-        let clearing = scene.command == Some(Idn(99)) && scene.within(scene.written, scene.cycles(CLEARED_CYCLES, 0));
+        let lied = std::mem::replace(&mut self.lied, scene.deceived);
+        if scene.before.bridge || !scene.sight.bridge {
+            return Verdict::Silent;
+        }
+        let stale = self.cleared.is_some_and(|then| wire.answers <= then + STALE_ANSWERS);
+        let clearing = scene.starting == Some(Idn(99)) || stale;
         // The AT before the last one may be older than S-0-0099.
         let error = wire.status & wire.status_before & status::SHUT_DOWN != 0 && !clearing;
         // A brake that was just closing is closed and tested first, and then opened again.
@@ -41,7 +57,9 @@ impl Law for SwitchingOn {
             let milliseconds = [206, 207, 0x8000 | 123].map(|idn| scene.settings.unsigned(Idn(idn)).unwrap_or(0));
             1_000 * milliseconds.iter().sum::<i64>().unsigned_abs()
         });
-        let fresh = scene.within(self.edge, scene.cycles(2, PROMPT_MICROSECONDS + brake));
+        // Current sensors that have lied find their zero anew first.
+        let zero = if lied { ZERO_MICROSECONDS } else { 0 };
+        let fresh = scene.within(self.edge, scene.cycles(2, PROMPT_MICROSECONDS + brake + zero));
         Verdict::of(fresh && !error, || {
             let (phase, control, status) = (wire.phase, wire.control, wire.status);
             match scene.since(wire.edge) {

@@ -14,8 +14,6 @@ const MEMORY: Nanoseconds = Nanoseconds::from_millis(1_500);
 const QUIET: Nanoseconds = Nanoseconds::from_millis(200);
 /// rad/s: 3 rpm.
 const STANDSTILL: f64 = 0.3;
-/// An MST that comes so much too early or too late is not in time.
-const JITTER: Nanoseconds = Nanoseconds::from_microseconds(1);
 /// A share of S-0-0159 at which a following distance may be said to have been too large: between the looks it may have been more.
 const NEARLY: f64 = 0.5;
 
@@ -36,10 +34,7 @@ pub(crate) struct TrueErrors {
     was_beyond: Option<Nanoseconds>,
     /// When a command stepped by more than half of what S-0-0091 allows, or the motor was at its limit.
     was_hard: Option<Nanoseconds>,
-    /// When a telegram of the master was late or lost.
-    was_irregular: Option<Nanoseconds>,
     command: Option<f64>,
-    record: Nanoseconds,
     /// When the error came that is shown; only its own past counts.
     error: Option<Nanoseconds>,
 }
@@ -51,7 +46,9 @@ impl TrueErrors {
         let bus = sight.machine.bus_voltage;
         // A counter that is faster than the motor may be, S-0-0113 and a quarter, is taken for one that jumps (known, see docs/laws.md).
         let overspeed = scene.settings.unsigned(Idn(113)).is_some_and(|most| sight.rpm().abs() > 1.2e-4 * most as f64);
-        if scene.deceived || sight.machine.seized || sight.machine.index_muted || overspeed {
+        // So is a shaft that something stronger than the motor stops: a brake, or what a fault has put in its place.
+        let stopped = sight.machine.brake_torque > 0.0 && sight.machine.velocity.abs() > STANDSTILL;
+        if scene.deceived || sight.machine.seized || stopped || sight.machine.index_muted || overspeed {
             self.encoder_lied = now;
         }
         if !sight.main_power || volts(104).is_none_or(|least| bus < 1.15 * least) {
@@ -66,10 +63,6 @@ impl TrueErrors {
     }
 
     fn compare(&mut self, scene: &Scene) {
-        if scene.now.saturating_sub(self.record) > scene.cycles(1, 100) {
-            self.was_irregular = Some(scene.now);
-        }
-        self.record = scene.now;
         let known = scene.units.zip(scene.position_feedback()).zip(scene.position_command());
         let Some(((units, feedback), command)) = known else {
             // Commands that are not seen may be anything.
@@ -82,7 +75,10 @@ impl TrueErrors {
         if way.abs() > NEARLY * window {
             self.was_far = Some(scene.now);
         }
-        let step = self.command.replace(command).map_or(0.0, |from| units.way(from, command));
+        let before = self.command.replace(command).unwrap_or(command);
+        let step = units.way(before, command);
+        // Without the wrap at the border of the numbers, which may lie behind a limit.
+        let asked = before + step;
         let seconds = scene.cycle.as_seconds();
         let allowed = number(91).unwrap_or(0.0) * units.velocity / core::f64::consts::TAU * units.increments * seconds;
         if step.abs() > 0.5 * allowed || !scene.asks_for_position() {
@@ -101,7 +97,7 @@ impl TrueErrors {
             number(49).is_none_or(|high| up && position > high - margin)
                 || number(50).is_none_or(|low| down && position < low + margin)
         };
-        if beyond(feedback, up, down) || beyond(command, up, down) || scene.units.is_none_or(|units| units.is_modulo) {
+        if beyond(feedback, up, down) || beyond(asked, up, down) || scene.units.is_none_or(|units| units.is_modulo) {
             self.was_beyond = Some(scene.now);
         }
     }
@@ -109,8 +105,7 @@ impl TrueErrors {
     /// Nothing was asked that is not allowed, nothing outside was wrong, and the axis followed: there is no cause for an error.
     fn is_without_cause(&self, scene: &Scene) -> bool {
         let wire = &scene.wire;
-        let memories =
-            [self.was_far, self.was_beyond, self.was_hard, self.was_irregular, scene.written, scene.troubled];
+        let memories = [self.was_far, self.was_beyond, self.was_hard, scene.irregular, scene.written, scene.troubled];
         let recent = memories.into_iter().any(|then| scene.within(then, QUIET));
         let followed = wire.status_before & status::FOLLOWS != 0 && wire.asks_to_follow() && scene.sight.bridge;
         let monitored = scene.settings.unsigned(Idn(159)).is_some_and(|window| window > 0);
@@ -170,13 +165,6 @@ impl Law for TrueErrors {
         match event {
             Event::Look => {
                 self.remember(scene);
-                Verdict::Silent
-            }
-            Event::Mst => {
-                let wire = &scene.wire;
-                if wire.mst.0.abs_diff(wire.mst_before.0 + scene.cycle.0) > JITTER.0 {
-                    self.was_irregular = Some(scene.now);
-                }
                 Verdict::Silent
             }
             Event::Record => {
