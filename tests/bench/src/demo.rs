@@ -13,7 +13,7 @@ use crate::axis::parameters_of;
 use crate::executor::Executor;
 use crate::processor::ProcessorError;
 use crate::report::{
-    DemoReport, FollowingError, MissedTelegrams, MotionSegment, PhaseTime, Progress, Sample, ServiceError,
+    DemoReport, FollowingError, MissedTelegrams, MotionSegment, PhaseTime, Platform, Progress, Sample, ServiceError,
 };
 use crate::ring_of_drives::{DriveHandle, DriveSetup, ring_of_drives_on};
 
@@ -66,13 +66,23 @@ const LONGEST_RUN_SECONDS: u64 = 60;
 /// # Errors
 /// [`DemoError`] when the run does not come to its end.
 pub fn demo(executor: &Executor, progress: &mut dyn FnMut(&Progress)) -> Result<DemoReport, DemoError> {
+    let on = |address| if address == RING[UNDER_TEST] { executor.clone() } else { Executor::Host };
+    demo_on(&on, progress)
+}
+
+/// The same; `executor` says where the drive of each address runs. The report is about drive 2.
+///
+/// # Errors
+/// [`DemoError`] when the run does not come to its end.
+pub fn demo_on(
+    executor: &dyn Fn(u8) -> Executor,
+    progress: &mut dyn FnMut(&Progress),
+) -> Result<DemoReport, DemoError> {
     let axis = ReferenceAxis::press();
     let setups = RING.map(|address| DriveSetup { axis, ..DriveSetup::new(address) });
     let master = ScriptedMaster::new(script(&axis));
     let configuration = RingConfiguration::new(RING.len(), BitRate::M2);
-    let (mut world, handles) = ring_of_drives_on(configuration, master, &setups, |address| {
-        if address == RING[UNDER_TEST] { executor.clone() } else { Executor::Host }
-    })?;
+    let (mut world, handles) = ring_of_drives_on(configuration, master, &setups, executor)?;
     let mut told = Nanoseconds::ZERO;
     let mut looks = Vec::new();
     let mut steps: Vec<(u8, u64)> = Vec::new();
@@ -100,7 +110,7 @@ pub fn demo(executor: &Executor, progress: &mut dyn FnMut(&Progress)) -> Result<
         return Err(error.into());
     }
     steps.push((4, total_steps(&master)));
-    Ok(report(executor, &master, &handles, &looks, &steps, world.now()))
+    Ok(report(executor(RING[UNDER_TEST]).platform(), &master, &handles, &looks, &steps, world.now()))
 }
 
 fn script(axis: &ReferenceAxis) -> MasterScript {
@@ -190,7 +200,7 @@ impl CommandCurve {
 }
 
 fn report(
-    executor: &Executor,
+    platform: Platform,
     master: &MasterReport,
     handles: &[DriveHandle],
     looks: &[Look],
@@ -232,7 +242,7 @@ fn report(
     let measured = under_test.measurements.borrow();
     let record = &master.drives[UNDER_TEST];
     DemoReport {
-        platform: executor.platform(),
+        platform,
         address: RING[UNDER_TEST],
         ring: RING.to_vec(),
         megabits_per_second: 2,
@@ -257,6 +267,7 @@ fn report(
         },
         segments,
         samples: samples.into_iter().step_by(PLOTTED).collect(),
+        trace: measured.trace.map(|trace| trace.to_string()),
         log: measured.log.clone(),
     }
 }

@@ -9,12 +9,14 @@ use ring::Nanoseconds;
 use crate::measure::Stopwatch;
 use crate::report::Platform;
 
-/// The two programs that QEMU runs: the product as it is flashed, and the shim beside it.
+/// What QEMU runs: the product as it is flashed, and what answers its accesses.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Elves {
     /// The release ELF of the product.
     pub product: PathBuf,
-    /// The trap shim.
+    /// The bus inside QEMU, a library that it loads.
+    pub bus: PathBuf,
+    /// The trap shim, beside which instructions are counted.
     pub shim: PathBuf,
 }
 
@@ -49,6 +51,8 @@ pub struct Measurements {
     pub interrupt_to_at: Stopwatch,
     /// From the interrupt edge of t3 to the current command of the next loop tick that uses it.
     pub interrupt_to_command: Stopwatch,
+    /// Every access of the processor; only for a drive in QEMU.
+    pub trace: Option<emulator::Trace>,
     /// Decoded log lines.
     pub log: Vec<String>,
 }

@@ -22,7 +22,7 @@ pub mod traced;
 pub mod world;
 
 pub use axis::{parameters_of, product};
-pub use demo::{DemoError, demo};
+pub use demo::{DemoError, demo, demo_on};
 pub use executor::{Elves, Executor};
 pub use host_drive::{HostDrive, Latency};
 pub use motor_side::Amplifier;

@@ -34,6 +34,10 @@ impl BusObserver {
         (Block::CYCLIC.mdt_header.word()..Block::CYCLIC.end.word()).contains(&word)
     }
 
+    pub(crate) fn traced(&mut self, trace: emulator::Trace) {
+        self.measurements.borrow_mut().trace = Some(trace);
+    }
+
     pub(crate) fn log(&mut self, line: String) {
         self.measurements.borrow_mut().log.push(line);
     }

@@ -1,6 +1,6 @@
 //! The flashed ELF in QEMU, as a processor of the world: its external bus is the chip's, its motor side is simulated.
 
-use emulator::{DigitalInputs, Environment, Guest, GuestConfiguration, IndexEdge};
+use emulator::{DigitalInputs, Environment, Guest, GuestConfiguration, IndexEdge, Rig};
 use ring::Nanoseconds;
 use ring::chip::SharedChip;
 use ring::wire::BitRate;
@@ -33,7 +33,7 @@ impl QemuDrive {
         bit_rate: BitRate,
         measurements: SharedMeasurements,
     ) -> Result<Self, ProcessorError> {
-        let guest = Guest::start(&GuestConfiguration::new(&elves.product, &elves.shim))
+        let guest = Guest::start(&GuestConfiguration::new(&elves.product, Rig::Bus(elves.bus.clone())))
             .map_err(|error| ProcessorError::Stuck { address, cause: error.to_string() })?;
         Ok(Self::around(guest, chip, motor_side, address, bit_rate, measurements))
     }
@@ -67,6 +67,10 @@ impl Processor for QemuDrive {
     }
 
     fn run(&mut self, now: Nanoseconds, horizon: &dyn Fn() -> Nanoseconds) -> Result<(), ProcessorError> {
+        // An event of somebody else's that moves no pin of this drive.
+        if self.next_event().is_none_or(|time| time > now) && !self.environment.chip.borrow().has_pin_edges() {
+            return Ok(());
+        }
         self.environment.note_edges();
         self.environment.motor_side.borrow_mut().take_inputs();
         let due = self.guest.next_event().is_some_and(|time| time <= now);
@@ -76,6 +80,7 @@ impl Processor for QemuDrive {
         self.guest
             .run(&mut self.environment, now, until)
             .map_err(|error| ProcessorError::Stuck { address, cause: error.to_string() })?;
+        self.environment.observer.traced(self.guest.measurements().trace);
         for line in self.guest.take_log() {
             self.environment.observer.log(format!("{:>14}  {:<5} {}", line.time.to_string(), line.level, line.text));
         }
@@ -149,7 +154,7 @@ impl Environment for QemuEnvironment {
 
     /// What is written meanwhile does not move the shaft by an increment within microseconds.
     fn encoder_foretold(&self, at: Nanoseconds) -> Option<u32> {
-        Some(self.motor_side.borrow_mut().machine().clone().encoder_count(at.0))
+        Some(self.motor_side.borrow_mut().machine().encoder_ahead(at.0))
     }
 
     fn index_count(&mut self, now: Nanoseconds) -> IndexEdge {
@@ -222,3 +227,6 @@ fn word_of(byte_offset: u32) -> u16 {
     let within = byte_offset % REGISTERS;
     u16::try_from(within / 2).unwrap_or(u16::MAX)
 }
+
+#[cfg(test)]
+mod tests;

@@ -161,6 +161,8 @@ pub struct DemoReport {
     pub segments: Vec<MotionSegment>,
     /// The motion, equally spaced in time.
     pub samples: Vec<Sample>,
+    /// All accesses of the drive under test folded into a number, and how many they were; `None` on the host.
+    pub trace: Option<String>,
     /// Lines of the drive's log (defmt), as decoded.
     pub log: Vec<String>,
 }

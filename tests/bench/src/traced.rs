@@ -1,6 +1,6 @@
 //! A drive on a fast ring, traced instruction by instruction while it follows the master and its service channel is in use.
 
-use emulator::{Activations, EmulatorError, Guest, GuestConfiguration, Listing, Tracer};
+use emulator::{Activations, EmulatorError, Guest, GuestConfiguration, Listing, Rig, Tracer};
 use plant::ReferenceAxis;
 use ring::ident::{Idn, Value};
 use ring::master::{Activity, CommandValues, DriveScript, MasterError, MasterScript, Motion, ScriptedMaster, Telegram};
@@ -141,8 +141,10 @@ fn world(elves: &Elves, arguments: Vec<std::ffi::OsString>) -> Result<World<Scri
     let configuration = RingConfiguration::new(1, bit_rate);
     let setup = DriveSetup::new(ADDRESS);
     let (chip, motor_side) = station(&setup, bit_rate, &configuration.clock);
-    let guest =
-        Guest::start(&GuestConfiguration { arguments, ..GuestConfiguration::new(&elves.product, &elves.shim) })?;
+    let guest = Guest::start(&GuestConfiguration {
+        arguments,
+        ..GuestConfiguration::new(&elves.product, Rig::Shim(elves.shim.clone()))
+    })?;
     let drive = QemuDrive::around(guest, &chip, &motor_side, ADDRESS, bit_rate, SharedMeasurements::default());
     let inhabited = Inhabited { processor: Box::new(drive), motor_side, laws: observer(&setup) };
     let ring = Ring::new(configuration, ScriptedMaster::new(script(bit_rate)), vec![chip]);

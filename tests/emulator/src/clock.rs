@@ -10,6 +10,14 @@ pub const CYCLES_PER_INSTRUCTION_TENTHS: u64 = 15;
 
 const FEMTOSECONDS: u128 = 1_000_000;
 
+/// A division of 128 bits costs ten times one of 64, and five simulated hours fit in those.
+fn quotient(dividend: u128, divisor: u128) -> u64 {
+    match (u64::try_from(dividend), u64::try_from(divisor)) {
+        (Ok(dividend), Ok(divisor)) => dividend / divisor,
+        _ => u64::try_from(dividend / divisor).unwrap_or(u64::MAX),
+    }
+}
+
 /// Simulated time of the guest at a known tick, kept in femtoseconds so that no rounding adds up.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct TickClock {
@@ -37,7 +45,7 @@ impl TickClock {
     pub(crate) fn time_of(&self, ticks: u32) -> Nanoseconds {
         let since = u128::from(ticks.saturating_sub(self.ticks));
         let time = self.femtoseconds + since * self.femtoseconds_per_tick;
-        Nanoseconds((time / FEMTOSECONDS) as u64)
+        Nanoseconds(quotient(time, FEMTOSECONDS))
     }
 
     /// Moves on to a tick.
@@ -62,10 +70,11 @@ impl TickClock {
         self.ticks = 0;
     }
 
-    /// Ticks until `time`, rounded down, at least one.
+    /// Ticks until `time`, rounded up, at least one: what begins before them, begins before `time`.
     pub(crate) fn ticks_until(&self, time: Nanoseconds) -> u32 {
         let until = (u128::from(time.0) * FEMTOSECONDS).saturating_sub(self.femtoseconds);
-        (until / self.femtoseconds_per_tick).clamp(1, i32::MAX as u128) as u32
+        let rounded_up = until + self.femtoseconds_per_tick - 1;
+        quotient(rounded_up, self.femtoseconds_per_tick).clamp(1, i32::MAX as u64) as u32
     }
 
     /// Ticks that so many cycles of the core clock take.
@@ -90,12 +99,12 @@ mod tests {
     }
 
     #[test]
-    fn budget_never_reaches_past_the_horizon() {
+    fn whatever_begins_within_the_budget_begins_before_the_horizon() {
         let mut clock = TickClock::new(168_000_000);
         for horizon in [10, 17, 1_000, 125_000, 999_999_999] {
             let ticks = clock.ticks_until(Nanoseconds(horizon));
-            assert!(clock.time_of(ticks).0 <= horizon.max(8));
-            assert!(clock.time_of(ticks + 2).0 > horizon);
+            assert!(clock.time_of(ticks).0 >= horizon.min(8), "{horizon}");
+            assert!(ticks == 1 || clock.time_of(ticks - 1).0 < horizon, "{horizon}");
         }
         clock.pass(100);
         assert_eq!(clock.ticks_until(Nanoseconds(0)), 1);
@@ -112,6 +121,14 @@ mod tests {
         };
         assert_eq!(after(14_000), after(14_008));
         assert!(after(14_000) > Nanoseconds(125_000));
+    }
+
+    #[test]
+    fn short_and_long_times_are_divided_alike() {
+        let long = u128::from(u64::MAX) * 7 + 3;
+        assert_eq!(quotient(long, 1 << 20), (long >> 20) as u64);
+        assert_eq!(quotient(long >> 4, 1 << 20), (long >> 24) as u64);
+        assert_eq!(quotient(u128::MAX, 1), u64::MAX);
     }
 
     #[test]

@@ -22,7 +22,7 @@ pub enum EmulatorError {
         source: std::io::Error,
     },
     /// QEMU ended by itself.
-    #[error("QEMU ended unexpectedly ({status}): {stderr}")]
+    #[error("QEMU ended unexpectedly ({status}): {stderr} (which QEMU will do: docs/emulator.md)")]
     QemuEnded {
         /// Its exit status.
         status: String,
@@ -35,9 +35,13 @@ pub enum EmulatorError {
         /// How long was waited.
         seconds: u64,
     },
-    /// The shim and this crate were built from different sources, or QEMU's timer is not the one of QEMU 7.2.
-    #[error("shim: {0}")]
-    Shim(String),
+    /// What answers the product's accesses inside QEMU cannot go on: the product does what cannot be emulated, QEMU is not as expected, or
+    /// both ends were built from different sources.
+    #[error("the bus inside QEMU: {0}")]
+    Guest(String),
+    /// There is nothing to share with the bus inside QEMU.
+    #[error("{0}; TMPDIR names where it shall be")]
+    Page(#[from] emulator_link::PageError),
     /// An ELF file cannot be read or is not the expected one.
     #[error("{}: {what}", path.display())]
     Elf {

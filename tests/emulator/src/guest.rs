@@ -1,7 +1,9 @@
 //! The product in QEMU, seen as one more participant of the simulation: it has a next event and is run from event to event.
 
+use std::cell::Cell;
 use std::collections::VecDeque;
-use std::path::PathBuf;
+use std::ffi::OsString;
+use std::path::{Path, PathBuf};
 
 use object::{Object, ObjectSection};
 use ring::Nanoseconds;
@@ -11,35 +13,58 @@ use crate::log::{Log, LogLine};
 use crate::measure::{Measurements, Probe, Trigger};
 use crate::peripherals::{Access, Peripherals};
 use crate::prefetch::{Foretold, Place, Prefetch};
-use crate::protocol::{MEMORY_WORDS, VERSION, command, fault, header, message, post, prefetched, resume};
 use crate::qemu::Qemu;
 use crate::{EmulatorError, Environment};
+use emulator_link::protocol::{MEMORY_WORDS, VERSION, command, fault, header, message, post, prefetched, resume};
+
+/// The emulator.
+pub const QEMU: &str = "qemu-system-arm";
+/// The environment variable that names another program to run instead.
+pub const QEMU_VARIABLE: &str = "QEMU";
+
+/// What answers the accesses of the product.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub enum Rig {
+    /// The bus inside QEMU, a library that it loads.
+    Bus(PathBuf),
+    /// The shim, an ELF beside the product.
+    Shim(PathBuf),
+}
 
 /// What to run.
 #[derive(Clone, Debug)]
 pub struct GuestConfiguration {
     /// The release ELF of the product.
     pub product: PathBuf,
-    /// The ELF of the shim.
-    pub shim: PathBuf,
+    /// What answers its accesses.
+    pub rig: Rig,
     /// The emulator; a name is looked up in the search path.
-    pub qemu: String,
+    pub qemu: OsString,
     /// How long a write may wait for the next exchange before the product is interrupted to deliver it. The write keeps its own time, and so
     /// does an edge that it causes on an interrupt pin; only the product's interrupt for that edge may come this much late.
     pub post_bound: Nanoseconds,
+    /// QEMU and the thread that starts it share a CPU, which is faster and changes no result.
+    pub one_cpu: bool,
+    /// QEMU executes as many instructions at once as it can; otherwise one by one, which is slower and changes no result. For [`Rig::Bus`].
+    pub whole_blocks: bool,
+    /// Answers carry what is going to be read next, which is faster and changes no result.
+    pub foretells: bool,
     /// More arguments for QEMU, as [`crate::Tracer::arguments`] gives them.
-    pub arguments: Vec<std::ffi::OsString>,
+    pub arguments: Vec<OsString>,
 }
 
 impl GuestConfiguration {
-    /// The usual one.
+    /// The usual one, with the QEMU that [`QEMU_VARIABLE`] names.
     #[must_use]
-    pub fn new(product: impl Into<PathBuf>, shim: impl Into<PathBuf>) -> Self {
+    pub fn new(product: impl Into<PathBuf>, rig: Rig) -> Self {
         Self {
             product: product.into(),
-            shim: shim.into(),
-            qemu: "qemu-system-arm".into(),
+            rig,
+            qemu: std::env::var_os(QEMU_VARIABLE).unwrap_or_else(|| QEMU.into()),
             post_bound: Nanoseconds::from_microseconds(5),
+            one_cpu: true,
+            whole_blocks: true,
+            foretells: true,
             arguments: Vec::new(),
         }
     }
@@ -80,6 +105,8 @@ pub struct Guest {
     question: Question,
     peripherals: Peripherals,
     prefetch: Prefetch,
+    /// Most values that an answer carries.
+    foretold: usize,
     post_bound: Nanoseconds,
     log: Log,
     lines: Vec<LogLine>,
@@ -87,10 +114,9 @@ pub struct Guest {
     /// Ticks of the last event of the current segment, for the instruction count.
     counted: u32,
     switches_set: bool,
+    /// The next event, once worked out between two runs.
+    next: Cell<Option<Nanoseconds>>,
 }
-
-/// A timer message this close to the wake-up that was asked for stands for exactly that time.
-const WAKE_TOLERANCE: Nanoseconds = Nanoseconds(100);
 
 impl Guest {
     /// Starts QEMU and waits until the shim is up. The product has not executed an instruction yet.
@@ -100,7 +126,10 @@ impl Guest {
     pub fn start(configuration: &GuestConfiguration) -> Result<Self, EmulatorError> {
         let product = read_elf(&configuration.product)?;
         check_product(configuration, &product)?;
-        let vectors = shim_vectors(configuration)?;
+        let vectors = match &configuration.rig {
+            Rig::Bus(bus) => check_bus(bus).map(|()| 0)?,
+            Rig::Shim(shim) => shim_vectors(shim)?,
+        };
         let log = Log::new(&configuration.product, &product)?;
         let qemu = Qemu::start(configuration, vectors)?;
         let peripherals = Peripherals::new();
@@ -113,23 +142,25 @@ impl Guest {
             question: Question { kind: 0, ticks: 0, address: 0, width: 4, pc: 0, watched: 0, idle: false },
             peripherals,
             prefetch: Prefetch::default(),
+            foretold: if configuration.foretells { resume::PREFETCH_CAPACITY } else { 0 },
             post_bound: configuration.post_bound,
             log,
             lines: Vec::new(),
             measurements: Measurements::default(),
             counted: 0,
             switches_set: false,
+            next: Cell::new(None),
         };
         guest.receive()?;
         let hello = guest.question;
         if hello.kind != message::HELLO || hello.address != VERSION {
-            return Err(EmulatorError::Shim(format!(
-                "speaks protocol {}, expected {VERSION}: build shim and emulator from the same sources",
+            return Err(EmulatorError::Guest(format!(
+                "it speaks protocol {}, expected {VERSION}; build it and the emulator from the same sources",
                 hello.address
             )));
         }
-        if !hello.idle {
-            return Err(EmulatorError::Shim(
+        if matches!(configuration.rig, Rig::Shim(_)) && !hello.idle {
+            return Err(EmulatorError::Guest(
                 "QEMU's TIM5 does not interrupt when expected; the rig is made for QEMU 7.2".into(),
             ));
         }
@@ -141,11 +172,16 @@ impl Guest {
     /// that waited may have brought that forward.
     #[must_use]
     pub fn next_event(&self) -> Option<Nanoseconds> {
+        if let Some(next) = self.next.get() {
+            return Some(next);
+        }
         let guest = match self.posted.front() {
             Some(first) => self.clock.time_of(first.ticks),
             None => self.question_time(),
         };
-        Some(self.peripherals.next_event().map_or(guest, |peripherals| peripherals.min(guest)))
+        let next = self.peripherals.next_event().map_or(guest, |peripherals| peripherals.min(guest));
+        self.next.set(Some(next));
+        Some(next)
     }
 
     /// Does what is due at `now` and, if that answers the guest's question, lets the guest run until it asks again: at `horizon` at the latest.
@@ -161,6 +197,7 @@ impl Guest {
         now: Nanoseconds,
         horizon: Nanoseconds,
     ) -> Result<(), EmulatorError> {
+        self.next.set(None);
         if !self.switches_set {
             self.switches_set = true;
             self.peripherals.set_switches(environment);
@@ -188,8 +225,33 @@ impl Guest {
         }
         let value = self.answer(environment, time)?;
         self.fetch_log(time)?;
+        // Time goes on, if only by so little that no event of the peripherals is passed over.
+        let horizon = horizon.max(time + Nanoseconds(1));
+        if self.sleeps_on(horizon) {
+            return Ok(());
+        }
         self.resume(environment, value, time, horizon)?;
         self.receive()
+    }
+
+    /// A processor that waits for an interrupt and gets none need not be asked: it goes on waiting, without an exchange.
+    fn sleeps_on(&mut self, horizon: Nanoseconds) -> bool {
+        let waits = self.question.kind == message::TIMER && self.question.idle;
+        if !waits || self.peripherals.interrupts_wait() {
+            return false;
+        }
+        self.restart_ticks();
+        self.wake = self.peripherals.next_interrupt().map_or(horizon, |event| event.min(horizon));
+        self.question.ticks = self.clock.ticks_until(self.wake);
+        self.measurements.slept_on += 1;
+        true
+    }
+
+    /// The guest's ticks count from here.
+    fn restart_ticks(&mut self) {
+        self.clock.resume();
+        self.counted = 0;
+        self.prefetch.resume();
     }
 
     /// Counters and latencies so far.
@@ -228,7 +290,7 @@ impl Guest {
         self.qemu.send(command)?;
         self.qemu.receive(&mut self.words)?;
         if self.words.first() != Some(&message::MEMORY) || self.words.len() != header::WORDS + expected {
-            return Err(EmulatorError::Shim("wrong answer to a memory command".into()));
+            return Err(EmulatorError::Guest("wrong answer to a memory command".into()));
         }
         Ok(())
     }
@@ -239,11 +301,13 @@ impl Guest {
 
     fn question_time(&self) -> Nanoseconds {
         let time = self.clock.time_of(self.question.ticks);
-        // However late a WFI ends, nothing was executed in it.
-        let not_late = self.question.idle || time <= self.wake + WAKE_TOLERANCE;
-        let near = time + WAKE_TOLERANCE >= self.wake && not_late;
-        // A wake-up that was due at once takes one tick, so that time goes on.
-        if self.question.kind == message::TIMER && near { self.wake.max(self.clock.time_of(1)) } else { time }
+        // However late a WFI ends, nothing was executed in it. One that was due at once takes one tick, so that time goes on.
+        let waited = self.question.kind == message::TIMER && self.question.idle && time >= self.wake;
+        match waited {
+            true if self.wake > self.clock.time_of(0) => self.wake,
+            true => self.clock.time_of(1),
+            false => time,
+        }
     }
 
     fn sample<E: Environment + ?Sized>(&mut self, environment: &mut E, now: Nanoseconds) -> Result<(), EmulatorError> {
@@ -278,6 +342,7 @@ impl Guest {
         self.count_instructions(posted.ticks);
         self.peripherals.advance(environment, time)?;
         let access = Access { now: time, address: posted.address, width: posted.kind & 0xFF, pc: posted.pc };
+        self.measurements.trace.fold(time, posted.address, posted.value, posted.pc);
         if posted.kind & post::SERVED != 0 {
             self.measurements.prefetched_reads += 1;
             self.prefetch.pass(Place::Read { pc: posted.pc, address: posted.address }, posted.ticks);
@@ -297,7 +362,6 @@ impl Guest {
         time: Nanoseconds,
     ) -> Result<u32, EmulatorError> {
         let question = self.question;
-        self.measurements.exchanges += 1;
         if question.kind == message::TIMER && question.idle {
             self.measurements.idle_wakes += 1;
         } else {
@@ -311,6 +375,7 @@ impl Guest {
         let access = Access { now: time, address: question.address, width: question.width, pc: question.pc };
         self.prefetch.pass(Place::Read { pc: question.pc, address: question.address }, question.ticks);
         let value = self.peripherals.read(environment, access)?;
+        self.measurements.trace.fold(time, question.address, value, question.pc);
         self.happened(Trigger::Read(question.address), time);
         self.sample(environment, time)?;
         Ok(value)
@@ -324,9 +389,8 @@ impl Guest {
         horizon: Nanoseconds,
     ) -> Result<(), EmulatorError> {
         let (edges, levels) = self.peripherals.take_interrupts();
-        self.clock.resume();
-        self.counted = 0;
-        self.prefetch.resume();
+        self.restart_ticks();
+        self.measurements.exchanges += 1;
         for vector in (0..96_u8).filter(|vector| edges & 1 << vector != 0) {
             self.happened(Trigger::Interrupt(vector), time);
             self.prefetch.pass(Place::Interrupt(vector), 0);
@@ -338,7 +402,7 @@ impl Guest {
         self.wake = event.map_or(horizon, |event| event.min(horizon));
         let (clock, wake) = (self.clock, self.wake);
         let peripherals = &self.peripherals;
-        let chain = self.prefetch.chain(resume::PREFETCH_CAPACITY, |address, ticks| {
+        let chain = self.prefetch.chain(self.foretold, |address, ticks| {
             if let Some(value) = peripherals.peek(environment, address, time, wake) {
                 return Some(Foretold { address, value, at: prefetched::ANY });
             }
@@ -375,7 +439,7 @@ impl Guest {
         self.qemu.receive(&mut self.words)?;
         let words = &self.words;
         if words.len() < header::WORDS || words.len() != header::WORDS + words[header::PAYLOAD] as usize {
-            return Err(EmulatorError::Shim(format!("message of {} words", words.len())));
+            return Err(EmulatorError::Guest(format!("message of {} words", words.len())));
         }
         self.question = Question {
             kind: words[header::KIND],
@@ -387,6 +451,9 @@ impl Guest {
             idle: words[header::FLAGS] & 1 != 0,
         };
         let payload = &words[header::WORDS..];
+        if self.question.kind == message::FAILED {
+            return Err(EmulatorError::Guest(text_of(payload)));
+        }
         if self.question.kind == message::FAULT {
             let time = self.clock.time_of(self.question.ticks);
             let report = fault_report(payload);
@@ -430,7 +497,7 @@ impl Guest {
     }
 }
 
-fn read_elf(path: &std::path::Path) -> Result<Vec<u8>, EmulatorError> {
+fn read_elf(path: &Path) -> Result<Vec<u8>, EmulatorError> {
     std::fs::read(path).map_err(|error| EmulatorError::Elf { path: path.to_owned(), what: error.to_string() })
 }
 
@@ -450,6 +517,9 @@ fn check_product(configuration: &GuestConfiguration, elf: &[u8]) -> Result<(), E
         let start = (16 + number) * 4;
         data.get(start..start + 4)
     };
+    if matches!(configuration.rig, Rig::Bus(_)) {
+        return Ok(());
+    }
     // Two of the interrupts that no drive uses share the default handler with TIM5.
     const TIM5: usize = 50;
     const HASH_RNG: usize = 80;
@@ -459,9 +529,26 @@ fn check_product(configuration: &GuestConfiguration, elf: &[u8]) -> Result<(), E
     Ok(())
 }
 
-fn shim_vectors(configuration: &GuestConfiguration) -> Result<u32, EmulatorError> {
-    let elf = read_elf(&configuration.shim)?;
-    let broken = |what: String| EmulatorError::Elf { path: configuration.shim.clone(), what };
+/// QEMU's own words about a library that is not there name neither cause nor remedy.
+fn check_bus(bus: &Path) -> Result<(), EmulatorError> {
+    let missing = |what: String| EmulatorError::Elf { path: bus.to_owned(), what };
+    let build = "build it with `cargo xtask build`";
+    let content =
+        std::fs::read(bus).map_err(|error| missing(format!("the bus inside QEMU is missing ({error}); {build}")))?;
+    object::File::parse(&*content)
+        .map(drop)
+        .map_err(|error| missing(format!("this is not the bus inside QEMU ({error}); {build}")))
+}
+
+/// The text of a [`message::FAILED`].
+fn text_of(payload: &[u32]) -> String {
+    let bytes: Vec<u8> = payload.iter().flat_map(|word| word.to_le_bytes()).take_while(|byte| *byte != 0).collect();
+    String::from_utf8_lossy(&bytes).into_owned()
+}
+
+fn shim_vectors(shim: &Path) -> Result<u32, EmulatorError> {
+    let elf = read_elf(shim)?;
+    let broken = |what: String| EmulatorError::Elf { path: shim.to_owned(), what };
     let file = object::File::parse(&*elf).map_err(|error| broken(error.to_string()))?;
     file.section_by_name(".vectors")
         .map(|section| section.address() as u32)

@@ -1,4 +1,4 @@
-//! The flashed ELF, unchanged, in QEMU: trap link and STM32F407 peripheral models.
+//! The flashed ELF, unchanged, in QEMU: link to QEMU and STM32F407 peripheral models.
 //!
 //! * [`Guest`]: the running product, advanced from event to event like every other participant of a simulation.
 //! * [`Environment`]: the world at its pins and on its external bus, which the caller implements.
@@ -7,28 +7,32 @@
 //! * [`Measurements`]: instructions, exchanges and latencies, seen from outside.
 //! * [`Tracer`], [`Activations`]: every instruction, counted by task and by function.
 //!
-//! How it works: QEMU's machine `netduinoplus2` has the core, the NVIC and the memories of the part but hardly a peripheral. A shim beside
-//! the product takes the reset and closes the peripheral space by the MPU; each access traps into it, is decoded ([`thumb`]) and
-//! travels over a FIFO ([`protocol`]) to the models here. Under `-icount shift=0` the guest is deterministic: an instruction is a tick,
-//! simulated time is ticks times [`CYCLES_PER_INSTRUCTION_TENTHS`] / 10 core cycles, plus the wait states of the external bus. The core clock
-//! itself is worked out from the RCC registers that the product wrote.
+//! How it works: QEMU's machine `netduinoplus2` has the core, the NVIC and the memories of the part but hardly a peripheral. A plugin in QEMU's
+//! process ([`Rig::Bus`]) answers each access from the models here, over a shared page ([`emulator_link`]). The guest is deterministic: an
+//! instruction is a tick, simulated time is ticks times [`CYCLES_PER_INSTRUCTION_TENTHS`] / 10 core cycles, plus the wait states of the external
+//! bus. The core clock itself is worked out from the RCC registers that the product wrote. How often the world looks at the guest changes nothing
+//! that it does.
+//!
+//! Instructions are still counted by task with a shim beside the product ([`Rig::Shim`]): it takes the reset and closes the peripheral space by the
+//! MPU, and each access traps into it, is decoded ([`thumb`]) and travels over a FIFO.
 //!
 //! What it is not: cycle accurate. Interrupt entry and exit, flash wait states and bus contention are in the average only.
-//! The private peripheral bus is QEMU's own, so SysTick and DWT do not follow simulated time (QEMU 7.2 has no DWT cycle counter).
+//! The private peripheral bus is QEMU's own; the bus refuses SysTick, which does not follow simulated time (QEMU 7.2 has no DWT cycle counter).
 #![forbid(unsafe_code)]
 
 mod activations;
 mod audit;
 mod clock;
+mod cpu;
 mod demand;
 mod environment;
 mod error;
 mod guest;
+mod link;
 mod log;
 mod measure;
 mod peripherals;
 mod prefetch;
-pub mod protocol;
 mod qemu;
 pub mod thumb;
 #[cfg(test)]
@@ -42,9 +46,9 @@ pub use clock::CYCLES_PER_INSTRUCTION_TENTHS;
 pub use demand::{Demand, Price, Worst};
 pub use environment::{DigitalInputs, Environment, IndexEdge};
 pub use error::EmulatorError;
-pub use guest::{Guest, GuestConfiguration};
+pub use guest::{Guest, GuestConfiguration, QEMU, QEMU_VARIABLE, Rig};
 pub use log::LogLine;
-pub use measure::{Latency, Measurements, Probe, Trigger};
+pub use measure::{Latency, Measurements, Probe, Trace, Trigger};
 pub use peripherals::clocks::{CRYSTAL_HZ, ClockTree};
 pub use peripherals::gpio::PinMode;
 pub use trace::{TraceEvent, TraceSink, Tracer};

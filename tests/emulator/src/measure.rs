@@ -97,15 +97,71 @@ pub struct Measurements {
     pub prefetched_reads: u64,
     /// Wake-ups that found the product waiting in WFI.
     pub idle_wakes: u64,
+    /// Those of them that had no interrupt for it, so that it was left to wait.
+    pub slept_on: u64,
     /// Wake-ups that interrupted the product at work.
     pub busy_wakes: u64,
+    /// Every access so far.
+    pub trace: Trace,
     /// Latencies asked for.
     pub probes: Vec<Probe>,
+}
+
+/// Every access of the product, its time to the nanosecond, its value and its instruction, folded into one number: two runs with the same
+/// one have done the same.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Trace {
+    /// How many.
+    pub accesses: u64,
+    /// What they were.
+    pub hash: u64,
+}
+
+impl Trace {
+    pub(crate) fn fold(&mut self, time: Nanoseconds, address: u32, value: u32, pc: u32) {
+        // The golden ratio's bits: odd, and without a pattern.
+        const SPREAD: u64 = 0x9E37_79B9_7F4A_7C15;
+        self.accesses += 1;
+        for word in [time.0, address.into(), value.into(), pc.into()] {
+            self.hash = (self.hash ^ word).wrapping_mul(SPREAD).rotate_left(23);
+        }
+    }
+}
+
+impl core::fmt::Display for Trace {
+    fn fmt(&self, formatter: &mut core::fmt::Formatter<'_>) -> core::fmt::Result {
+        write!(formatter, "{:016x} over {} accesses", self.hash, self.accesses)
+    }
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn a_trace_shows_every_part_of_an_access_and_their_order() {
+        let of = |accesses: &[(u64, u32, u32, u32)]| {
+            let mut trace = Trace::default();
+            for (time, address, value, pc) in accesses {
+                trace.fold(Nanoseconds(*time), *address, *value, *pc);
+            }
+            trace.hash
+        };
+        let (first, second) = ((1, 2, 3, 4), (5, 6, 7, 8));
+        let hashes = [
+            of(&[first, second]),
+            of(&[second, first]),
+            of(&[first]),
+            of(&[(2, 2, 3, 4), second]),
+            of(&[(1, 3, 3, 4), second]),
+            of(&[(1, 2, 4, 4), second]),
+            of(&[(1, 2, 3, 5), second]),
+        ];
+        for (number, hash) in hashes.iter().enumerate() {
+            assert!(!hashes[..number].contains(hash), "{number}");
+        }
+        assert_eq!(of(&[first, second]), hashes[0]);
+    }
 
     #[test]
     fn a_probe_measures_from_the_first_start_to_the_next_stop() {

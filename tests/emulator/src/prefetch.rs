@@ -1,8 +1,9 @@
 //! Learns which value the product reads next, so that an answer can carry it along.
 //!
 //! The product's handlers read the same addresses in the same order at every interrupt, and mostly after the same number of instructions. After
-//! each read, the one that followed it last time is remembered, and how many ticks later; an answer then carries the whole chain, as far as its
-//! values are known: until the next event, or at the very tick for a counter that runs. A wrong guess costs nothing but its words.
+//! each read, the two that followed it last are remembered, and how many ticks later. The product's loops take two paths in turn, one for each half
+//! of a tick, so the follower *before last* is the one that is expected. An answer then carries the whole chain, as far as its values are
+//! known: until the next event, or at the very tick for a counter that runs. A wrong guess costs nothing but its words.
 
 use std::collections::HashMap;
 
@@ -18,15 +19,18 @@ pub(crate) enum Place {
 pub(crate) struct Foretold {
     pub(crate) address: u32,
     pub(crate) value: u32,
-    /// [`crate::protocol::prefetched::AT`].
+    /// [`emulator_link::protocol::prefetched::AT`].
     pub(crate) at: u32,
 }
+
+/// The place that came next, and the ticks to it.
+type Follower = (Place, u32);
 
 /// The memory.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Prefetch {
-    /// The next place, and the ticks to it.
-    followers: HashMap<Place, (Place, u32)>,
+    /// The last follower and the one before, each with the ticks to it.
+    followers: HashMap<Place, [Follower; 2]>,
     last: Option<Place>,
     /// Tick of the last place since the product was resumed; 0 when it was before.
     tick: u32,
@@ -40,7 +44,8 @@ impl Prefetch {
         if let Some(last) = self.last.replace(place)
             && last != place
         {
-            self.followers.insert(last, (place, after));
+            let newest = (place, after);
+            self.followers.entry(last).and_modify(|known| *known = [newest, known[0]]).or_insert([newest; 2]);
         }
     }
 
@@ -56,8 +61,8 @@ impl Prefetch {
         let mut tick = self.tick;
         // Every step but the repeated addresses adds an entry; the bound keeps a loop of known addresses from going round for ever.
         for _ in 0..2 * limit {
-            let follower = place.and_then(|place| self.followers.get(&place).copied());
-            let Some((Place::Read { pc, address }, after)) = follower else { break };
+            let expected = place.and_then(|place| self.followers.get(&place)).map(|[_, before_last]| *before_last);
+            let Some((Place::Read { pc, address }, after)) = expected else { break };
             if chain.len() == limit {
                 break;
             }
@@ -103,6 +108,22 @@ mod tests {
         let values = |address: u32, _| (address != 30).then_some(foretold(address));
         assert_eq!(prefetch.chain(8, values), [foretold(10), foretold(20)]);
         assert_eq!(prefetch.chain(1, values), [foretold(10)]);
+    }
+
+    #[test]
+    fn of_two_paths_that_take_turns_the_one_whose_turn_it_is_is_expected() {
+        let mut prefetch = Prefetch::default();
+        let ticks = |address: u32, at: u32| Some(Foretold { address, value: 0, at });
+        for turn in 0..8_u32 {
+            let (address, tick) = if turn % 2 == 0 { (10, 40) } else { (20, 62) };
+            prefetch.resume();
+            prefetch.pass(Place::Interrupt(18), 0);
+            if turn >= 4 {
+                let expected = Foretold { address, value: 0, at: tick };
+                assert_eq!(prefetch.chain(1, ticks), [expected], "turn {turn}");
+            }
+            prefetch.pass(read(address), tick);
+        }
     }
 
     #[test]

@@ -1,67 +1,70 @@
-//! The QEMU process and the two FIFOs to the shim in it.
+//! The QEMU process.
 
-use std::fs::{File, OpenOptions};
-use std::io::{Read, Write};
+use std::ffi::OsString;
+use std::io::Read;
 use std::path::Path;
 use std::process::{Child, Command, Stdio};
+use std::rc::Rc;
 use std::time::{Duration, Instant};
 
-use rustix::event::{PollFd, PollFlags, Timespec, poll};
-use rustix::fs::{CWD, FileType, Mode, OFlags, mknodat};
 use tempfile::TempDir;
 
-use crate::protocol::{FROM_HOST, MESSAGE_WORDS, TO_HOST};
-use crate::{EmulatorError, GuestConfiguration};
+use crate::cpu::OneCpu;
+use crate::link::{Link, PAGE};
+use crate::{EmulatorError, GuestConfiguration, Rig};
 
-/// Longest wait for a message. QEMU runs some 10^8 instructions a second, and the shim speaks at least every 2^31.
+/// Longest wait for a message. QEMU runs some 10^8 instructions a second, and the guest speaks at least every 2^31.
 const PATIENCE: Duration = Duration::from_secs(60);
+/// How often the process is looked at meanwhile.
+const LOOK: Duration = Duration::from_secs(1);
 
 /// A running QEMU; killed when dropped.
 #[derive(Debug)]
 pub(crate) struct Qemu {
     child: Child,
-    from_shim: File,
-    to_shim: File,
-    bytes: Vec<u8>,
+    link: Link,
     _directory: TempDir,
+    _cpu: Option<Rc<OneCpu>>,
 }
 
 impl Qemu {
-    /// Starts QEMU with the product as kernel and the shim beside it, which takes the reset at `shim_vectors`.
+    /// Starts QEMU with the product as kernel, and what answers its accesses: the bus, or the shim that takes the reset at `shim_vectors`.
     pub(crate) fn start(configuration: &GuestConfiguration, shim_vectors: u32) -> Result<Self, EmulatorError> {
         let absolute = |path: &Path| std::path::absolute(path).map_err(EmulatorError::io("path"));
-        let (product, shim) = (absolute(&configuration.product)?, absolute(&configuration.shim)?);
-        let directory = TempDir::new().map_err(EmulatorError::io("temporary directory"))?;
-        for name in [TO_HOST, FROM_HOST] {
-            let mode = Mode::RUSR | Mode::WUSR;
-            mknodat(CWD, directory.path().join(name), FileType::Fifo, mode, 0)
-                .map_err(|error| EmulatorError::Io { what: "creating a FIFO", source: error.into() })?;
-        }
-        // Opened for both directions, so that neither open waits for QEMU.
-        let open = |name: &str| {
-            OpenOptions::new()
-                .read(true)
-                .write(true)
-                .open(directory.path().join(name))
-                .map_err(EmulatorError::io("opening a FIFO"))
-        };
-        let (from_shim, to_shim) = (open(TO_HOST)?, open(FROM_HOST)?);
-        rustix::fs::fcntl_setfl(&from_shim, OFlags::NONBLOCK)
-            .map_err(|error| EmulatorError::Io { what: "FIFO mode", source: error.into() })?;
-        let mut loader = std::ffi::OsString::from("loader,file=");
-        loader.push(shim);
-        let child = Command::new(&configuration.qemu)
+        let product = absolute(&configuration.product)?;
+        let directory =
+            TempDir::new().map_err(EmulatorError::io("no temporary folder (TMPDIR names where it shall be)"))?;
+        let mut command = Command::new(&configuration.qemu);
+        command
             .args(["-machine", "netduinoplus2"])
             .args(["-display", "none", "-serial", "null", "-monitor", "none"])
-            .args(["-nodefaults", "-no-user-config"])
-            .args(["-icount", "shift=0,sleep=off"])
-            .args(["-semihosting-config", "enable=on,target=native"])
+            .args(["-nodefaults", "-no-user-config"]);
+        let link = match &configuration.rig {
+            Rig::Bus(bus) => {
+                let parent = std::process::id();
+                let mut plugin = option("file=", &absolute(bus)?);
+                plugin.push(option(",page=", &directory.path().join(PAGE)));
+                let blocks = if configuration.whole_blocks { "whole" } else { "one" };
+                plugin.push(format!(",parent={parent},blocks={blocks}"));
+                command.arg("-plugin").arg(plugin);
+                Link::page(directory.path())?
+            }
+            Rig::Shim(shim) => {
+                command
+                    .args(["-icount", "shift=0,sleep=off"])
+                    .args(["-semihosting-config", "enable=on,target=native"])
+                    .arg("-device")
+                    .arg(option("loader,file=", &absolute(shim)?))
+                    .arg("-global")
+                    .arg(format!("armv7m.init-nsvtor={shim_vectors:#x}"));
+                Link::fifos(directory.path())?
+            }
+        };
+        // QEMU inherits the CPU.
+        let cpu = configuration.one_cpu.then(OneCpu::of_this_thread);
+        let child = command
             .arg("-kernel")
             .arg(product)
-            .arg("-device")
-            .arg(loader)
-            .arg("-global")
-            .arg(format!("armv7m.init-nsvtor={shim_vectors:#x}"))
             .args(&configuration.arguments)
             .current_dir(directory.path())
             .stdin(Stdio::null())
@@ -75,53 +78,28 @@ impl Qemu {
                     EmulatorError::io("starting")(error)
                 }
             })?;
-        Ok(Self { child, from_shim, to_shim, bytes: vec![0; MESSAGE_WORDS * 4], _directory: directory })
+        Ok(Self { child, link, _directory: directory, _cpu: cpu })
     }
 
     /// Sends one command.
     pub(crate) fn send(&mut self, words: &[u32]) -> Result<(), EmulatorError> {
-        let length = words.len() * 4;
-        for (bytes, word) in self.bytes.chunks_exact_mut(4).zip(words) {
-            bytes.copy_from_slice(&word.to_le_bytes());
-        }
-        self.to_shim.write_all(&self.bytes[..length]).map_err(EmulatorError::io("writing to the shim"))
+        self.link.send(words)
     }
 
     /// Waits for one message.
     pub(crate) fn receive(&mut self, words: &mut Vec<u32>) -> Result<(), EmulatorError> {
-        let length = self.wait_for_bytes()?;
-        words.clear();
-        words.extend(
-            self.bytes[..length].chunks_exact(4).map(|word| u32::from_le_bytes([word[0], word[1], word[2], word[3]])),
-        );
-        Ok(())
-    }
-
-    fn wait_for_bytes(&mut self) -> Result<usize, EmulatorError> {
         let start = Instant::now();
-        loop {
-            match self.from_shim.read(&mut self.bytes) {
-                Ok(length) => return Ok(length),
-                Err(error) if error.kind() == std::io::ErrorKind::WouldBlock => {}
-                Err(error) => return Err(EmulatorError::io("reading from the shim")(error)),
-            }
-            let mut files = [PollFd::new(&self.from_shim, PollFlags::IN)];
-            let patience = Timespec { tv_sec: 1, tv_nsec: 0 };
-            match poll(&mut files, Some(&patience)) {
-                Ok(0) => self.check(start)?,
-                Ok(_) | Err(rustix::io::Errno::INTR) => {}
-                Err(error) => {
-                    return Err(EmulatorError::Io { what: "waiting for the shim", source: error.into() });
-                }
-            }
+        while !self.link.receive(words, LOOK)? {
+            self.check(start)?;
         }
+        Ok(())
     }
 
     fn check(&mut self, start: Instant) -> Result<(), EmulatorError> {
         if let Some(status) = self.child.try_wait().map_err(EmulatorError::io("asking for its state"))? {
             let mut stderr = String::new();
             if let Some(mut pipe) = self.child.stderr.take() {
-                let _ = pipe.read_to_string(&mut stderr);
+                pipe.read_to_string(&mut stderr).map_err(EmulatorError::io("reading what it printed"))?;
             }
             return Err(EmulatorError::QemuEnded {
                 status: status.to_string(),
@@ -135,9 +113,33 @@ impl Qemu {
     }
 }
 
+/// A path in one of QEMU's options, where a comma ends a value and two of them are one.
+fn option(name: &str, path: &Path) -> OsString {
+    let mut option = OsString::from(name);
+    for (index, part) in path.as_os_str().to_string_lossy().split(',').enumerate() {
+        if index > 0 {
+            option.push(",,");
+        }
+        option.push(part);
+    }
+    option
+}
+
 impl Drop for Qemu {
     fn drop(&mut self) {
+        // It may have ended by itself.
         let _ = self.child.kill();
         let _ = self.child.wait();
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_comma_in_a_path_does_not_end_the_option() {
+        assert_eq!(option("file=", Path::new("/a,b/c")), OsString::from("file=/a,,b/c"));
+        assert_eq!(option("file=", Path::new("/a/c")), OsString::from("file=/a/c"));
     }
 }

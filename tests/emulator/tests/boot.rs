@@ -1,84 +1,17 @@
 //! The flashed ELF boots in QEMU and sets the board up as it must.
 
-use emulator::{EmulatorError, Environment, Guest, GuestConfiguration, Probe, Trigger, audit, audit_power_stage};
+mod quiet;
+
+use emulator::{EmulatorError, Guest, GuestConfiguration, Probe, Rig, Trigger, audit, audit_power_stage};
+use quiet::Quiet;
 use ring::Nanoseconds;
-
-/// A world without a ring: a chip that answers with its version and otherwise with memory, a motor that stands still.
-struct Quiet {
-    words: Vec<u16>,
-    pins: (bool, bool),
-    /// The bridge was on at least once.
-    bridge: bool,
-    brake: bool,
-    /// Instants of the samples of phase current A.
-    samples: Vec<Nanoseconds>,
-}
-
-const VERSION_REGISTER: usize = 0x1000 / 2;
-
-impl Quiet {
-    fn new() -> Self {
-        let mut words = vec![0; 0x1000];
-        words[VERSION_REGISTER] = 0x0010;
-        Self { words, pins: (true, true), bridge: false, brake: false, samples: Vec::new() }
-    }
-}
-
-impl Environment for Quiet {
-    fn external_read(&mut self, _: Nanoseconds, byte_offset: u32) -> u16 {
-        self.words[byte_offset as usize / 2]
-    }
-
-    fn external_write(&mut self, _: Nanoseconds, byte_offset: u32, value: u16) {
-        // Interrupt flags (04H, 05H) are cleared by writing ones and never set here; the version is read-only.
-        let word = byte_offset as usize / 2;
-        if ![VERSION_REGISTER, VERSION_REGISTER + 4, VERSION_REGISTER + 5].contains(&word) {
-            self.words[word] = value;
-        }
-    }
-
-    fn external_peek(&self, byte_offset: u32) -> Option<u16> {
-        Some(self.words[byte_offset as usize / 2])
-    }
-
-    fn interrupt_pins(&self) -> (bool, bool) {
-        self.pins
-    }
-
-    fn encoder_count(&mut self, _: Nanoseconds) -> u32 {
-        1234
-    }
-
-    fn encoder_steady_until(&self, _: Nanoseconds) -> Nanoseconds {
-        Nanoseconds(u64::MAX)
-    }
-
-    fn analog_sample(&mut self, at: Nanoseconds, adc: usize, channel: u8) -> u16 {
-        if (adc, channel) == (1, 10) {
-            self.samples.push(at);
-        }
-        2048
-    }
-
-    fn set_bridge(&mut self, _: Nanoseconds, on: bool, _: u32) {
-        self.bridge |= on;
-    }
-
-    fn set_brake(&mut self, _: Nanoseconds, energised: bool) {
-        self.brake |= energised;
-    }
-
-    fn address_switches(&self) -> u8 {
-        2
-    }
-}
 
 fn configuration() -> GuestConfiguration {
     let elf = |name: &str| {
         std::env::var_os(name)
             .unwrap_or_else(|| panic!("{name} is not set: run `cargo xtask test`, which builds the ELF"))
     };
-    GuestConfiguration::new(elf("PRODUCT_ELF"), elf("SHIM_ELF"))
+    GuestConfiguration::new(elf("PRODUCT_ELF"), Rig::Bus(elf("BUS_PLUGIN").into()))
 }
 
 fn run(guest: &mut Guest, world: &mut Quiet, until: Nanoseconds) -> Result<(), EmulatorError> {
@@ -174,6 +107,6 @@ fn a_file_that_is_no_firmware_is_refused_before_qemu_starts() {
     let directory = tempfile::tempdir().unwrap();
     let file = directory.path().join("firmware");
     std::fs::write(&file, "no ELF").unwrap();
-    let error = Guest::start(&GuestConfiguration::new(&file, &file)).unwrap_err();
+    let error = Guest::start(&GuestConfiguration::new(&file, Rig::Bus(file.clone()))).unwrap_err();
     assert!(matches!(error, EmulatorError::Elf { .. }), "{error}");
 }

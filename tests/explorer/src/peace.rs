@@ -4,7 +4,7 @@ use ring::Nanoseconds;
 use ring::ident::Idn;
 use ring::service_client::status;
 
-use crate::life::Action;
+use crate::life::{Action, Plant};
 use crate::rig::{Rig, Stop};
 use crate::run::Run;
 use crate::services::{PASSWORD, is_list};
@@ -15,6 +15,10 @@ const LAW: &str = "after the cause is gone, S-0-0099 and a fresh edge always bri
 const RELEASED: Nanoseconds = Nanoseconds::from_millis(10);
 /// Bits 15, 14 and 13.
 const FOLLOW: u8 = 7;
+/// Bits 15 and 14.
+const HALT: u8 = 6;
+/// Operation mode 1.
+const TORQUE: i64 = 1;
 /// Brakes, the test of the torque and the search for the commutation angle.
 const SWITCHING_ON: Nanoseconds = Nanoseconds::from_millis(3_000);
 /// An axis that coasts with friction alone.
@@ -209,9 +213,12 @@ fn come_back(run: &mut Run) -> Result<(), Stop> {
     run.rig.master().switch(0);
     run.rig.run(RELEASED)?;
     run.rig.cycles(4)?;
-    run.rig.master().switch(FOLLOW);
+    // No torque is no peace for a load that hangs: it is halted, and held.
+    let primary = setting(&run.rig.axis, 32).unwrap_or_else(|| default_of(32));
+    let bits = if primary & 0xF == TORQUE && run.rig.axis.plant == Plant::Vertical { HALT } else { FOLLOW };
+    run.rig.master().switch(bits);
     let until = run.rig.world.now() + SWITCHING_ON;
-    while !follows(run) {
+    while !operates(run, bits) {
         let error = run.rig.master().at().is_some_and(|at| at.status & status::SHUT_DOWN != 0);
         if error && link_is_full(run)? {
             run.coverage.count("peace", "with a DC link that nothing empties");
@@ -223,7 +230,7 @@ fn come_back(run: &mut Run) -> Result<(), Stop> {
         run.rig.cycles(1)?;
     }
     run.rig.cycles(10)?;
-    if follows(run) { Ok(()) } else { Err(failed(run, "does not stay in operation")) }
+    if operates(run, bits) { Ok(()) } else { Err(failed(run, "does not stay in operation")) }
 }
 
 /// An overvoltage ends below P-0-0105, and what a motor has fed back without a chopper stays where it is: no control can help that.
@@ -234,10 +241,10 @@ fn link_is_full(run: &mut Run) -> Result<bool, Stop> {
     Ok(volts > FULL * most as f64)
 }
 
-fn follows(run: &mut Run) -> bool {
+fn operates(run: &mut Run, bits: u8) -> bool {
     let status = run.rig.master().at().map_or(0, |at| at.status);
     status::readiness(status) == 3
-        && status & status::FOLLOWS != 0
+        && (status & status::FOLLOWS != 0) == (bits == FOLLOW)
         && status & status::SHUT_DOWN == 0
         && run.rig.bridge_is_on()
 }

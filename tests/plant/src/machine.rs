@@ -145,16 +145,20 @@ impl Machine {
 
     /// Lets time pass until `to` nanoseconds. Earlier instants than those already reached are left alone.
     pub fn advance(&mut self, to: u64) {
-        while let Some(Stretch { nanoseconds, input }) = self.timeline.next(to) {
-            if !self.still {
-                let before = self.state;
-                self.state = self.step(nanoseconds);
-                self.still = nanoseconds == GRID && self.state == before;
-            }
-            if let Some(input) = input {
-                self.apply(input);
-                self.still = false;
-            }
+        while let Some(stretch) = self.timeline.next(to) {
+            self.pass(stretch);
+        }
+    }
+
+    fn pass(&mut self, Stretch { nanoseconds, input }: Stretch<Input>) {
+        if !self.still {
+            let before = self.state;
+            self.state = self.step(nanoseconds);
+            self.still = nanoseconds == GRID && self.state == before;
+        }
+        if let Some(input) = input {
+            self.apply(input);
+            self.still = false;
         }
     }
 }
@@ -300,6 +304,19 @@ impl Machine {
     #[must_use]
     pub fn encoder_count(&mut self, at: u64) -> u32 {
         let state = self.state_at(at);
+        self.settings.encoder.count(state.counter, state.shafts.turn)
+    }
+
+    /// What [`Machine::encoder_count`] will answer at an instant ahead if no input comes until then: a look that passes no time.
+    #[must_use]
+    pub fn encoder_ahead(&mut self, at: u64) -> u32 {
+        let kept = (self.state, self.outside, self.interventions, self.still);
+        let mut place = self.timeline.place();
+        while let Some(stretch) = self.timeline.look(&mut place, at) {
+            self.pass(stretch);
+        }
+        let state = if self.still { self.state } else { self.step(at.saturating_sub(place.time)) };
+        (self.state, self.outside, self.interventions, self.still) = kept;
         self.settings.encoder.count(state.counter, state.shafts.turn)
     }
 

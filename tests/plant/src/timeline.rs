@@ -18,7 +18,14 @@ pub(crate) struct Stretch<I> {
     pub(crate) input: Option<I>,
 }
 
-impl<I, const GRID: u64> Timeline<I, GRID> {
+/// An instant at or behind that of the state, and the inputs passed on the way.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Place {
+    pub(crate) time: u64,
+    inputs: usize,
+}
+
+impl<I: Copy, const GRID: u64> Timeline<I, GRID> {
     /// Begins at time zero.
     pub(crate) fn new() -> Self {
         Self { time: 0, inputs: VecDeque::new() }
@@ -32,16 +39,31 @@ impl<I, const GRID: u64> Timeline<I, GRID> {
 
     /// Passes the next stretch that ends at `to` or earlier; `None` leaves less than that to [`Self::beyond`].
     pub(crate) fn next(&mut self, to: u64) -> Option<Stretch<I>> {
-        let grid = (self.time / GRID + 1) * GRID;
-        let input_at = self.inputs.front().map(|(at, _)| *at).filter(|at| *at <= grid);
-        let end = input_at.unwrap_or(grid);
+        let mut place = self.place();
+        let stretch = self.look(&mut place, to)?;
+        self.time = place.time;
+        if place.inputs > 0 {
+            self.inputs.pop_front();
+        }
+        Some(stretch)
+    }
+
+    /// The state's instant, to look ahead from.
+    pub(crate) const fn place(&self) -> Place {
+        Place { time: self.time, inputs: 0 }
+    }
+
+    /// The stretch behind a place that ends at `to` or earlier; the place moves to its end.
+    pub(crate) fn look(&self, place: &mut Place, to: u64) -> Option<Stretch<I>> {
+        let grid = (place.time / GRID + 1) * GRID;
+        let input = self.inputs.get(place.inputs).filter(|(at, _)| *at <= grid);
+        let end = input.map_or(grid, |(at, _)| *at);
         if end > to {
             return None;
         }
-        let nanoseconds = end - self.time;
-        self.time = end;
-        let input = input_at.and_then(|_| self.inputs.pop_front()).map(|(_, input)| input);
-        Some(Stretch { nanoseconds, input })
+        let nanoseconds = end - place.time;
+        *place = Place { time: end, inputs: place.inputs + usize::from(input.is_some()) };
+        Some(Stretch { nanoseconds, input: input.map(|(_, input)| *input) })
     }
 
     /// Instant of the model's state.

@@ -109,3 +109,28 @@ fn a_machine_without_inertia_makes_no_sense() {
     settings.mechanics.rotor_inertia = 0.0;
     let _ = Machine::new(settings);
 }
+
+#[test]
+fn a_look_ahead_is_what_will_be_and_changes_nothing() {
+    let mut machine = Machine::new(imperfect());
+    machine.set_bridge(true, 0);
+    machine.set_brake(true, 0);
+    let mut moved = 0;
+    for n in 0..800_u64 {
+        let at = n * 62_500 + 3_333;
+        // From here on an input lies ahead, which a look must pass, too.
+        machine.set_duties(duties(30.0, n as f64 * 0.013), at + 31_250);
+        if n % 100 == 50 {
+            machine.set_velocity(50.0, at + 33_333);
+        }
+        machine.advance(at);
+        let before = machine.clone();
+        for ahead in [at, at + 1, at + 1_667, at + 29_000, at + 40_001] {
+            let seen = machine.encoder_ahead(ahead);
+            assert_eq!(seen, before.clone().encoder_count(ahead), "{ahead}");
+            moved += u32::from(seen != machine.encoder_ahead(at));
+        }
+        assert!(machine == before, "the look at {at} left a trace");
+    }
+    assert!(moved > 400, "the shaft hardly moves: {moved}");
+}

@@ -1,4 +1,5 @@
-//! The release ELFs: the product as it is flashed, and the shim that runs beside it in QEMU.
+//! What runs in QEMU: the product as it is flashed, the bus inside QEMU that answers its accesses, and the shim beside which its instructions are
+//! counted.
 
 use crate::report::data::Platform;
 use crate::setup::{self, Installing, TARGET, TargetCompiler};
@@ -8,13 +9,14 @@ use anyhow::{Context, Result, bail};
 use bench::{Elves, Executor};
 use std::path::{Path, PathBuf};
 
-/// Builds both and prints what they occupy; the product's size is held against the accepted one, or becomes it.
+/// Builds all of it and prints what the ELFs occupy; the product's size is held against the accepted one, or becomes it.
 pub(crate) fn build_and_print(accept_size: bool, installing: Installing) -> Result<Verdict> {
     let firmware = build_ungated(installing)?;
     for (name, path) in [("drive", &firmware.product), ("shim", &firmware.shim)] {
         println!("{name}: {}", path.display());
         print!("{}", Sections::of(&read(path)?)?);
     }
+    println!("bus inside QEMU: {}", firmware.bus.display());
     let product = read(&firmware.product)?;
     if accept_size {
         size::accept(&product)?;
@@ -23,9 +25,9 @@ pub(crate) fn build_and_print(accept_size: bool, installing: Installing) -> Resu
     Ok(Verdict::Passed)
 }
 
-/// Builds both; what is up to date is not built again.
+/// Builds all of it; what is up to date is not built again.
 ///
-/// The two are built one after the other, so that neither can switch a feature on in the other's dependencies.
+/// The ELFs are built one after the other, so that neither can switch a feature on in the other's dependencies.
 pub(crate) fn build(installing: Installing) -> Result<Elves> {
     let firmware = build_ungated(installing)?;
     size::gate(&read(&firmware.product)?)?;
@@ -40,7 +42,25 @@ fn build_ungated(installing: Installing) -> Result<Elves> {
     let compiler = setup::target_compiler(installing)?;
     let folder = build_folder()?;
     eprintln!("building the release ELF of the drive and the shim ({TARGET}: {compiler})");
-    Ok(Elves { product: build_one(&compiler, &folder, "app")?, shim: build_one(&compiler, &folder, "shim")? })
+    let product = build_one(&compiler, &folder, "app")?;
+    let shim = build_one(&compiler, &folder, "shim")?;
+    Ok(Elves { product, bus: build_bus(&folder)?, shim })
+}
+
+/// The library that QEMU loads, built by this computer's compiler.
+fn build_bus(folder: &Path) -> Result<PathBuf> {
+    const PACKAGE: &str = "emulator_bus";
+    let mut cargo = process::cargo();
+    cargo.current_dir(workspace::root()).args(["build", "--release", "--package", PACKAGE, "--target-dir"]);
+    if process::watch(cargo.arg(folder).stdout(std::io::stderr()))? == Verdict::Failed {
+        bail!("the package `{PACKAGE}` does not build; the compiler's messages above say why");
+    }
+    let name = format!("{}{PACKAGE}{}", std::env::consts::DLL_PREFIX, std::env::consts::DLL_SUFFIX);
+    let library = folder.join("release").join(name);
+    if !library.is_file() {
+        bail!("the build of `{PACKAGE}` left no library at {}", library.display());
+    }
+    Ok(library)
 }
 
 /// What is needed to run the drive under test there: nothing, or QEMU and the ELFs.

@@ -13,7 +13,7 @@
 #![no_main]
 
 #[allow(dead_code, unreachable_pub, reason = "shared with the host, where it is public and used in full")]
-#[path = "../../src/protocol.rs"]
+#[path = "../../link/src/protocol.rs"]
 mod protocol;
 #[allow(unreachable_pub, reason = "shared with the host, where it is public")]
 #[path = "../../src/thumb.rs"]

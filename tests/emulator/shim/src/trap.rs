@@ -152,16 +152,19 @@ extern "C" fn shim_trap(count: u32, frame: *mut Frame, saved: *mut [u32; 8], exc
 
     if frame.pc >= SHIM_CODE {
         state.time = match first {
-            TIMER_FIRED => state.timer_fired(now, frame),
+            // Got here by an undefined instruction.
+            TIMER_FIRED => state.timer_fired(now - 1, frame),
             CALIBRATION_ENDS => {
-                state.overhead = spent;
+                // The undefined instruction is counted as executed; a load or store that is trapped is not.
+                state.overhead = spent - 1;
                 0
             }
             CALIBRATION_STARTS => {
                 state.deadline = FARTHEST;
                 0
             }
-            PRODUCT_STARTS => 0,
+            // The jump to the product is counted, too.
+            PRODUCT_STARTS => u32::MAX,
             _ => state.fail(now, frame, saved),
         };
         frame.pc += 2;
@@ -191,7 +194,9 @@ extern "C" fn shim_trap(count: u32, frame: *mut Frame, saved: *mut [u32; 8], exc
 
 impl State {
     fn remaining(&self) -> u32 {
-        self.deadline.saturating_sub(self.time).max(1)
+        // Before the product's first instruction the time is -1.
+        let remaining = i64::from(self.deadline) - i64::from(self.time.cast_signed());
+        remaining.clamp(1, FARTHEST.into()) as u32
     }
 
     /// Carries the access out and returns the ticks since the last resume after it.
@@ -210,15 +215,13 @@ impl State {
             match access.direction {
                 Direction::Store => {
                     let value = access.cut(registers[usize::from(register & 15)]);
-                    self.post(time, address, value, access.width.bytes(), frame.pc);
-                    time += wait;
+                    time = self.post(time, address, value, access.width.bytes(), frame.pc) + wait;
                 }
                 Direction::Load => {
                     let value = match self.prefetched(time, address, access.width) {
                         Some(value) => {
                             let kind = access.width.bytes() | post::SERVED;
-                            self.post(time, address, value, kind, frame.pc);
-                            time += wait;
+                            time = self.post(time, address, value, kind, frame.pc) + wait;
                             value
                         }
                         None => {
@@ -258,8 +261,8 @@ impl State {
         entry.map(|entry| entry[prefetched::VALUE])
     }
 
-    /// Keeps an entry for the next message.
-    fn post(&mut self, time: u32, address: u32, value: u32, kind: u32, pc: u32) {
+    /// Keeps an entry for the next message. Returns its time: if the buffer was full, the product has been resumed there.
+    fn post(&mut self, time: u32, address: u32, value: u32, kind: u32, pc: u32) -> u32 {
         let mut time = time;
         if kind & post::SERVED == 0 {
             if changes_inputs(address) {
@@ -278,6 +281,7 @@ impl State {
         let start = header::WORDS + self.posts * post::WORDS;
         self.outgoing[start..start + post::WORDS].copy_from_slice(&[time, address, value, kind, pc]);
         self.posts += 1;
+        time
     }
 
     /// What the product wrote itself is no longer what the host foretold: flags that it clears, for one.

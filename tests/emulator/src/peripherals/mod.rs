@@ -15,10 +15,10 @@ pub(crate) mod timer;
 
 use ring::Nanoseconds;
 
-use crate::protocol::{EXTERNAL_BUS, EXTERNAL_BUS_END};
 use crate::wiring;
 use crate::{EmulatorError, Environment};
 use clocks::{ClockTree, Flash, Power, Rcc};
+use emulator_link::protocol::{EXTERNAL_BUS, EXTERNAL_BUS_END};
 use encoder_counters::{Edge, EncoderCounters};
 use gpio::{PinMode, Port};
 use interrupts::{Exti, Syscfg};
@@ -198,6 +198,12 @@ impl Peripherals {
     pub(crate) fn take_interrupts(&mut self) -> (u128, u128) {
         self.update_lines();
         (std::mem::take(&mut self.edges), self.lines)
+    }
+
+    /// Does an interrupt wait to be taken, by its edge or by its level?
+    pub(crate) fn interrupts_wait(&mut self) -> bool {
+        self.update_lines();
+        (self.edges, self.lines) != (0, 0)
     }
 
     /// What a read at `now` would answer, where that is sure not to change by itself until `until` and has no side effect.

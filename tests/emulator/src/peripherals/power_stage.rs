@@ -1,5 +1,7 @@
 //! Modulator and converters together, with their pins: TRGO starts the converters, the outputs drive the bridge, a fault breaks.
 
+use std::cell::Cell;
+
 use ring::Nanoseconds;
 
 use super::adc::Converters;
@@ -19,28 +21,38 @@ pub(crate) struct PowerStage {
     bridge: Option<Bridge>,
     told: Option<Bridge>,
     brake: bool,
+    /// The timer's next trigger, once worked out: it stays what it is until it has come or the timer is written or clocked otherwise.
+    trigger: Cell<Option<Option<Nanoseconds>>>,
 }
 
 impl PowerStage {
     pub(crate) fn new() -> Self {
-        Self { timer: AdvancedTimer::new(), converters: Converters::new(), bridge: None, told: None, brake: false }
+        Self {
+            timer: AdvancedTimer::new(),
+            converters: Converters::new(),
+            bridge: None,
+            told: None,
+            brake: false,
+            trigger: Cell::new(None),
+        }
     }
 
     pub(crate) fn set_clocks(&mut self, tree: &ClockTree, now: Nanoseconds) {
+        self.trigger.set(None);
         self.timer.set_clock(tree.apb2_timers, now);
         self.converters.set_clock(tree.apb2);
     }
 
     /// The next instant at which something can be seen or must be sampled.
     pub(crate) fn next_event(&self) -> Option<Nanoseconds> {
-        let converters = self.converters.next_event(self.timer.next_trigger());
+        let converters = self.converters.next_event(self.next_trigger());
         [self.timer.next_event(), converters].into_iter().flatten().min()
     }
 
     /// The next instant at which one of the lines may rise by itself.
     pub(crate) fn next_interrupt(&self) -> Option<Nanoseconds> {
         let timer = self.timer.next_event().filter(|_| self.timer.interrupts());
-        let converters = self.converters.next_end(self.timer.next_trigger());
+        let converters = self.converters.next_end(self.next_trigger());
         [timer, converters].into_iter().flatten().min()
     }
 
@@ -52,6 +64,15 @@ impl PowerStage {
             .fold(0, |lines, (high, vector)| lines | u128::from(high) << vector)
     }
 
+    fn next_trigger(&self) -> Option<Nanoseconds> {
+        if let Some(trigger) = self.trigger.get() {
+            return trigger;
+        }
+        let trigger = self.timer.next_trigger();
+        self.trigger.set(Some(trigger));
+        trigger
+    }
+
     /// Does what is due until `now`. `Err` tells what goes wrong on the part.
     pub(crate) fn advance<E: Environment + ?Sized>(
         &mut self,
@@ -59,6 +80,9 @@ impl PowerStage {
         environment: &mut E,
         now: Nanoseconds,
     ) -> Result<(), String> {
+        if self.trigger.get().flatten().is_some_and(|trigger| trigger <= now) {
+            self.trigger.set(None);
+        }
         let mut events = Vec::new();
         self.timer.advance(now, &mut events);
         self.carry_out(&events, ports, environment)?;
@@ -87,6 +111,7 @@ impl PowerStage {
         environment: &mut E,
         now: Nanoseconds,
     ) -> Option<Result<(), String>> {
+        self.trigger.set(None);
         let mut events = Vec::new();
         let done = self.timer.write(offset, value, now, &mut events)?;
         Some(done.and_then(|()| self.carry_out(&events, ports, environment)))
@@ -116,7 +141,7 @@ impl PowerStage {
 
     /// Status or data of a converter, if nothing can change them until then.
     pub(crate) fn peek_converters(&self, offset: u32, until: Nanoseconds) -> Option<u32> {
-        let quiet = self.timer.next_trigger().is_none_or(|trigger| trigger >= until);
+        let quiet = self.next_trigger().is_none_or(|trigger| trigger >= until);
         self.converters.peek(offset).filter(|_| quiet)
     }
 

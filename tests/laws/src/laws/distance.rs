@@ -108,7 +108,7 @@ impl Law for Distance {
                 let command = scene.wire.command(Idn::POSITION_COMMAND);
                 self.unchanged = if command == self.command { self.unchanged + 1 } else { 0 };
                 self.command = command;
-                if !scene.wire.asks_to_follow() {
+                if !scene.wire.asks_to_follow() || !scene.wire.follows() {
                     self.unchanged = 0;
                 }
                 Verdict::Silent

@@ -13,8 +13,8 @@ const LATENCY: f64 = 2e-3;
 const BUILD_UP: f64 = 1.1;
 /// A fall is watched for so long, in seconds, beyond the delay of the brake.
 const WATCHED: f64 = 0.5;
-/// In cycles: the AT that is being sent cannot show the error any more.
-const SHOWN_AFTER: u64 = 2;
+/// In cycles: the AT that is being sent cannot show the error any more, and a ring is lost after two and a half.
+const SHOWN_AFTER: u64 = 3;
 /// Share, and revolutions for the shaft between motor and load.
 const MARGIN: (f64, f64) = (1.3, 0.005);
 /// Share, for a shaft that was wound up.
@@ -87,10 +87,10 @@ impl Law for Vertical {
     }
 
     fn judge(&mut self, event: &Event<'_>, scene: &Scene) -> Verdict {
-        if let (Event::Answer, Some(fall)) = (event, &mut self.fall) {
-            // The error is shown after the torque has gone.
-            let then = scene.now.saturating_sub(fall.since);
-            fall.at_once |= scene.wire.has_error() && then <= scene.cycles(SHOWN_AFTER, 0);
+        if let Some(fall) = &mut self.fall {
+            // The error is shown, or the ring is seen to be lost, after the torque has gone.
+            let soon = scene.now.saturating_sub(fall.since) <= scene.cycles(SHOWN_AFTER, 0);
+            fall.at_once |= soon && (scene.wire.has_error() || !scene.is_operating());
         }
         let Event::Look = event else { return Verdict::Silent };
         if scene.before.bridge && !scene.sight.bridge {

@@ -41,6 +41,7 @@ pub(crate) fn demo() -> DemoReport {
         service_errors: Vec::new(),
         service_release: Durations { count: 246, shortest_ns: 11_200, mean_ns: 14_900, longest_ns: 41_300 },
         missed: MissedTelegrams::default(),
+        trace: None,
         interrupt_to_at: Durations { count: 1_040, shortest_ns: 2_810, mean_ns: 2_955, longest_ns: 3_420 },
         interrupt_to_command: Durations { count: 1_040, shortest_ns: 1_900, mean_ns: 2_020, longest_ns: 2_700 },
         following: FollowingError {

@@ -23,6 +23,9 @@ pub(crate) fn demo(report: &DemoReport) -> String {
     for (name, value) in numbers_of_demo(report) {
         row(&mut text, name, &value);
     }
+    if let Some(trace) = &report.trace {
+        row(&mut text, "trace of the ELF", trace);
+    }
     for Check { what, found, passed } in checks::of_demo(report) {
         let mark = if passed { "ok" } else { "FAILED" };
         row(&mut text, mark, &format!("{what}: {found}"));

@@ -4,11 +4,12 @@ use super::Installing;
 use super::system::PackageManager;
 use crate::process;
 use anyhow::{Result, bail};
+use std::ffi::OsStr;
 use std::fmt;
 use std::process::Command;
 
-/// The program that emulates the drive's processor.
-const PROGRAM: &str = "qemu-system-arm";
+/// The program that emulates the drive's processor, as the package managers call it.
+const PROGRAM: &str = emulator::QEMU;
 
 /// Oldest QEMU that the rig was tried with.
 const OLDEST: Version = Version { major: 7, minor: 2 };
@@ -35,15 +36,21 @@ impl Version {
     }
 }
 
-/// Finds QEMU, installs it where it is missing, and gives its version.
+/// Finds QEMU, installs it where it is missing, and gives its version. One that the user names is taken as it is.
 pub(super) fn ensure(installing: Installing) -> Result<Version> {
+    if let Some(program) = std::env::var_os(emulator::QEMU_VARIABLE) {
+        return check(&program, &format!("unset {} or give it another program", emulator::QEMU_VARIABLE));
+    }
     let manager = PackageManager::of_this_machine();
     let packages: &[&str] = if manager == PackageManager::Brew { &["qemu"] } else { &[PROGRAM] };
     if process::find(PROGRAM).is_none() {
         manager.install(packages, &format!("QEMU ({PROGRAM}) is not installed"), installing)?;
     }
-    let answer = process::ask(Command::new(PROGRAM).arg("--version"));
-    let by_hand = manager.command_by_hand(packages);
+    check(PROGRAM.as_ref(), &format!("install QEMU again: {}", manager.command_by_hand(packages)))
+}
+
+fn check(program: &OsStr, remedy: &str) -> Result<Version> {
+    let answer = process::ask(Command::new(program).arg("--version"));
     match answer.as_deref().and_then(Version::parse) {
         Some(version) if version >= OLDEST => Ok(version),
         Some(version) => {
@@ -51,7 +58,7 @@ pub(super) fn ensure(installing: Installing) -> Result<Version> {
                 "QEMU {version} is too old, {OLDEST} or newer is needed; install a newer one and put it first in PATH"
             )
         }
-        None => bail!("`{PROGRAM} --version` gives no version; install QEMU again: {by_hand}"),
+        None => bail!("`{} --version` gives no version; {remedy}", program.display()),
     }
 }
 

@@ -5,7 +5,7 @@
 //! A *tick* is one instruction of the product: QEMU's virtual nanosecond under `-icount shift=0`.
 
 /// Version of this protocol; the shim names it in its hello.
-pub const VERSION: u32 = 2;
+pub const VERSION: u32 = 3;
 
 /// Name of the FIFO that the shim writes, in QEMU's working directory.
 pub const TO_HOST: &str = "to-host";
@@ -26,6 +26,8 @@ pub mod message {
     pub const HELLO: u32 = 5;
     /// The payload answers [`super::command::READ_MEMORY`]; empty after [`super::command::WRITE_MEMORY`].
     pub const MEMORY: u32 = 6;
+    /// There is no going on; the payload says why, as text of four bytes a word, zeros behind it.
+    pub const FAILED: u32 = 7;
 }
 
 /// Word positions in the header of a message from the shim.
