@@ -18,7 +18,7 @@ const SHOWN_AFTER: u64 = 3;
 /// Share, and revolutions for the shaft between motor and load.
 const MARGIN: (f64, f64) = (1.3, 0.005);
 /// Share, for a shaft that was wound up.
-const WOUND: f64 = 1.25;
+const WOUND: f64 = 1.5;
 
 /// Follows a load from the end of the torque.
 #[derive(Default)]
