@@ -1,17 +1,14 @@
 //! The bus inside QEMU, broken in every way that we could think of: one clear line each, and nothing is left running.
 
-mod program;
-mod quiet;
-
 use std::ffi::OsString;
 use std::os::unix::fs::PermissionsExt;
 use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};
 use std::time::{Duration, Instant};
 
+use crate::program::{Nothing, Program};
+use crate::quiet::Quiet;
 use emulator::{EmulatorError, Guest, GuestConfiguration, Rig, Trace};
-use program::{Nothing, Program};
-use quiet::Quiet;
 use ring::Nanoseconds;
 
 const START: u32 = 0x0800_0200;
