@@ -22,7 +22,7 @@ pub enum EmulatorError {
         source: std::io::Error,
     },
     /// QEMU ended by itself.
-    #[error("QEMU ended unexpectedly ({status}): {stderr}")]
+    #[error("QEMU ended unexpectedly ({status}): {stderr} (which QEMU will do: docs/emulator.md)")]
     QemuEnded {
         /// Its exit status.
         status: String,

@@ -49,6 +49,8 @@ pub struct GuestConfiguration {
     pub one_cpu: bool,
     /// QEMU executes as many instructions at once as it can; otherwise one by one, which is slower and changes no result. For [`Rig::Bus`].
     pub whole_blocks: bool,
+    /// Answers carry what is going to be read next, which is faster and changes no result.
+    pub foretells: bool,
 }
 
 impl GuestConfiguration {
@@ -62,6 +64,7 @@ impl GuestConfiguration {
             post_bound: Nanoseconds::from_microseconds(5),
             one_cpu: true,
             whole_blocks: true,
+            foretells: true,
         }
     }
 }
@@ -101,6 +104,8 @@ pub struct Guest {
     question: Question,
     peripherals: Peripherals,
     prefetch: Prefetch,
+    /// Most values that an answer carries.
+    foretold: usize,
     post_bound: Nanoseconds,
     log: Log,
     lines: Vec<LogLine>,
@@ -136,6 +141,7 @@ impl Guest {
             question: Question { kind: 0, ticks: 0, address: 0, width: 4, pc: 0, watched: 0, idle: false },
             peripherals,
             prefetch: Prefetch::default(),
+            foretold: if configuration.foretells { resume::PREFETCH_CAPACITY } else { 0 },
             post_bound: configuration.post_bound,
             log,
             lines: Vec::new(),
@@ -415,7 +421,7 @@ impl Guest {
         self.wake = event.map_or(horizon, |event| event.min(horizon));
         let (clock, wake) = (self.clock, self.wake);
         let peripherals = &self.peripherals;
-        let chain = self.prefetch.chain(resume::PREFETCH_CAPACITY, |address, ticks| {
+        let chain = self.prefetch.chain(self.foretold, |address, ticks| {
             if let Some(value) = peripherals.peek(environment, address, time, wake) {
                 return Some(Foretold { address, value, at: prefetched::ANY });
             }

@@ -184,6 +184,47 @@ fn a_qemu_that_is_none_is_told_in_its_own_words() {
     assert_one_line(&error_of(&configuration), &["QEMU ended unexpectedly", "exit status: 7", "no plugins here"]);
 }
 
+/// What QEMU does with a plugin, done by a program that exports nothing.
+#[allow(unsafe_code, reason = "the library is loaded as QEMU loads it")]
+fn load_as_qemu_does(arguments: &[String]) -> std::ffi::c_int {
+    type Install =
+        unsafe extern "C" fn(u64, *const (), std::ffi::c_int, *const *const std::ffi::c_char) -> std::ffi::c_int;
+    let arguments: Vec<_> = arguments.iter().map(|text| std::ffi::CString::new(text.as_str()).unwrap()).collect();
+    let pointers: Vec<_> = arguments.iter().map(|text| text.as_ptr()).collect();
+    // SAFETY: the bus's initialisation looks for functions and nothing else, and its installation has this type.
+    unsafe {
+        let library = libloading::Library::new(bus()).unwrap();
+        let install = library.get::<Install>(b"qemu_plugin_install\0").unwrap();
+        install(0, std::ptr::null(), pointers.len() as std::ffi::c_int, pointers.as_ptr())
+    }
+}
+
+#[test]
+#[ignore = "needs QEMU and the bus: cargo xtask test"]
+fn a_qemu_that_exports_nothing_is_told_what_is_missing_and_what_is_left() {
+    if std::env::var_os("TEST_AS_QEMU").is_some() {
+        let parent = format!("parent={}", std::os::unix::process::parent_id());
+        let installed = load_as_qemu_does(&["page=/nowhere".into(), parent, "blocks=whole".into()]);
+        assert_eq!(installed, -1);
+        return;
+    }
+    let mut test = Command::new(std::env::current_exe().unwrap());
+    test.args([
+        "--ignored",
+        "--exact",
+        "--nocapture",
+        &full("a_qemu_that_exports_nothing_is_told_what_is_missing_and_what_is_left"),
+    ]);
+    let output = test.env("TEST_AS_QEMU", "1").output().unwrap();
+    let stderr = String::from_utf8_lossy(&output.stderr);
+    assert!(output.status.success(), "{stderr}");
+    let lines: Vec<&str> = stderr.lines().filter(|line| line.starts_with("emulator bus:")).collect();
+    let [line] = lines[..] else { panic!("one line expected: {stderr}") };
+    for part in ["does not export qemu_plugin_register_vcpu_tb_trans_cb", "built with modules", "--on host"] {
+        assert!(line.contains(part), "{part:?} expected in: {line}");
+    }
+}
+
 #[test]
 #[ignore = "needs QEMU and the bus: cargo xtask test"]
 fn a_product_that_touches_systick_is_refused_at_its_instruction() {

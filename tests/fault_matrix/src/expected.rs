@@ -73,7 +73,7 @@ pub(crate) const fn note(fault: Fault) -> Option<&'static str> {
              the same holds."
         }
         Fault::EnableBlinks => {
-            "The axis coasts, and is caught at the speed that it has. In position mode its command is a lag ahead of it, further than S-0-0159."
+            "The axis coasts, and is caught at the speed that it has. What it has coasted behind its command, beside its lag, is within S-0-0159."
         }
         Fault::EncoderSlip => "Found at the next index pulse: within a revolution.",
         Fault::CommutationDisturbed => {
@@ -133,7 +133,7 @@ const IN_OPERATION: Places = &[
     (Halted, Position),
 ];
 const HELD: Places = &[(Standstill, Velocity), (Halted, Position)];
-const CAUGHT: Places = &[(AtSpeed, Torque), (AtSpeed, Velocity), (AtSpeed, PositionWithoutLag)];
+const CAUGHT: Places = &[(AtSpeed, Torque), (AtSpeed, Velocity), (AtSpeed, Position), (AtSpeed, PositionWithoutLag)];
 const UPRIGHT: Places = &[(Standstill, PositionWithoutLag), (Halted, Position)];
 const WHEN_OFF: Places = &[(Off, Velocity)];
 const WHEN_SWITCHING_ON: Places = &[(SwitchingOn, Velocity)];
@@ -195,7 +195,6 @@ const TABLE: &[Row] = &[
     row(Fault::EmergencyStopVertical, POSITIONED, Ramp, CLOSING, 0xF109, RunsAgain),
     row(Fault::EmergencyStopVertical, WHEN_STOPPING, GoesOn, CLOSING, 0, NoError),
     row(Fault::EnableBlinks, CAUGHT, GoesOn, Some((60, 3_000)), 0, NoError),
-    row(Fault::EnableBlinks, &[(AtSpeed, Position)], TorqueOff, Some((60, 3_000)), 0xF10B, RunsAgain),
     row(Fault::GateDriver, WHEN_OFF, Warning, None, 0xE003, NoError),
     row(Fault::GateDriver, WITH_TORQUE, TorqueOff, AT_ONCE, 0xF10F, RunsAgain),
     row(Fault::EncoderFrozen, WHEN_SWITCHING_ON, TorqueOff, Some((250_000, 500_000)), 0xF118, RunsAgain),

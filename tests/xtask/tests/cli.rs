@@ -12,7 +12,7 @@ fn xtask() -> Command {
 /// The program on a machine that has no tools at all; Cargo is known to it, as always under `cargo xtask`.
 fn xtask_without_tools(empty: &Path) -> Command {
     let mut command = xtask();
-    command.env("PATH", empty).env("CARGO", env!("CARGO"));
+    command.env("PATH", empty).env("CARGO", env!("CARGO")).env_remove("QEMU");
     command
 }
 
@@ -157,6 +157,49 @@ fn an_old_qemu_is_refused_with_both_versions() {
     std::fs::set_permissions(&program, std::fs::Permissions::from_mode(0o755)).unwrap();
     let line = refusal(&xtask_without_tools(folder.path()).arg("demo").output().unwrap());
     assert!(line.contains("QEMU 5.2 is too old, 7.2 or newer is needed"), "{line}");
+}
+
+/// A program in place of QEMU that knows its version and nothing else.
+#[cfg(unix)]
+fn broken_qemu(folder: &Path) -> std::path::PathBuf {
+    use std::os::unix::fs::PermissionsExt;
+    let program = folder.join("broken");
+    let script = "#!/bin/sh\n[ \"$1\" = --version ] && echo 'QEMU emulator version 9.9.9' && exit\n\
+                  echo 'no plugins are known here' >&2\nexit 3\n";
+    std::fs::write(&program, script).unwrap();
+    std::fs::set_permissions(&program, std::fs::Permissions::from_mode(0o755)).unwrap();
+    program
+}
+
+#[cfg(unix)]
+#[test]
+#[ignore = "needs the ELF: cargo xtask test"]
+fn a_qemu_that_ends_at_once_is_told_in_one_line_and_leaves_no_report() {
+    let folder = tempfile::tempdir().unwrap();
+    let report = folder.path().join("report");
+    let mut command = xtask();
+    let output = command
+        .args(["demo", "--no-install", "--output"])
+        .arg(&report)
+        .env("QEMU", broken_qemu(folder.path()))
+        .output()
+        .unwrap();
+    let stderr = String::from_utf8_lossy(&output.stderr);
+    assert_eq!(output.status.code(), Some(2), "{stderr}");
+    let errors: Vec<&str> = stderr.lines().filter(|line| line.starts_with("error")).collect();
+    let [line] = errors[..] else { panic!("one error expected: {stderr}") };
+    for cause in ["drive 2", "QEMU ended unexpectedly", "exit status: 3", "no plugins are known here"] {
+        assert!(line.contains(cause), "{cause:?} expected in {line}");
+    }
+    assert!(!report.exists(), "nothing may be left half done");
+}
+
+#[test]
+fn a_qemu_that_is_named_and_not_there_is_refused_before_anything_is_built() {
+    let empty = tempfile::tempdir().unwrap();
+    let mut command = xtask_without_tools(empty.path());
+    let line = refusal(&command.arg("demo").env("QEMU", "no/such/qemu").output().unwrap());
+    assert!(line.contains("`no/such/qemu --version` gives no version; unset QEMU"), "{line}");
 }
 
 #[test]
