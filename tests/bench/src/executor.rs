@@ -16,7 +16,7 @@ pub struct Elves {
     pub product: PathBuf,
     /// The bus inside QEMU, a library that it loads.
     pub bus: PathBuf,
-    /// The trap shim, beside which instructions are counted.
+    /// The trap shim, whose counts the bus is held against in a test of the emulator.
     pub shim: PathBuf,
 }
 

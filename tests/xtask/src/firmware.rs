@@ -1,5 +1,5 @@
-//! What runs in QEMU: the product as it is flashed, the bus inside QEMU that answers its accesses, and the shim beside which its instructions are
-//! counted.
+//! What runs in QEMU: the product as it is flashed, the bus inside QEMU that answers its accesses, and the shim, whose counts a test holds the bus's
+//! against.
 
 use crate::report::data::Platform;
 use crate::setup::{self, Installing, TARGET, TargetCompiler};

@@ -8,6 +8,7 @@ use crate::setup::{self, Installing, TestRunner};
 use crate::{Verdict, process, workspace};
 use anyhow::Result;
 use std::process::Command;
+use std::thread;
 
 /// Which tests to run.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -33,22 +34,36 @@ impl Selection {
 
 /// Runs the tests; the last thing printed is the test runner's own summary.
 pub(crate) fn run(selection: Selection, installing: Installing) -> Result<Verdict> {
-    let firmware = if selection == Selection::Host {
-        None
-    } else {
+    let runner = setup::test_runner();
+    let mut tests = tests(runner, selection);
+    if selection != Selection::Host {
         let version = setup::qemu(installing)?;
         eprintln!("QEMU {version}");
-        Some(firmware::build(installing)?)
-    };
-    let runner = setup::test_runner();
+        // The linker of the ELF keeps one core busy for long, the tests' programs keep the others.
+        let firmware = thread::scope(|scope| {
+            let firmware = scope.spawn(|| firmware::build(installing));
+            let compiled = process::watch(&mut compilation(runner));
+            let firmware = firmware.join().unwrap_or_else(|panic| std::panic::resume_unwind(panic))?;
+            Ok::<_, anyhow::Error>((compiled? == Verdict::Passed).then_some(firmware))
+        })?;
+        let Some(firmware) = firmware else { return Ok(Verdict::Failed) };
+        tests.env("PRODUCT_ELF", firmware.product).env("BUS_PLUGIN", firmware.bus).env("SHIM_ELF", firmware.shim);
+    }
     if selection != Selection::Qemu && process::watch(&mut examples_in_documentation())? == Verdict::Failed {
         return Ok(Verdict::Failed);
     }
-    let mut tests = tests(runner, selection);
-    if let Some(firmware) = firmware {
-        tests.env("PRODUCT_ELF", firmware.product).env("BUS_PLUGIN", firmware.bus).env("SHIM_ELF", firmware.shim);
-    }
     process::watch(&mut tests)
+}
+
+/// The tests' programs, compiled and not run.
+fn compilation(runner: TestRunner) -> Command {
+    let mut command = process::cargo();
+    command.current_dir(workspace::root());
+    match runner {
+        TestRunner::Nextest => command.args(["nextest", "run", "--no-run"]),
+        TestRunner::CargoTest => command.args(["test", "--no-run", "--lib", "--bins", "--tests"]),
+    };
+    command
 }
 
 /// Examples in the documentation, which nextest does not run.
