@@ -1,15 +1,12 @@
 //! An axis that meets a mechanical stop, a shaft that is blocked, and an encoder that is dead: over the ring.
 
-#[path = "common/running.rs"]
-mod running;
-
+use crate::running::{ADDRESS, Bench};
 use bench::{DriveSetup, parameters_of};
 use plant::ReferenceAxis;
 use ring::Nanoseconds;
 use ring::ident::{Idn, Value};
 use ring::master::{CommandValues, DriveScript, MasterScript, Motion, Telegram};
 use ring::service_client::control;
-use running::{ADDRESS, Bench};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicI32, Ordering};
 

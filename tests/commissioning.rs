@@ -1,16 +1,13 @@
 //! Commissioning commands: gains from the data of the motor, and the data of the motor from measurements, against the simulated machine.
 
-#[path = "common/running.rs"]
-mod running;
-
 use std::cell::Cell;
 use std::rc::Rc;
 
+use crate::running::{ADDRESS, Bench, script};
 use bench::{Amplifier, DriveSetup};
 use ring::Nanoseconds;
 use ring::ident::{Idn, Value};
 use ring::master::{CommandValues, DriveScript, MasterScript, Motion, Telegram};
-use running::{ADDRESS, Bench, script};
 
 const P: u16 = 0x8000;
 const COMPUTE_GAINS: u16 = P | 220;

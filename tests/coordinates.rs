@@ -1,17 +1,14 @@
 //! The coordinates of the master over the ring: what it writes and reads as a position is that of S-0-0051, in every scaling and polarity,
 //! absolute and modulo, in both directions, after any number of turns.
 
-#[path = "common/running.rs"]
-mod running;
-
 use std::cell::Cell;
 use std::rc::Rc;
 
+use crate::running::{ADDRESS, Bench, script};
 use bench::DriveSetup;
 use ring::Nanoseconds;
 use ring::ident::{Idn, Value};
 use ring::master::{CommandValues, MasterScript, Motion, Telegram};
-use running::{ADDRESS, Bench, script};
 
 const ON: u16 = 0xE000;
 /// Rotary position data by S-0-0079, of the motor or the load; modulo.

@@ -1,8 +1,6 @@
 //! What happens to the ring's telegrams and to the drive itself, and what the drive makes of it (sercos2.md 2.2 to 2.4, 4.3, 6.3).
 
-#[path = "common/running.rs"]
-mod running;
-
+use crate::running::{ADDRESS, Bench, script};
 use bench::{Amplifier, DriveSetup};
 use ring::Nanoseconds;
 use ring::chip::{Alternatives, TimersWithoutMst};
@@ -11,7 +9,6 @@ use ring::ident::{Idn, Value};
 use ring::master::{CommandValues, DriveScript, MasterError, MasterScript, Motion, Telegram};
 use ring::service_client::{Request, control};
 use ring::slots::MdtPlace;
-use running::{ADDRESS, Bench, script};
 
 const CLASS_1: u16 = 11;
 const INTERFACE: u16 = 14;

@@ -1,12 +1,6 @@
 //! Position commands that jump, over the ring: what is followed starts at the shaft, and goes on as fast as S-0-0091 allows.
 
-#[path = "common/running.rs"]
-mod running;
-
-#[path = "common/led.rs"]
-mod led;
-
-use led::{Axis, FOLLOW, HALT, OFF};
+use crate::led::{Axis, FOLLOW, HALT, OFF};
 use ring::fibre::TelegramKind;
 use ring::ident::{Idn, Value};
 

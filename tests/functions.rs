@@ -1,13 +1,10 @@
 //! What the drive does beside following its commands: torque mode, additive commands, homing, parking, bits, password, diagnosis.
 
-#[path = "common/running.rs"]
-mod running;
-
+use crate::running::{ADDRESS, Bench, VELOCITY, script};
 use bench::{Amplifier, DriveSetup};
 use ring::Nanoseconds;
 use ring::ident::{Idn, Value};
 use ring::master::{CommandValues, DriveScript, MasterScript, Motion, Telegram};
-use running::{ADDRESS, Bench, VELOCITY, script};
 
 const P: u16 = 0x8000;
 

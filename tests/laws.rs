@@ -2,21 +2,16 @@
 //!
 //! That each can be broken is shown beside it, in the crate `laws`; that every other test is a test of the laws too is the bench's doing.
 
-#[path = "common/led.rs"]
-mod led;
-#[path = "common/running.rs"]
-mod running;
-
 use std::collections::BTreeMap;
 
+use crate::led::{Axis, FOLLOW, HALT, OFF};
+use crate::running::{ADDRESS, Bench};
 use bench::{DriveSetup, parameters_of, product};
-use led::{Axis, FOLLOW, HALT, OFF};
 use plant::ReferenceAxis;
 use ring::Nanoseconds;
 use ring::ident::{Idn, Value};
 use ring::master::{CommandValues, DriveScript, MasterScript, Motion, Telegram};
 use ring::service_client::Request;
-use running::{ADDRESS, Bench};
 
 fn armed(bench: &Bench, all: &mut BTreeMap<&'static str, u64>) {
     let laws = bench.drive.laws.borrow();

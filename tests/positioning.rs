@@ -1,17 +1,14 @@
 //! Movements to a target by the drive itself, over the ring, and what it tells of having reached it: S-0-0258 in the modes 0013H and 001BH,
 //! S-0-0282 with S-0-0346 in 0213H and 021BH.
 
-#[path = "common/running.rs"]
-mod running;
-
 use std::cell::Cell;
 use std::rc::Rc;
 
+use crate::running::{ADDRESS, Bench, script};
 use bench::{Amplifier, DriveSetup};
 use ring::Nanoseconds;
 use ring::ident::{Idn, Value};
 use ring::master::{CommandValues, MasterScript, Motion, Telegram};
-use running::{ADDRESS, Bench, script};
 
 const TO_TARGET: u16 = 0x1B;
 const BY_CONTROL: u16 = 0x21B;

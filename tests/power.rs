@@ -1,16 +1,13 @@
 //! The main power goes: what the DC link is still good for, over the ring. The control is a stubborn one; only what it is told to it takes
 //! back.
 
-#[path = "common/running.rs"]
-mod running;
-
+use crate::running::{ADDRESS, Bench, script};
 use bench::{DriveSetup, parameters_of, product};
 use plant::ReferenceAxis;
 use ring::Nanoseconds;
 use ring::ident::{Idn, Value};
 use ring::master::{CommandValues, DriveScript, MasterScript, Motion, Telegram};
 use ring::service_client::control;
-use running::{ADDRESS, Bench, script};
 
 const CLASS_1: u16 = 11;
 const DIAGNOSTIC_NUMBER: u16 = 390;

@@ -2,13 +2,9 @@
 //!
 //! `cargo xtask test` builds the ELF and runs these.
 
-mod common;
-#[path = "common/running.rs"]
-mod running;
-
+use crate::common::{real_recording, tight_ring};
 use bench::report::Platform;
 use bench::{DriveSetup, Elves, Executor, ReplayOptions, demo, replay, ring_of_drives_on};
-use common::{real_recording, tight_ring};
 use conformance::{Configuration, Slave, walk};
 use ring::master::ScriptedMaster;
 use ring::tester::Plan;
@@ -171,9 +167,9 @@ fn released_in_time(slave: &Slave, what: &str, at_least: usize) {
 #[test]
 #[ignore = "needs QEMU and the ELF: cargo xtask test"]
 fn a_fault_of_the_gate_drivers_switches_the_bridge_off_before_the_flashed_elf_knows() {
-    let script = running::script();
+    let script = crate::running::script();
     let configuration = RingConfiguration::new(1, BitRate::M2);
-    let setup = DriveSetup::new(running::ADDRESS);
+    let setup = DriveSetup::new(crate::running::ADDRESS);
     let (mut world, handles) =
         ring_of_drives_on(configuration, ScriptedMaster::new(script), &[setup], |_| on_qemu()).unwrap();
     let motor_side = &handles[0].motor_side;

@@ -1,9 +1,7 @@
 //! The recording of a real master, and recordings made here, played against our drives.
 
-mod common;
-
+use crate::common::{real_recording, recorded, tight_ring};
 use bench::{DriveSetup, ReplayOptions, replay};
-use common::{real_recording, recorded, tight_ring};
 use ring::Nanoseconds;
 use ring::capture::Recording;
 use ring::chip::Alternatives;

@@ -1,19 +1,13 @@
 //! Stops and starts, over the ring: a stop never makes the shaft faster, and nothing starts by itself.
 
-#[path = "common/running.rs"]
-mod running;
-
-#[path = "common/led.rs"]
-mod led;
-
+use crate::led::{Axis, FOLLOW, HALT, OFF};
+use crate::running::{ADDRESS, Bench, VELOCITY, script};
 use bench::{DriveSetup, product};
-use led::{Axis, FOLLOW, HALT, OFF};
 use ring::Nanoseconds;
 use ring::fibre::TelegramKind;
 use ring::ident::{Idn, Value};
 use ring::master::{CommandValues, MasterScript, Motion};
 use ring::service_client::control;
-use running::{ADDRESS, Bench, VELOCITY, script};
 
 /// Control word bits 9 and 8: the fourth mode, S-0-0035, which no test sets.
 const UNSET_MODE: u16 = 0x0300;

@@ -1,16 +1,13 @@
 //! Limits in the MDT, as a tension axis has them, and torque data in newton metres.
 
-#[path = "common/running.rs"]
-mod running;
-
 use std::cell::RefCell;
 use std::rc::Rc;
 
+use crate::running::{ADDRESS, Bench, script};
 use bench::DriveSetup;
 use ring::Nanoseconds;
 use ring::ident::{Idn, Value};
 use ring::master::{CommandValues, MasterScript, Motion, ProfilePoint, Telegram};
-use running::{ADDRESS, Bench, script};
 
 const BIPOLAR_VELOCITY: Idn = Idn(91);
 const BIPOLAR_TORQUE: Idn = Idn(92);

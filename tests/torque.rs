@@ -1,15 +1,12 @@
 //! Torque where the axis does not do what it is told: switched on while it turns, pressed against a stop. Over the ring.
 
-#[path = "common/running.rs"]
-mod running;
-
+use crate::running::{ADDRESS, Bench, script};
 use bench::{DriveSetup, product};
 use plant::{BrakeFailure, HoldingBrake, ReferenceAxis};
 use ring::Nanoseconds;
 use ring::ident::{Idn, Value};
 use ring::master::{CommandValues, MasterScript, Motion};
 use ring::service_client::control;
-use running::{ADDRESS, Bench, script};
 
 const CLASS_1: u16 = 11;
 const DIAGNOSTIC_NUMBER: u16 = 390;

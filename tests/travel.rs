@@ -1,13 +1,10 @@
 //! Movements that the drive makes by itself, over the ring: homing in all its ways, positioning, probes.
 
-#[path = "common/running.rs"]
-mod running;
-
+use crate::running::{ADDRESS, Bench, script};
 use bench::DriveSetup;
 use ring::Nanoseconds;
 use ring::ident::{Idn, Value};
 use ring::master::{CommandValues, MasterScript, Motion, Telegram};
-use running::{ADDRESS, Bench, script};
 
 /// Where the press axis has its index, in degrees, and where these tests put the home switch.
 const INDEX: f64 = 0.250_007 * 360.0;

@@ -1,7 +1,5 @@
 //! An axis whose master does as a test says, and keeps its switches whatever the drive answers.
 
-#![allow(dead_code, reason = "every test program uses its own part of it")]
-
 use std::cell::Cell;
 use std::rc::Rc;
 

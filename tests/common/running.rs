@@ -1,7 +1,5 @@
 //! One drive on a ring with the scripted master, running or about to, and what a test asks of it.
 
-#![allow(dead_code, reason = "every test program uses its own part of it")]
-
 use bench::{DriveHandle, DriveSetup, World, parameters_of, ring_of_drives};
 use plant::ReferenceAxis;
 use ring::chip::Alternatives;

@@ -1,11 +1,9 @@
 //! What the service channel does with steps that no master would send.
 
-mod support;
-
+use crate::support::Slave;
 use proptest::prelude::*;
 use sercos::Idn;
 use sercos::service::{Progress, Reply, Step};
-use support::Slave;
 
 fn any_step() -> impl Strategy<Value = Step> {
     let info = prop_oneof![

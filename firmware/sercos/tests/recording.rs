@@ -2,12 +2,10 @@
 //!
 //! The recording is not part of the repository; the test skips, and says so, where it is missing.
 
-mod support;
-
+use crate::support::{Boundary, Slave};
 use sercos::telegram::{Mst, RecordPacket, record_of};
 use sercos::{Idn, Phase};
 use std::path::PathBuf;
-use support::{Boundary, Slave};
 
 fn recording() -> Option<String> {
     let folder = std::env::var_os("SERCOS_CAPTURES")

@@ -1,10 +1,8 @@
 //! The run-up of a real master (sercos2.md 10.2), step by step, as drive 1 sees it.
 
-mod support;
-
+use crate::support::{Boundary, Slave};
 use sercos::{Idn, Phase};
 use std::fmt::Write;
-use support::{Boundary, Slave};
 
 /// Writes down every step and its answer.
 struct Dialogue {

@@ -1,12 +1,10 @@
 //! The service channel's behaviour, element by element and error by error.
 
-mod support;
-
+use crate::support::{Boundary, Slave};
 use sercos::command::CommandState;
 use sercos::data_block::{Location, Selection};
 use sercos::service::{Element, Progress, Reply, ServiceError, Step};
 use sercos::{Idn, dictionary};
-use support::{Boundary, Slave};
 
 const fn s(number: u16) -> Idn {
     Idn::standard(number)

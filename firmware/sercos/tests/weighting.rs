@@ -1,12 +1,10 @@
 //! Elements 3 and 4 of data that follow a scaling type, read over the service channel under each scaling.
 
-mod support;
-
+use crate::support::Slave;
 use sercos::Idn;
 use sercos::attribute::Attribute;
 use sercos::dictionary::DICTIONARY;
 use sercos::weighting::{Dimension, Unit};
-use support::Slave;
 
 /// What a data block reads as: unit, decimal places, conversion factor.
 type Weight = (String, u8, u16);

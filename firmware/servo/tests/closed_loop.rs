@@ -1,8 +1,8 @@
 //! The axis closed over the simulated motor. Bounds are two-sided: a result that is too good means that the measurement broke.
 
-mod bench;
-
-use bench::{Bench, Master, degrees, is_limited, largest, modulo_of, parameters, revolutions, rpm, to_rpm, up_to};
+use crate::bench::{
+    Bench, Master, degrees, is_limited, largest, modulo_of, parameters, revolutions, rpm, to_rpm, up_to,
+};
 use plant::{Coupling, ReferenceAxis};
 use servo::{
     Acceleration, AxisOutput, AxisSettings, CommandSource, CurrentFilterSettings, CurrentFraction, FilterSection,

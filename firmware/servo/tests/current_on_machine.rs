@@ -1,14 +1,12 @@
 //! The current loop on the machine: inverter with dead time, saturating windings, noisy sensors with offsets and gain errors.
 
-mod machine_bench;
-
 use std::f64::consts::TAU;
 
-use machine_bench::measure::{
+use crate::machine_bench::measure::{
     Phasor, Step, decibels, deviation, highest, largest, lowest, mean, whole_periods, within,
 };
-use machine_bench::setup::Setup;
-use machine_bench::{Bench, CYCLES_PER_SECOND};
+use crate::machine_bench::setup::Setup;
+use crate::machine_bench::{Bench, CYCLES_PER_SECOND};
 use plant::ReferenceAxis;
 use servo::current::Trip;
 

@@ -1,10 +1,8 @@
 //! The gains of `current_gains` in the real current loop, on a winding in f64: rise time, overshoot, bandwidth, phase margin.
 
-mod inverter;
-
 use std::f64::consts::TAU;
 
-use inverter::{Drive, MotorData};
+use crate::inverter::{Drive, MotorData};
 use servo::current::PwmFrequency;
 use servo::current_gains;
 

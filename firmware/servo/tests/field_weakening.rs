@@ -1,8 +1,6 @@
 //! Field weakening with the real current loop and a permanent magnet motor in f64 whose speed is ramped over its base speed and back.
 
-mod inverter;
-
-use inverter::{Drive, MotorData};
+use crate::inverter::{Drive, MotorData};
 use servo::current::{
     CurrentReadings, FieldWeakening, FieldWeakeningParameters, FieldWeakeningSettings, PwmFrequency, WeakeningOutput,
 };

@@ -1,8 +1,6 @@
 //! Identification of simulated motors through the real current loop.
 
-mod pmsm;
-
-use pmsm::{Bench, Fault, Machine};
+use crate::pmsm::{Bench, Fault, Machine};
 use servo::current::PwmFrequency;
 use servo::identification::{
     FluxIdentification, FluxMeasurement, FluxSettings, IdentificationError, IdentificationInputs, IdentificationOutput,

@@ -1,13 +1,11 @@
 //! Position control on the machine, with the real current loop under it.
 
-mod machine_bench;
-
 use std::f64::consts::TAU;
 
-use machine_bench::master::{Master, counts, of_radians, revolutions, rpm, to_rpm, turns};
-use machine_bench::measure::{Phasor, Step, deviation, highest, largest, lowest, mean, within};
-use machine_bench::setup::{Setup, acceleration, starting_at};
-use machine_bench::{Bench, Seen, TICKS_PER_SECOND};
+use crate::machine_bench::master::{Master, counts, of_radians, revolutions, rpm, to_rpm, turns};
+use crate::machine_bench::measure::{Phasor, Step, deviation, highest, largest, lowest, mean, within};
+use crate::machine_bench::setup::{Setup, acceleration, starting_at};
+use crate::machine_bench::{Bench, Seen, TICKS_PER_SECOND};
 use plant::ReferenceAxis;
 use servo::{
     Axis, AxisSettings, CommandSource, CurrentFraction, Interpolation, Jerk, Limiting, Mode, Modulo, MotionLimits,

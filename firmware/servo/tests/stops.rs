@@ -1,8 +1,6 @@
 //! A stop, whenever and from whatever it comes: the shaft is never made faster, and stands within what the deceleration takes.
 
-mod bench;
-
-use bench::{Bench, parameters, revolutions, rpm};
+use crate::bench::{Bench, parameters, revolutions, rpm};
 use plant::ReferenceAxis;
 use proptest::prelude::*;
 use servo::{CommandJump, CommandLimits, Interpolator, InterpolatorSettings, Modulo, ModuloCounter, Position};

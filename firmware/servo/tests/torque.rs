@@ -1,8 +1,6 @@
 //! Torque mode: the command is the current, up to the velocity limit.
 
-mod bench;
-
-use bench::{Bench, is_limited, largest, parameters, rpm, to_rpm, up_to};
+use crate::bench::{Bench, is_limited, largest, parameters, rpm, to_rpm, up_to};
 use plant::ReferenceAxis;
 use servo::{AxisParameters, CurrentFraction, Mode};
 

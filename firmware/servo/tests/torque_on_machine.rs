@@ -1,13 +1,11 @@
 //! Torque mode, velocity limit and field weakening on the machine.
 
-mod machine_bench;
-
 use std::f64::consts::TAU;
 
-use machine_bench::master::{of_radians, rpm};
-use machine_bench::measure::{Step, highest, largest, mean, within};
-use machine_bench::setup::Setup;
-use machine_bench::{Bench, Seen, TICKS_PER_SECOND};
+use crate::machine_bench::master::{of_radians, rpm};
+use crate::machine_bench::measure::{Step, highest, largest, mean, within};
+use crate::machine_bench::setup::Setup;
+use crate::machine_bench::{Bench, Seen, TICKS_PER_SECOND};
 use plant::ReferenceAxis;
 use servo::{CurrentFraction, Limiting, Mode, TorqueLimits, VelocityLimits};
 

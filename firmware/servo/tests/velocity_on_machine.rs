@@ -1,15 +1,13 @@
 //! The velocity loop on the machine, with the real current loop under it.
 
-mod machine_bench;
-
 use std::f64::consts::TAU;
 
-use machine_bench::master::{of_radians, rpm, to_rpm};
-use machine_bench::measure::{
+use crate::machine_bench::master::{of_radians, rpm, to_rpm};
+use crate::machine_bench::measure::{
     Phasor, Step, decibels, deviation, highest, largest, lowest, mean, whole_periods, within,
 };
-use machine_bench::setup::{Setup, acceleration};
-use machine_bench::{Bench, Seen, TICKS_PER_SECOND};
+use crate::machine_bench::setup::{Setup, acceleration};
+use crate::machine_bench::{Bench, Seen, TICKS_PER_SECOND};
 use plant::ReferenceAxis;
 use servo::{CurrentFraction, Jerk, Limiting, Mode, TorqueLimits, velocity_gains};
 

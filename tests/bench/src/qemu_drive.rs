@@ -38,9 +38,8 @@ impl QemuDrive {
         Ok(Self::around(guest, chip, motor_side, address, bit_rate, measurements))
     }
 
-    /// The same around a guest that was started otherwise, to trace it.
-    #[must_use]
-    pub fn around(
+    /// The same around a guest that was started otherwise.
+    fn around(
         guest: Guest,
         chip: &SharedChip,
         motor_side: &SharedMotorSide,
@@ -57,6 +56,11 @@ impl QemuDrive {
             observer: BusObserver::new(measurements),
         };
         Self { address, guest, environment }
+    }
+
+    /// The running product, to trace it.
+    pub fn guest_mut(&mut self) -> &mut Guest {
+        &mut self.guest
     }
 }
 

@@ -1,6 +1,9 @@
 //! A drive on a fast ring, traced instruction by instruction while it follows the master and its service channel is in use.
 
-use emulator::{Activations, EmulatorError, Guest, GuestConfiguration, Listing, Rig, Tracer};
+use std::cell::RefCell;
+use std::rc::Rc;
+
+use emulator::{Activations, EmulatorError, Listing};
 use plant::ReferenceAxis;
 use ring::ident::{Idn, Value};
 use ring::master::{Activity, CommandValues, DriveScript, MasterError, MasterScript, Motion, ScriptedMaster, Telegram};
@@ -10,7 +13,7 @@ use ring::{Nanoseconds, Ring, RingConfiguration};
 
 use crate::axis::parameters_of;
 use crate::executor::{Elves, SharedMeasurements};
-use crate::processor::ProcessorError;
+use crate::processor::{Processor, ProcessorError};
 use crate::qemu_drive::QemuDrive;
 use crate::report::Progress;
 use crate::ring_of_drives::{DriveSetup, observer, station};
@@ -54,8 +57,6 @@ pub enum TraceError {
 const ADDRESS: u8 = 5;
 /// The shortest cycle that the drive is made for.
 pub const CYCLE: Nanoseconds = Nanoseconds::from_microseconds(500);
-/// Where the product's code may lie (memory.x); the shim's is above it.
-const CODE: core::ops::Range<u32> = 0x0800_0000..0x080C_0000;
 /// The drive has settled on the master's motion this long after its beginning.
 const SETTLING: Nanoseconds = Nanoseconds::from_millis(200);
 /// The marks lie on a multiple of this, so that it does not matter when exactly QEMU began to log.
@@ -75,21 +76,16 @@ const READ: [u16; 5] = [104, 47, 30, 17, 326];
 /// # Errors
 /// The ring did not come up, or QEMU did not trace.
 pub fn traced(elves: &Elves, listing: Listing, progress: &mut dyn FnMut(&Progress)) -> Result<Traced, TraceError> {
-    let mut tracer = Tracer::new(CODE, Activations::new(listing))?;
-    let arguments = tracer.arguments();
-    let mut world = world(elves, arguments)?;
+    let (mut world, drive) = world(elves)?;
     let following = run_until(&mut world, progress, "follow", |world| {
         matches!(world.ring().master().state().activity, Activity::Moving { .. })
     })?;
-    world.run_until(following + SETTLING)?;
-    tracer.switch_on()?;
-    let on = run_until(&mut world, progress, "give a trace", |_| tracer.is_on())?;
-    let begin = Nanoseconds((on.0 / GRID.0 + 1) * GRID.0);
+    let begin = Nanoseconds(((following + SETTLING).0 / GRID.0 + 1) * GRID.0);
     world.run_until(begin)?;
     for idn in READ {
         world.ring_mut().master_mut().service(0).request(Request::Read(Idn(idn)));
     }
-    tracer.mark()?;
+    drive.borrow_mut().guest_mut().begin_trace()?;
     let mut now = begin;
     while now < begin + WINDOW {
         now += STEP;
@@ -103,12 +99,12 @@ pub fn traced(elves: &Elves, listing: Listing, progress: &mut dyn FnMut(&Progres
             time_us: now.as_microseconds(),
         });
     }
-    tracer.mark()?;
+    let mut activations = Activations::new(listing);
+    drive.borrow_mut().guest_mut().end_trace(&mut activations)?;
     if let Some(error) = world.ring().master().report().error.clone() {
         return Err(error.into());
     }
-    drop(world);
-    Ok(Traced { activations: tracer.finish()?, window: WINDOW, cycles: WINDOW.0 / CYCLE.0 })
+    Ok(Traced { activations, window: WINDOW, cycles: WINDOW.0 / CYCLE.0 })
 }
 
 fn run_until(
@@ -136,19 +132,29 @@ fn run_until(
     Ok(world.now())
 }
 
-fn world(elves: &Elves, arguments: Vec<std::ffi::OsString>) -> Result<World<ScriptedMaster>, TraceError> {
+/// A drive of which a second hand asks for traces.
+struct Held(Rc<RefCell<QemuDrive>>);
+
+impl Processor for Held {
+    fn next_event(&self) -> Option<Nanoseconds> {
+        self.0.borrow().next_event()
+    }
+
+    fn run(&mut self, now: Nanoseconds, horizon: &dyn Fn() -> Nanoseconds) -> Result<(), ProcessorError> {
+        self.0.borrow_mut().run(now, horizon)
+    }
+}
+
+fn world(elves: &Elves) -> Result<(World<ScriptedMaster>, Rc<RefCell<QemuDrive>>), TraceError> {
     let bit_rate = BitRate::M4;
     let configuration = RingConfiguration::new(1, bit_rate);
     let setup = DriveSetup::new(ADDRESS);
     let (chip, motor_side) = station(&setup, bit_rate, &configuration.clock);
-    let guest = Guest::start(&GuestConfiguration {
-        arguments,
-        ..GuestConfiguration::new(&elves.product, Rig::Shim(elves.shim.clone()))
-    })?;
-    let drive = QemuDrive::around(guest, &chip, &motor_side, ADDRESS, bit_rate, SharedMeasurements::default());
-    let inhabited = Inhabited { processor: Box::new(drive), motor_side, laws: observer(&setup) };
+    let drive = QemuDrive::start(elves, &chip, &motor_side, ADDRESS, bit_rate, SharedMeasurements::default())?;
+    let drive = Rc::new(RefCell::new(drive));
+    let inhabited = Inhabited { processor: Box::new(Held(drive.clone())), motor_side, laws: observer(&setup) };
     let ring = Ring::new(configuration, ScriptedMaster::new(script(bit_rate)), vec![chip]);
-    Ok(World::new(ring, vec![inhabited]))
+    Ok((World::new(ring, vec![inhabited]), drive))
 }
 
 fn script(bit_rate: BitRate) -> MasterScript {

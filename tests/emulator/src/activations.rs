@@ -259,10 +259,6 @@ impl Activations {
         }
         let whole = ended.own + ended.preempted_by;
         self.contexts.last_mut().unwrap_or(&mut self.base).preempted_by += whole;
-        if ended.own == 0 {
-            // The shim's: none of its instructions is logged.
-            return;
-        }
         let task = self.tasks.entry(exception).or_default();
         task.own.add(ended.own);
         task.with_preemption.add(whole);

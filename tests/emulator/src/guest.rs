@@ -14,7 +14,9 @@ use crate::measure::{Measurements, Probe, Trigger};
 use crate::peripherals::{Access, Peripherals};
 use crate::prefetch::{Foretold, Place, Prefetch};
 use crate::qemu::Qemu;
+use crate::trace::{self, TraceSink};
 use crate::{EmulatorError, Environment};
+use emulator_link::protocol::trace::FILE;
 use emulator_link::protocol::{MEMORY_WORDS, VERSION, command, fault, header, message, post, prefetched, resume};
 
 /// The emulator.
@@ -49,8 +51,6 @@ pub struct GuestConfiguration {
     pub whole_blocks: bool,
     /// Answers carry what is going to be read next, which is faster and changes no result.
     pub foretells: bool,
-    /// More arguments for QEMU, as [`crate::Tracer::arguments`] gives them.
-    pub arguments: Vec<OsString>,
 }
 
 impl GuestConfiguration {
@@ -65,7 +65,6 @@ impl GuestConfiguration {
             one_cpu: true,
             whole_blocks: true,
             foretells: true,
-            arguments: Vec::new(),
         }
     }
 }
@@ -285,10 +284,30 @@ impl Guest {
         Ok(memory)
     }
 
+    /// From now on the bus inside QEMU writes down what the product executes, while it waits for an answer.
+    ///
+    /// # Errors
+    /// The end of QEMU, or [`Rig::Shim`], which cannot.
+    pub fn begin_trace(&mut self) -> Result<(), EmulatorError> {
+        self.ask(&[command::TRACE, 1], 0)
+    }
+
+    /// Ends the trace, while the product waits for an answer, and gives all of it to `sink`.
+    ///
+    /// # Errors
+    /// The end of QEMU, or the trace cannot be read.
+    pub fn end_trace(&mut self, sink: &mut impl TraceSink) -> Result<(), EmulatorError> {
+        self.ask(&[command::TRACE, 0], 0)?;
+        trace::read_file(&self.qemu.folder().join(FILE), sink)
+    }
+
     /// A memory command and its answer, left in `words`.
     fn ask(&mut self, command: &[u32], expected: usize) -> Result<(), EmulatorError> {
         self.qemu.send(command)?;
         self.qemu.receive(&mut self.words)?;
+        if self.words.first() == Some(&message::FAILED) {
+            return Err(EmulatorError::Guest(text_of(self.words.get(header::WORDS..).unwrap_or_default())));
+        }
         if self.words.first() != Some(&message::MEMORY) || self.words.len() != header::WORDS + expected {
             return Err(EmulatorError::Guest("wrong answer to a memory command".into()));
         }

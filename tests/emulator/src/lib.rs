@@ -5,7 +5,7 @@
 //! * [`audit`]: does the binary set its clocks, pins, bus and interrupts up as the board needs? [`audit_power_stage`]: and modulator and
 //!   converters?
 //! * [`Measurements`]: instructions, exchanges and latencies, seen from outside.
-//! * [`Tracer`], [`Activations`]: every instruction, counted by task and by function.
+//! * [`Guest::begin_trace`], [`Activations`]: every instruction, counted by task and by function.
 //!
 //! How it works: QEMU's machine `netduinoplus2` has the core, the NVIC and the memories of the part but hardly a peripheral. A plugin in QEMU's
 //! process ([`Rig::Bus`]) answers each access from the models here, over a shared page ([`emulator_link`]). The guest is deterministic: an
@@ -51,4 +51,4 @@ pub use log::LogLine;
 pub use measure::{Latency, Measurements, Probe, Trace, Trigger};
 pub use peripherals::clocks::{CRYSTAL_HZ, ClockTree};
 pub use peripherals::gpio::PinMode;
-pub use trace::{TraceEvent, TraceSink, Tracer};
+pub use trace::{TraceEvent, TraceSink};

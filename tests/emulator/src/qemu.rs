@@ -23,7 +23,7 @@ const LOOK: Duration = Duration::from_secs(1);
 pub(crate) struct Qemu {
     child: Child,
     link: Link,
-    _directory: TempDir,
+    directory: TempDir,
     _cpu: Option<Rc<OneCpu>>,
 }
 
@@ -65,7 +65,6 @@ impl Qemu {
         let child = command
             .arg("-kernel")
             .arg(product)
-            .args(&configuration.arguments)
             .current_dir(directory.path())
             .stdin(Stdio::null())
             .stdout(Stdio::null())
@@ -78,7 +77,12 @@ impl Qemu {
                     EmulatorError::io("starting")(error)
                 }
             })?;
-        Ok(Self { child, link, _directory: directory, _cpu: cpu })
+        Ok(Self { child, link, directory, _cpu: cpu })
+    }
+
+    /// Where its files are.
+    pub(crate) fn folder(&self) -> &Path {
+        self.directory.path()
     }
 
     /// Sends one command.

@@ -1,9 +1,7 @@
 //! The flashed ELF boots in QEMU and sets the board up as it must.
 
-mod quiet;
-
+use crate::quiet::Quiet;
 use emulator::{EmulatorError, Guest, GuestConfiguration, Probe, Rig, Trigger, audit, audit_power_stage};
-use quiet::Quiet;
 use ring::Nanoseconds;
 
 fn configuration() -> GuestConfiguration {

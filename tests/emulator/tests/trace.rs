@@ -1,14 +1,11 @@
 //! The trace counts right: a program of known instructions, counted by the trace and by the clock of the rig.
 
-mod program;
-
 use std::path::{Path, PathBuf};
 
-use emulator::{Activations, Guest, GuestConfiguration, Listing, Rig, Spread, Step, TraceSink, Tracer};
-use program::Nothing;
+use crate::program::{self, Nothing};
+use emulator::{Activations, Guest, GuestConfiguration, Listing, Rig, Spread, Step, TraceEvent, TraceSink};
 use ring::Nanoseconds;
 
-const CODE: std::ops::Range<u32> = 0x0800_0000..0x080C_0000;
 const SUPERVISOR_CALL: u16 = 11;
 const START: u32 = 0x0800_0200;
 const HANDLER: u32 = 0x0800_0240;
@@ -60,28 +57,12 @@ fn path(name: &str) -> PathBuf {
     path.unwrap_or_else(|| panic!("{name} is not set: run `cargo xtask test`, which builds the ELF")).into()
 }
 
-fn start<S: TraceSink>(product: &Path, tracer: &Tracer<S>) -> Guest {
-    let configuration = GuestConfiguration::new(product, Rig::Shim(path("SHIM_ELF")));
-    Guest::start(&GuestConfiguration { arguments: tracer.arguments(), ..configuration }).unwrap()
-}
-
 /// So many exchanges further.
 fn exchanges(guest: &mut Guest, number: usize) {
     for _ in 0..number {
         let now = guest.next_event().unwrap();
         guest.run(&mut Nothing, now, now + Nanoseconds::from_millis(10)).unwrap();
     }
-}
-
-fn until_on<S: TraceSink>(guest: &mut Guest, tracer: &mut Tracer<S>) {
-    tracer.switch_on().unwrap();
-    for _ in 0..100_000 {
-        if tracer.is_on() {
-            return;
-        }
-        exchanges(guest, 1);
-    }
-    panic!("QEMU does not trace");
 }
 
 #[test]
@@ -95,21 +76,18 @@ fn a_handler_of_known_instructions_is_counted_to_the_instruction() {
         slow_bus: 0x4000_0000..0x5000_0000,
         ..Listing::default()
     };
-    let mut tracer = Tracer::new(CODE, Activations::new(listing)).unwrap();
-    let mut guest = start(&product, &tracer);
+    let mut guest = Guest::start(&GuestConfiguration::new(&product, Rig::Bus(path("BUS_PLUGIN")))).unwrap();
     exchanges(&mut guest, 10);
-    let before = guest.measurements().instructions;
+    let instructions = |guest: &Guest| guest.measurements().instructions;
+    let before = instructions(&guest);
     exchanges(&mut guest, 100);
-    let untraced = guest.measurements().instructions - before;
-    until_on(&mut guest, &mut tracer);
-    exchanges(&mut guest, 10);
-    tracer.mark().unwrap();
-    let before = guest.measurements().instructions;
+    let untraced = instructions(&guest) - before;
+    guest.begin_trace().unwrap();
+    let before = instructions(&guest);
     exchanges(&mut guest, 100);
-    tracer.mark().unwrap();
-    let by_the_rig = guest.measurements().instructions - before;
-    drop(guest);
-    let count = tracer.finish().unwrap();
+    let by_the_rig = instructions(&guest) - before;
+    let mut count = Activations::new(listing);
+    guest.end_trace(&mut count).unwrap();
     // Two exchanges a turn, and the first of the handlers began before the mark or the last ends after it.
     let handler = count.tasks()[&SUPERVISOR_CALL];
     assert!((49..=50).contains(&handler.own.count), "{handler:?}");
@@ -122,6 +100,96 @@ fn a_handler_of_known_instructions_is_counted_to_the_instruction() {
     assert_eq!(by_the_rig, count.executed());
     assert_eq!(by_the_rig, untraced, "tracing changes the program's time");
     assert_eq!(count.executed() / 50, OF_HANDLER + 3);
+}
+
+/// The first interrupt pends the second, which interrupts it, and then itself: it ends and begins again with no instruction in between.
+#[test]
+#[ignore = "needs QEMU and the ELF: cargo xtask test"]
+fn handlers_that_interrupt_each_other_and_follow_themselves_are_told_apart() {
+    const FIRST: u16 = 16;
+    const SECOND: u16 = 17;
+    const SECOND_HANDLER: u32 = FUNCTION;
+    const LITERALS: u32 = START + 24;
+    let thread = [
+        0x4b05, // ldr r3, =NVIC_ISER0
+        0x2203, // movs r2, #3
+        0x601a, // str r2, [r3]
+        0x4b05, // ldr r3, =NVIC_IPR0
+        0x2280, // movs r2, #0x80
+        0x601a, // str r2, [r3]: the first gives way to the second
+        0x4c04, // ldr r4, =NVIC_ISPR0
+        0x4d05, // ldr r5, =REGISTER
+        0x2602, // movs r6, #2
+        0x2701, // movs r7, #1
+        0x6027, // str r7, [r4]
+        0xe7fe, // b .
+    ];
+    let first = [
+        0x6026, // str r6, [r4]: pends the second
+        0xbf00, // nop
+        0x6828, // ldr r0, [r5]
+        0x6027, // str r7, [r4]: pends itself
+        0x4770, // bx lr
+    ];
+    let second = [
+        0x6828, // ldr r0, [r5]
+        0x4770, // bx lr
+    ];
+    let folder = tempfile::tempdir().unwrap();
+    let product = program::Program::new(START)
+        .vector(FIRST.into(), HANDLER)
+        .vector(SECOND.into(), SECOND_HANDLER)
+        .code(START, &thread)
+        .word(LITERALS, 0xE000_E100)
+        .word(LITERALS + 4, 0xE000_E400)
+        .word(LITERALS + 8, 0xE000_E200)
+        .word(LITERALS + 12, REGISTER)
+        .code(HANDLER, &first)
+        .code(SECOND_HANDLER, &second)
+        .write(folder.path());
+    let mut guest = Guest::start(&GuestConfiguration::new(&product, Rig::Bus(path("BUS_PLUGIN")))).unwrap();
+    exchanges(&mut guest, 100);
+    guest.begin_trace().unwrap();
+    exchanges(&mut guest, 100);
+    let mut count = Activations::new(Listing::default());
+    guest.end_trace(&mut count).unwrap();
+    let [first, second] = [FIRST, SECOND].map(|exception| count.tasks()[&exception]);
+    let exactly = |spread: Spread, value| {
+        assert!(spread.count >= 20, "{spread:?}");
+        assert_eq!((spread.least, spread.most), (value, value), "{spread:?}");
+    };
+    exactly(first.own, 5);
+    exactly(first.with_preemption, 7);
+    exactly(second.own, 2);
+    assert!(first.own.count.abs_diff(second.own.count) <= 1, "{first:?}, {second:?}");
+    // What is not whole lies at the two ends.
+    assert!(count.executed() - first.own.sum - second.own.sum < 2 * 7, "{} executed", count.executed());
+}
+
+/// Counts events of the trace.
+#[derive(Default)]
+struct Instructions(u64);
+
+impl TraceSink for Instructions {
+    fn take(&mut self, event: TraceEvent) {
+        self.0 += u64::from(matches!(event, TraceEvent::Instruction(_)));
+    }
+}
+
+#[test]
+#[ignore = "needs QEMU and the ELF: cargo xtask test"]
+fn a_second_trace_begins_anew() {
+    let folder = tempfile::tempdir().unwrap();
+    let product = product().write(folder.path());
+    let mut guest = Guest::start(&GuestConfiguration::new(&product, Rig::Bus(path("BUS_PLUGIN")))).unwrap();
+    let [first, second] = [0; 2].map(|_| {
+        guest.begin_trace().unwrap();
+        exchanges(&mut guest, 100);
+        let mut count = Instructions::default();
+        guest.end_trace(&mut count).unwrap();
+        count.0
+    });
+    assert!(first.abs_diff(second) <= OF_HANDLER && first > 49 * OF_HANDLER, "{first}, {second}");
 }
 
 /// What a program does in so many exchanges.

@@ -1,8 +1,6 @@
 //! Time: what the state depends on, and what it does not.
 
-mod common;
-
-use common::{MICROSECOND, MILLISECOND, SECOND, assert_near, duties, ideal};
+use crate::common::{MICROSECOND, MILLISECOND, SECOND, assert_near, duties, ideal};
 use plant::{Load, Machine, MachineSettings, ReferenceAxis};
 
 /// A machine with every imperfection at once.

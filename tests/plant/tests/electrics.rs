@@ -1,10 +1,8 @@
 //! Currents and torque against closed solutions.
 
-mod common;
-
 use core::f64::consts::TAU;
 
-use common::{BUS, MICROSECOND, MILLISECOND, SECOND, assert_near, duties, ideal, seized};
+use crate::common::{BUS, MICROSECOND, MILLISECOND, SECOND, assert_near, duties, ideal, seized};
 use plant::{HeatedBody, Inverter, Machine, MachineSettings, Mechanics, Saturation, Supply, Thermal, Windings};
 
 fn with_windings(change: impl FnOnce(&mut Windings)) -> MachineSettings {

@@ -1,10 +1,8 @@
 //! What sensors and encoder show.
 
-mod common;
-
 use core::f64::consts::TAU;
 
-use common::{MICROSECOND, MILLISECOND, SECOND, assert_near, ideal, seized};
+use crate::common::{MICROSECOND, MILLISECOND, SECOND, assert_near, ideal, seized};
 use plant::{CurrentSensors, Encoder, Machine, MachineSettings};
 
 fn with_encoder(change: impl FnOnce(&mut Encoder)) -> MachineSettings {

@@ -1,10 +1,8 @@
 //! Masses, friction and brake against closed solutions.
 
-mod common;
-
 use core::f64::consts::TAU;
 
-use common::{MICROSECOND, MILLISECOND, SECOND, assert_near, ideal};
+use crate::common::{MICROSECOND, MILLISECOND, SECOND, assert_near, ideal};
 use plant::{BrakeFailure, HoldingBrake, Load, Machine, MachineSettings, Mechanics};
 
 fn with_mechanics(change: impl FnOnce(&mut Mechanics)) -> MachineSettings {

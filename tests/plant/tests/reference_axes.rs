@@ -1,10 +1,8 @@
 //! The reference axes: consistent in themselves, and under a current loop.
 
-mod common;
-
 use core::f64::consts::TAU;
 
-use common::{MILLISECOND, SECOND, assert_near};
+use crate::common::{MILLISECOND, SECOND, assert_near};
 use plant::{Machine, ReferenceAxis};
 
 fn axes() -> [ReferenceAxis; 4] {

@@ -1,8 +1,6 @@
 //! Bus voltage, chopper and heat against closed solutions.
 
-mod common;
-
-use common::{BUS, MILLISECOND, SECOND, assert_near, ideal, seized};
+use crate::common::{BUS, MILLISECOND, SECOND, assert_near, ideal, seized};
 use plant::{Chopper, HeatedBody, Inverter, Machine, MachineSettings, Supply, Thermal};
 
 /// 2 ohm and 1 mF: 2 ms. The chopper's 50 ohm: 50 ms.

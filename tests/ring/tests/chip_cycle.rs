@@ -1,8 +1,6 @@
 //! The MST: phase, window, misses, and what a cycle without one does. sercon816.md 5.7, 7.1, 7.2, 7.6, G27, G28.
 
-mod chip_rig;
-
-use chip_rig::{AT_HEADER, CYCLE, FIRST_MST, NMSTERR, Rig, with};
+use crate::chip_rig::{AT_HEADER, CYCLE, FIRST_MST, NMSTERR, Rig, with};
 use ring::chip::{Alternatives, CounterEnd, TimersWithoutMst, TransmitWithoutMst};
 
 const MSTEARLY: u16 = 1 << 7;

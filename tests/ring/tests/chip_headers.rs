@@ -1,9 +1,7 @@
 //! Telegram headers and data containers: what is sent, what is taken, what counts as an error.
 //! sercon816.md 6.2, 6.3, 7.3, 7.4, G7, G16, G17, G18, G26, G32, G33.
 
-mod chip_rig;
-
-use chip_rig::{AT_HEADER, AT_STATUS, CYCLE, FIRST_MST, MDT_CONTROL, MDT_HEADER, Rig, with};
+use crate::chip_rig::{AT_HEADER, AT_STATUS, CYCLE, FIRST_MST, MDT_CONTROL, MDT_HEADER, Rig, with};
 use ring::chip::{
     Alternatives, BlockSelect, Delivery, ErrorBit, OneShot, ProcessingEnable, Rearm, TelegramErrorFlag, WindowSign,
 };

@@ -1,8 +1,6 @@
 //! Events, enabling, routing and the interrupt outputs. sercon816.md 5.5, 5.6, G2, G4, G5, G11.
 
-mod chip_rig;
-
-use chip_rig::{CYCLE, FIRST_MST, Rig, with};
+use crate::chip_rig::{CYCLE, FIRST_MST, Rig, with};
 use ring::Nanoseconds;
 use ring::chip::{
     Alternatives, EnableSense, EventMap, InterruptOutput, InterruptPin, InterruptPins, RoutingSense, TimerOrder,

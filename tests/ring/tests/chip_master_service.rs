@@ -1,10 +1,8 @@
 //! A master's service container against a scripted slave. sercon816.md 6.4, 8.5, 0DH.
 
-mod chip_rig;
-
 use std::collections::VecDeque;
 
-use chip_rig::{BUFFERS, Rig, SERVICE};
+use crate::chip_rig::{BUFFERS, Rig, SERVICE};
 use ring::chip::Alternatives;
 
 const CYCLE: u64 = 2_000_000;

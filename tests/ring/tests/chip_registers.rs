@@ -1,8 +1,6 @@
 //! Registers of the chip model: what reads, what writes, what a reset leaves. sercon816.md 4, 5, 14.
 
-mod chip_rig;
-
-use chip_rig::{FIRST_MST, Rig, with};
+use crate::chip_rig::{FIRST_MST, Rig, with};
 use ring::chip::{Alternatives, Chip, PhaseReadBack, ResetValues, UnknownStatusBits, UpperByte};
 use ring::{Nanoseconds, chip};
 
@@ -57,7 +55,7 @@ fn a_software_reset_stops_the_timers_and_keeps_the_ram() {
     assert_eq!(rig.chip.next_event(), None);
     assert_eq!(rig.register(0x1A), 0);
     assert_eq!(rig.register(0x01) & 0x000B, 0x0009);
-    assert_eq!(rig.ram(0), chip_rig::AT_HEADER);
+    assert_eq!(rig.ram(0), crate::chip_rig::AT_HEADER);
 }
 
 #[test]

@@ -1,8 +1,6 @@
 //! A slave's service channel by hand, as the firmware would serve it. sercon816.md 6.4, 8.1, 8.2, 8.4, G20, G21, G24.
 
-mod chip_rig;
-
-use chip_rig::{AT_HEADER, BUFFERS, CYCLE, FIRST_MST, Rig, SERVICE, with};
+use crate::chip_rig::{AT_HEADER, BUFFERS, CYCLE, FIRST_MST, Rig, SERVICE, with};
 use ring::chip::{Alternatives, BufferSense, EndOfBuffer, Handshake, PointerMeaning};
 
 const PERIOD: u64 = CYCLE * 1_000;

@@ -100,14 +100,9 @@ pub(crate) fn replay(one: &One) -> Result<Verdict> {
     }
 }
 
-/// The worker, compiled for speed.
+/// The worker, compiled as the tests are: optimised, and with every check of overflow. Nothing is compiled for it alone.
 fn build() -> Result<PathBuf> {
-    let mut cargo = process::cargo();
-    cargo.current_dir(workspace::root()).args(["build", "--quiet", "--profile", "explore", "--package", "explorer"]);
-    if process::watch(&mut cargo)? == Verdict::Failed {
-        bail!("the explorer cannot be built; the compiler says above why");
-    }
-    Ok(workspace::target_folder()?.join("explore/explorer"))
+    workspace::build_like_tests("explorer", &["--bin", "explorer"], "explorer")
 }
 
 fn keep_working(

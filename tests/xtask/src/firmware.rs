@@ -44,23 +44,14 @@ fn build_ungated(installing: Installing) -> Result<Elves> {
     eprintln!("building the release ELF of the drive and the shim ({TARGET}: {compiler})");
     let product = build_one(&compiler, &folder, "app")?;
     let shim = build_one(&compiler, &folder, "shim")?;
-    Ok(Elves { product, bus: build_bus(&folder)?, shim })
+    Ok(Elves { product, bus: build_bus()?, shim })
 }
 
 /// The library that QEMU loads, built by this computer's compiler.
-fn build_bus(folder: &Path) -> Result<PathBuf> {
+fn build_bus() -> Result<PathBuf> {
     const PACKAGE: &str = "emulator_bus";
-    let mut cargo = process::cargo();
-    cargo.current_dir(workspace::root()).args(["build", "--release", "--package", PACKAGE, "--target-dir"]);
-    if process::watch(cargo.arg(folder).stdout(std::io::stderr()))? == Verdict::Failed {
-        bail!("the package `{PACKAGE}` does not build; the compiler's messages above say why");
-    }
     let name = format!("{}{PACKAGE}{}", std::env::consts::DLL_PREFIX, std::env::consts::DLL_SUFFIX);
-    let library = folder.join("release").join(name);
-    if !library.is_file() {
-        bail!("the build of `{PACKAGE}` left no library at {}", library.display());
-    }
-    Ok(library)
+    workspace::build_like_tests(PACKAGE, &["--lib"], &name)
 }
 
 /// What is needed to run the drive under test there: nothing, or QEMU and the ELFs.

@@ -93,6 +93,35 @@ mod tests {
         assert_eq!(Selection::from_flags(false, true), Selection::Qemu);
     }
 
+    /// Cargo builds the programs that are named; a file that none of them names would be forgotten without a word.
+    #[test]
+    fn every_file_beside_a_test_program_is_part_of_it() {
+        let folders = [
+            "tests",
+            "tests/emulator/tests",
+            "tests/plant/tests",
+            "tests/ring/tests",
+            "firmware/sercos/tests",
+            "firmware/servo/tests",
+        ];
+        for folder in folders {
+            let folder = workspace::root().join(folder);
+            let program = std::fs::read_to_string(folder.join("tests.rs")).unwrap();
+            let mut files = 0;
+            for entry in std::fs::read_dir(&folder).unwrap() {
+                let path = entry.unwrap().path();
+                let name = path.file_stem().unwrap().to_str().unwrap();
+                if path.extension().is_none_or(|extension| extension != "rs") || ["tests", "lib"].contains(&name) {
+                    continue;
+                }
+                let line = format!("mod {name};");
+                assert!(program.lines().any(|found| found == line), "{}: {line} is missing", folder.display());
+                files += 1;
+            }
+            assert!(files > 2, "{}", folder.display());
+        }
+    }
+
     #[test]
     fn both_runners_are_told_the_same_selection() {
         for (selection, nextest, cargo_test) in [

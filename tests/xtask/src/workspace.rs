@@ -1,7 +1,7 @@
 //! Where the repository and Cargo's target folder are.
 
-use crate::process;
-use anyhow::{Context, Result};
+use crate::{Verdict, process};
+use anyhow::{Context, Result, bail};
 use std::path::{Path, PathBuf};
 
 /// The root of the repository.
@@ -19,6 +19,22 @@ pub(crate) fn target_folder() -> Result<PathBuf> {
     let metadata: serde_json::Value = serde_json::from_str(&answer).context("Cargo's metadata cannot be read")?;
     let folder = metadata["target_directory"].as_str().context("Cargo's metadata names no target folder")?;
     Ok(folder.into())
+}
+
+/// Builds a part of a package of this computer as the tests have it, and gives its place.
+///
+/// This program is asked for beside it, so that both want the same features of what they share and Cargo compiles nothing twice.
+pub(crate) fn build_like_tests(package: &str, part: &[&str], name: &str) -> Result<PathBuf> {
+    let mut cargo = process::cargo();
+    cargo.current_dir(root()).args(["build", "--quiet", "--package", package, "--package", "xtask"]).args(part);
+    if process::watch(cargo.stdout(std::io::stderr()))? == Verdict::Failed {
+        bail!("the package `{package}` does not build; the compiler's messages above say why");
+    }
+    let built = target_folder()?.join("debug").join(name);
+    if !built.is_file() {
+        bail!("the build of `{package}` left nothing at {}", built.display());
+    }
+    Ok(built)
 }
 
 /// Writes a file so that it is there completely or not at all.

@@ -1,6 +1,6 @@
 //! A slave at step level: server, parameters and phase machine, with a ring controller's hardware handshake around them.
 
-#![allow(dead_code, missing_docs, reason = "shared by several test programs, none of which uses all of it")]
+#![allow(dead_code, missing_docs, reason = "`tests/garbage` takes a part of it")]
 
 use heapless::{String, Vec};
 use sercos::command::{CommandAction, CommandState};

@@ -1,5 +1,4 @@
 //! An axis closed over the simulated motor, and commands for it.
-#![allow(dead_code, reason = "every test file uses its own part of the bench")]
 
 use plant::{Motor, ReferenceAxis};
 use servo::{

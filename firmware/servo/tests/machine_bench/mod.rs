@@ -6,7 +6,6 @@
 //! every second cycle      position and velocity loop; their order is taken by the next cycle of the current loop
 //! every eighth            bus voltage and field weakening, behind the loops
 //! ```
-#![allow(dead_code, reason = "every test file uses its own part of the bench")]
 
 pub(crate) mod master;
 pub(crate) mod measure;
@@ -14,9 +13,8 @@ pub(crate) mod setup;
 
 use plant::Machine;
 use servo::current::{
-    BusScale, CurrentCommand, CurrentLoop, CurrentLoopSettings, CurrentReadings, FieldWeakening,
-    FieldWeakeningSettings, MotorModel, Offsets, Protection, PwmFrequency, SharedCommand, SharedReadings, Trip,
-    WeakeningOutput,
+    BusScale, CurrentCommand, CurrentLoop, CurrentLoopSettings, FieldWeakening, FieldWeakeningSettings, MotorModel,
+    Offsets, Protection, PwmFrequency, SharedCommand, SharedReadings, Trip, WeakeningOutput,
 };
 use servo::{
     Axis, AxisOutput, AxisSettings, BusVoltage, CommutationAngle, CurrentFraction, LOOP_TICKS_PER_SUPERVISION,
@@ -251,11 +249,6 @@ impl Bench {
     pub(crate) fn currents(&mut self) -> [f64; 2] {
         let peak = self.peak;
         self.machine.dq_currents(self.time).map(|current| current / peak)
-    }
-
-    /// What the current loop measured and gave in its last cycle.
-    pub(crate) fn readings(&self) -> CurrentReadings {
-        self.readings.readings()
     }
 
     /// One cycle of the current loop, from peak to peak.

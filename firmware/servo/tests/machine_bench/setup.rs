@@ -69,16 +69,6 @@ impl Setup {
         }
     }
 
-    /// With the current loop tuned for another bandwidth in Hz.
-    pub(crate) fn with_current_bandwidth(mut self, hertz: u32) -> Self {
-        self.current = CurrentLoopParameters {
-            dead_time: self.current.dead_time,
-            dead_time_band: self.current.dead_time_band,
-            ..current_loop(&self.reference, hertz)
-        };
-        self
-    }
-
     /// With commands every so many ticks.
     pub(crate) fn with_cycle(mut self, ticks: u16) -> Self {
         self.axis.ticks_per_cycle = ticks;

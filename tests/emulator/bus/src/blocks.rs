@@ -48,7 +48,7 @@ impl Instruction {
         self.0 as u32
     }
 
-    const fn index(self) -> u64 {
+    pub(crate) const fn index(self) -> u64 {
         self.0 >> 32 & MOST_IN_A_BLOCK
     }
 
@@ -125,6 +125,8 @@ pub(crate) struct Blocks {
 pub(crate) enum Begin {
     /// Nothing.
     Go,
+    /// Nothing, and it has taken its tick before.
+    Again,
     /// The deadline has come.
     Due,
     /// It is not the instruction that must come here.
@@ -160,7 +162,7 @@ impl Blocks {
         self.at_host = at_host;
         if let Some(again) = self.again.take() {
             self.made = again.made;
-            return if again.pc == this.pc() && this.is_alone() { Begin::Go } else { Begin::Wrong };
+            return if again.pc == this.pc() && this.is_alone() { Begin::Again } else { Begin::Wrong };
         }
         self.made = None;
         let count = this.count();

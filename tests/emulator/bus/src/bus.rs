@@ -3,9 +3,11 @@
 //! Writes are posted: they travel with the next message, each with its time. Reads are answered from what the last answer foretold, or asked.
 //! The product stands still while the emulator thinks; time is what it executes and what the emulator names as bus waits, nothing else.
 
+use std::path::PathBuf;
+
 use emulator_link::protocol::{
     EXTERNAL_BUS, EXTERNAL_BUS_END, MEMORY_WORDS, MESSAGE_WORDS, VERSION, command, header, message, post, prefetched,
-    resume,
+    resume, trace,
 };
 use emulator_link::{Page, Side};
 
@@ -14,10 +16,15 @@ use crate::bus;
 use crate::machine::machine;
 use crate::qemu::{Address, Opaque};
 use crate::self_test;
+use crate::trace::Trace;
 
 /// The state of the bus, used by the thread of the only processor.
 pub(crate) struct Bus {
     page: Page,
+    /// Where the page lies, and a trace.
+    folder: PathBuf,
+    /// Written only while somebody wants it: a look at this is all that it costs otherwise.
+    trace: Option<Trace>,
     pub(crate) blocks: Blocks,
     greeted: bool,
     outgoing: [u32; MESSAGE_WORDS],
@@ -41,9 +48,11 @@ enum Lock {
 }
 
 impl Bus {
-    pub(crate) const fn new(page: Page, whole_blocks: bool) -> Self {
+    pub(crate) const fn new(page: Page, folder: PathBuf, whole_blocks: bool) -> Self {
         Self {
             page,
+            folder,
+            trace: None,
             blocks: Blocks::new(whole_blocks),
             greeted: false,
             outgoing: [0; MESSAGE_WORDS],
@@ -59,11 +68,12 @@ impl Bus {
         }
     }
 
-    /// Before every instruction. Whoever counts or traces instructions does it here: each passes once, in order.
+    /// Before every instruction.
     #[inline]
     pub(crate) fn each(&mut self, this: Instruction, at_host: usize) {
         match self.blocks.begin(this, at_host) {
             Begin::Go => {}
+            Begin::Again => return,
             Begin::Due => {
                 self.due();
                 self.blocks.go_on();
@@ -72,6 +82,22 @@ impl Bus {
                 self.fail(&format!("QEMU executes {:08x} out of turn; use QEMU 7.2, 10.0 or 11.1", this.pc()))
             }
         }
+        if self.trace.is_some() {
+            self.write_down(|trace| trace.instruction(this));
+        }
+    }
+
+    /// Writes into the trace, if there is one.
+    #[cold]
+    fn write_down(&mut self, write: impl FnOnce(&mut Trace) -> std::io::Result<()>) {
+        if let Some(Err(error)) = self.trace.as_mut().map(write) {
+            self.trace_fails(&error);
+        }
+    }
+
+    fn trace_fails(&mut self, error: &std::io::Error) -> ! {
+        let file = self.folder.join(trace::FILE);
+        self.fail(&format!("the trace {} cannot be written ({error}); TMPDIR names where it shall be", file.display()))
     }
 
     fn due(&mut self) {
@@ -176,6 +202,16 @@ impl Bus {
                     machine().set_word(self.incoming[1], self.incoming[2]);
                     self.answer(0);
                 }
+                command::TRACE => {
+                    let begun =
+                        (self.incoming[1] != 0).then(|| Trace::begin(&self.folder.join(trace::FILE))).transpose();
+                    let ended =
+                        begun.and_then(|begun| std::mem::replace(&mut self.trace, begun).map_or(Ok(()), Trace::end));
+                    if let Err(error) = ended {
+                        self.trace_fails(&error);
+                    }
+                    self.answer(0);
+                }
                 unknown => self.fail(&format!("the emulator gives command {unknown}, which the bus does not know")),
             }
         }
@@ -277,6 +313,9 @@ impl Bus {
         let current = self.blocks.current;
         if current.accesses_several() && !current.is_alone() {
             self.blocks.leave(0, None);
+        }
+        if self.trace.is_some() {
+            self.write_down(|trace| trace.access(address));
         }
         None
     }

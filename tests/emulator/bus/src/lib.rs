@@ -7,6 +7,7 @@
 //! * [`machine`]: the emulated machine.
 //! * [`blocks`]: exactly which instruction.
 //! * [`bus`]: accesses, and the dialogue about them.
+//! * [`trace`]: what was executed, for whoever counts instructions.
 //! * [`system`], [`fault`], [`self_test`]: SysTick and NVIC, what a fault looked like, and whether this QEMU will do.
 //!
 //! Why runs repeat themselves: one thread executes the product, and it stands still while the emulator works. Time is executed instructions and the
@@ -20,6 +21,7 @@ mod machine;
 mod qemu;
 mod self_test;
 mod system;
+mod trace;
 
 use std::ffi::{CStr, c_char, c_int, c_void};
 use std::path::Path;
@@ -116,9 +118,11 @@ fn install(id: u64, arguments: &[String]) -> Result<(), String> {
             "this QEMU does not export {name}; use one that is built with modules, as Debian's is, or run without QEMU (--on host)"
         )
     })?;
-    let page = Page::open(Path::new(page)).map_err(|error| error.to_string())?;
+    let path = Path::new(page);
+    let folder = path.parent().ok_or_else(|| format!("page={page} lies in no folder"))?.to_owned();
+    let page = Page::open(path).map_err(|error| error.to_string())?;
     let qemu: &'static Functions = Box::leak(Box::new(qemu));
-    STATE.store(Box::into_raw(Box::new(Bus::new(page, whole))), Ordering::Relaxed);
+    STATE.store(Box::into_raw(Box::new(Bus::new(page, folder, whole))), Ordering::Relaxed);
     let ready =
         Box::leak(Box::new(Ready { notifier: Notifier { notify: machine_ready, node: [null_mut(); 2] }, qemu }));
     QEMU.store(std::ptr::from_ref(qemu).cast_mut(), Ordering::Relaxed);

@@ -5,7 +5,7 @@
 //! A *tick* is one instruction of the product: QEMU's virtual nanosecond under `-icount shift=0`.
 
 /// Version of this protocol; the shim names it in its hello.
-pub const VERSION: u32 = 3;
+pub const VERSION: u32 = 4;
 
 /// Name of the FIFO that the shim writes, in QEMU's working directory.
 pub const TO_HOST: &str = "to-host";
@@ -86,6 +86,22 @@ pub mod command {
     pub const READ_MEMORY: u32 = 2;
     /// Write one word: address, value. Answered with an empty memory message.
     pub const WRITE_MEMORY: u32 = 3;
+    /// Begin (1) or end (0) a trace, see [`super::trace`]. Answered with an empty memory message. Only the bus inside QEMU knows it.
+    pub const TRACE: u32 = 4;
+}
+
+/// What the processor did, little-endian words in a file beside the page: the address of an instruction, which is even, or one of these.
+pub mod trace {
+    /// Name of the file.
+    pub const FILE: &str = "trace";
+    /// The last instruction accesses the address in the next word.
+    pub const ACCESS: u32 = 1;
+    /// The handler of an exception begins; its number is above [`NUMBER`].
+    pub const ENTERED: u32 = 3;
+    /// The handler of an exception has returned; its number is above [`NUMBER`].
+    pub const LEFT: u32 = 5;
+    /// First bit of an exception's number.
+    pub const NUMBER: u32 = 8;
 }
 
 /// Word positions in a resume command.

@@ -1,5 +1,4 @@
 //! A machine without any imperfection, of which each test adds its own.
-#![allow(dead_code, reason = "every test file uses its own part")]
 
 use plant::{
     CurrentSensors, Encoder, HeatedBody, Inverter, Machine, MachineSettings, Mechanics, Supply, Thermal, Windings,

@@ -1,5 +1,4 @@
 //! One chip on a bench: telegrams come by hand, time runs by hand, what the chip sends is collected.
-#![allow(dead_code, reason = "every test file uses its own part of the bench")]
 
 use ring::Nanoseconds;
 use ring::chip::{Alternatives, Chip};

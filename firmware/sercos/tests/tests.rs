@@ -1,0 +1,10 @@
+//! The protocol, step by step.
+//!
+//! One program, because each would be linked with everything for itself.
+
+mod garbage;
+mod recording;
+mod run_up;
+mod service_channel;
+mod support;
+mod weighting;

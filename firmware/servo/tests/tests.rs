@@ -1,0 +1,29 @@
+//! Motion, closed over simulated motors and machines.
+//!
+//! One program, because each would be linked with everything for itself.
+
+mod alignment;
+mod bench;
+mod brake;
+mod brake_load;
+mod closed_loop;
+mod current_on_machine;
+mod current_tuning;
+mod field_weakening;
+mod homing;
+mod identification;
+mod interpolation;
+mod inverter;
+mod loop_clock;
+mod loop_clock_endurance;
+mod loop_clock_wide;
+mod machine_bench;
+mod pmsm;
+mod position_on_machine;
+mod stops;
+mod torque;
+mod torque_on_machine;
+mod trajectory;
+mod velocity_on_machine;
+mod velocity_tuning;
+mod wrapping_data;

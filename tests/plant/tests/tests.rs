@@ -1,0 +1,11 @@
+//! The simulated machine against the textbook.
+//!
+//! One program, because each would be linked with everything for itself.
+
+mod common;
+mod contract;
+mod electrics;
+mod measurement;
+mod mechanics;
+mod reference_axes;
+mod supply;

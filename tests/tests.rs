@@ -1,0 +1,27 @@
+//! The whole drive.
+//!
+//! One program, because each would be linked with everything for itself.
+
+mod blocked;
+mod commissioning;
+mod common;
+mod coordinates;
+mod demo;
+mod faults;
+mod following;
+mod functions;
+mod laws;
+#[path = "common/led.rs"]
+mod led;
+mod positioning;
+mod power;
+mod qemu;
+mod recovery;
+mod replay;
+mod run_up;
+#[path = "common/running.rs"]
+mod running;
+mod stops;
+mod tension;
+mod torque;
+mod travel;
