@@ -1,7 +1,7 @@
 //! The tests, all of them in one run of one test runner.
 //!
 //! Tests that need QEMU and the ELF are marked `#[ignore]`, so that a plain `cargo test` works anywhere; they find the
-//! programs by the variables `PRODUCT_ELF`, `BUS_PLUGIN` and `SHIM_ELF`, which are set here. Nothing else may be marked so.
+//! programs by the variables `PRODUCT_ELF` and `BUS_PLUGIN`, which are set here. Nothing else may be marked so.
 
 use crate::firmware;
 use crate::setup::{self, Installing, TestRunner};
@@ -46,7 +46,7 @@ pub(crate) fn run(selection: Selection, installing: Installing) -> Result<Verdic
     }
     let mut tests = tests(runner, selection);
     if let Some(firmware) = firmware {
-        tests.env("PRODUCT_ELF", firmware.product).env("BUS_PLUGIN", firmware.bus).env("SHIM_ELF", firmware.shim);
+        tests.env("PRODUCT_ELF", firmware.product).env("BUS_PLUGIN", firmware.bus);
     }
     process::watch(&mut tests)
 }
