@@ -142,6 +142,7 @@ impl MotorSideState {
             bridge_ready: self.inputs.bridge_ready,
             safe_torque: self.inputs.safe_torque_1 && self.inputs.safe_torque_2,
             home_switch: self.inputs.home_switch,
+            probe_1: self.inputs.probe_1,
             late: self.late_cycles > 0,
         }
     }

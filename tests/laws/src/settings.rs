@@ -149,11 +149,24 @@ impl Settings {
     /// A set of data begins: CP2.
     pub(crate) fn begin_set(&mut self) {
         self.fresh.clear();
+        self.follow_cycle();
+    }
+
+    /// S-0-0001 is S-0-0002 as long as nobody has written it.
+    fn follow_cycle(&mut self) {
+        if !self.fresh.contains(&Idn::CONTROL_UNIT_CYCLE.0)
+            && let Some(words) = self.values.get(&Idn::CYCLE.0).cloned()
+        {
+            self.values.insert(Idn::CONTROL_UNIT_CYCLE.0, words);
+        }
     }
 
     /// The master has written it, and the drive has taken it.
     pub(crate) fn note_written(&mut self, idn: Idn) {
         self.fresh.insert(idn.0);
+        if idn == Idn::CYCLE {
+            self.follow_cycle();
+        }
     }
 
     /// The set has come into operation: what nobody has written keeps its size, if the scaling is another one.
@@ -344,6 +357,18 @@ mod tests {
             }
             assert!(settings.signed(idn) == Some(value) || settings.unsigned(idn) == Some(value), "{idn}");
         }
+    }
+
+    #[test]
+    fn the_cycle_of_the_control_unit_follows_the_ring_s_until_it_is_written() {
+        let mut settings = Settings::default();
+        for (idn, value, expected) in [(2, 4_000, 4_000), (1, 8_000, 8_000), (2, 1_000, 8_000)] {
+            settings.note(Idn(idn), vec![value]);
+            settings.note_written(Idn(idn));
+            assert_eq!(settings.word(Idn::CONTROL_UNIT_CYCLE), Some(expected));
+        }
+        settings.begin_set();
+        assert_eq!(settings.word(Idn::CONTROL_UNIT_CYCLE), Some(1_000));
     }
 
     #[test]

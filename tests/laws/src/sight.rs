@@ -22,6 +22,8 @@ pub struct Sight {
     pub safe_torque: bool,
     /// Pin: the home switch.
     pub home_switch: bool,
+    /// Pin: probe 1.
+    pub probe_1: bool,
     /// The processor is kept from its work.
     pub late: bool,
 }

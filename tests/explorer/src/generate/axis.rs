@@ -280,7 +280,8 @@ fn limits(dice: &mut Dice, axis: &mut Axis) {
         set(42, acceleration(ramp * 0.3));
     }
     if dice.chance(30) {
-        set(159, degrees(5.0 + 85.0 * dice.share()));
+        // Some builders switch it off.
+        set(159, if dice.chance(15) { 0 } else { degrees(5.0 + 85.0 * dice.share()) });
     }
     if dice.chance(15) {
         set(38, speed(fastest * dice.share()));

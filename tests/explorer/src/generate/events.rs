@@ -134,6 +134,7 @@ impl Writer<'_> {
             (1, 20),
             (1, 21),
             (1, 22),
+            (1, 24),
             (1, 23),
         ]);
         match kind.unwrap_or(0) {
@@ -159,6 +160,7 @@ impl Writer<'_> {
             20 => self.ordeal(),
             21 => self.run_up_with_changes(),
             22 => self.identify(),
+            24 => self.probe(),
             23 => self.foreign_data(),
             _ => self.leave_alone(),
         }
@@ -262,7 +264,14 @@ impl Writer<'_> {
     fn jump(&mut self) {
         if self.axis.mdt.contains(&47) && self.dice.chance(85) {
             let idn = if self.axis.mdt.contains(&48) && self.dice.chance(20) { 48 } else { 47 };
-            let degrees = self.dice.spread(0.05, 50_000.0);
+            let degrees = if self.dice.chance(25) {
+                // Just beyond what a cycle of the control unit may bring.
+                let seconds = f64::from(self.axis.cycle) * f64::from(self.axis.control_cycles) * 1e-6;
+                let limit = setting(self.axis, 91).map_or(self.fastest, |limit| limit as f64 / self.units.rpm);
+                self.dice.spread(1.5, 8.0) * limit * 6.0 * seconds
+            } else {
+                self.dice.spread(0.05, 50_000.0)
+            };
             let by = if self.dice.chance(90) {
                 Self::long(self.units.revolution * degrees / 360.0)
             } else {
@@ -389,6 +398,9 @@ impl Writer<'_> {
     }
 
     fn home(&mut self) {
+        if self.dice.chance(12) {
+            self.fail_to_home();
+        }
         if self.dice.chance(70) {
             let place = self.value(52);
             self.event(Action::Write(52, place));
@@ -434,6 +446,24 @@ impl Writer<'_> {
         self.command();
         self.wait(120.0);
         self.event(Action::Load(0));
+    }
+
+    /// A search for the switch that ends with the torque; then there is something to say about it.
+    fn fail_to_home(&mut self) {
+        self.event(Action::Write(147, 0x44));
+        self.event(Action::Start(148));
+        self.wait(30.0);
+        self.event(Action::Switches(OFF));
+        self.wait(30.0);
+        self.event(Action::Cancel(148));
+        self.event(Action::Read(0x8003));
+        self.event(Action::Write(147, 0x60));
+        self.event(Action::Start(148));
+        self.wait(40.0);
+        self.event(Action::Cancel(148));
+        self.event(Action::Read(0x8003));
+        self.event(Action::Switches(FOLLOW));
+        self.pause();
     }
 
     /// As fast as the machine goes, a moment without torque, and on again.

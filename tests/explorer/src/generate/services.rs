@@ -332,15 +332,30 @@ impl Writer<'_> {
         let idn = self.dice.pick(&commands).unwrap_or(99);
         self.event(Action::Start(idn));
         self.pause();
-        if idn == 170 {
-            self.event(Action::Write(405, 1));
-            self.event(Action::Probe(true));
-            self.pause();
-            self.event(Action::Probe(false));
-        }
         if self.dice.chance(70) {
             self.event(Action::Cancel(idn));
         }
+    }
+
+    /// S-0-0170: a probe that is waited for, at standstill more often than not.
+    pub(super) fn probe(&mut self) {
+        if self.dice.chance(60) {
+            self.event(Action::Switches(HALT));
+        }
+        let edges = self.dice.pick(&[1, 1, 3, 0xF]).unwrap_or(1);
+        self.event(Action::Write(169, edges));
+        self.event(Action::Start(170));
+        self.event(Action::Write(405, 1));
+        self.wait(80.0);
+        self.event(Action::Probe(true));
+        self.pause();
+        self.event(Action::Read(130));
+        self.wait(10.0);
+        self.event(Action::Probe(false));
+        if self.dice.chance(70) {
+            self.event(Action::Cancel(170));
+        }
+        self.event(Action::Switches(FOLLOW));
     }
 
     /// The drive finds out about its motor: P-0-0224, 225 or 226 at HALT, undisturbed or not.

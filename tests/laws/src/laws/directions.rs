@@ -13,8 +13,9 @@ const IDENTIFICATIONS: [Idn; 2] = [Idn(0x8000 | 225), Idn(0x8000 | 226)];
 const VELOCITY: Idn = Idn(0x8000 | 218);
 /// Its default: 300 rpm.
 const FORWARDS: i64 = 3_000_000;
-/// S-0-0147: negative direction, the switch is at the drive, no switch, no marker.
+/// S-0-0147: negative direction, falling edge of the switch, the switch is at the drive, no switch, no marker.
 const NEGATIVE: u16 = 1;
+const FALLING: u16 = 2;
 const AT_THE_DRIVE: u16 = 4;
 const NO_SWITCH: u16 = 0x20;
 const NO_MARKER: u16 = 0x40;
@@ -46,9 +47,9 @@ impl Directions {
         let settings = &scene.settings;
         if command == HOMING {
             let way = settings.word(Idn(147))?;
-            // At the switch it turns round; a switch that the control writes is not seen.
+            // On the switch it goes back first; a switch that the control writes is not seen.
             let by_switch = way & NO_SWITCH == 0;
-            let free = !scene.sight.home_switch && way & AT_THE_DRIVE != 0;
+            let free = !scene.sight.home_switch && way & (AT_THE_DRIVE | FALLING) == AT_THE_DRIVE;
             let moves = way & (NO_SWITCH | NO_MARKER) != NO_SWITCH | NO_MARKER;
             let sense = scene.sense()?;
             return (moves && (!by_switch || free)).then_some(if way & NEGATIVE == 0 { sense } else { -sense });

@@ -20,6 +20,8 @@ pub(crate) struct Distance {
     unchanged: i64,
     /// From where to where the shaft was since a homing was started, in revolutions.
     started: Option<[f64; 2]>,
+    /// S-0-0052 at that time.
+    reference: Option<i64>,
     /// Where the shaft stood when S-0-0447, or S-0-0148 where it stands, gave it S-0-0052.
     zeroed: Option<Zeroed>,
 }
@@ -37,6 +39,8 @@ impl Distance {
         let settings = &scene.settings;
         let unit_cycles =
             settings.unsigned(Idn::CONTROL_UNIT_CYCLE).unwrap_or(65_000) / settings.unsigned(Idn::CYCLE).unwrap_or(500);
+        // S-0-0001 may still have its default beside a slow ring.
+        let unit_cycles = unit_cycles.max(1);
         let following =
             scene.is_operating() && scene.wire.asks_to_follow() && scene.wire.follows() && scene.asks_for_position();
         let still = scene.sight.machine.velocity.abs() < STANDSTILL && scene.asked_mode() == scene.actual_mode();
@@ -62,7 +66,7 @@ impl Distance {
             && !scene.deceived
             // It is executed at once, and the master asks later: only for a shaft that has stood since then is it known where.
             && let Some([least, most]) = self.started.filter(|[least, most]| most - least < STOOD)
-            && let Some(distance) = scene.settings.signed(Idn(52))
+            && let Some(distance) = self.reference
         {
             let (angle, blur) = (scene.sight.machine.angle, most - least);
             self.zeroed = Some(Zeroed { angle, blur, distance: distance as f64, answers: 0 });
@@ -124,6 +128,7 @@ impl Law for Distance {
             },
             Event::Service(Heard::Written(Idn(148 | 447), Element::Data, words)) => {
                 self.started = (words[..] == [3]).then_some([scene.sight.machine.angle; 2]);
+                self.reference = scene.settings.signed(Idn(52));
                 Verdict::Silent
             }
             Event::Service(Heard::Opened(idn, 3)) if scene.command == Some(*idn) => {
@@ -171,6 +176,17 @@ mod tests {
         fake.data[1] = [feedback, 0].map(i32::to_le_bytes).concat();
         fake.run(10, 0, 0x8000);
         fake
+    }
+
+    #[test]
+    fn the_reference_distance_is_that_of_the_beginning() {
+        let mut fake = fake(0, 0, 0);
+        fake.run(2, 0, 0x8000);
+        fake.write(447, &[3]);
+        fake.write(52, &[7, 7]);
+        fake.open(447, 3);
+        fake.run(10, 0, 0x8000);
+        assert_eq!(fake.broken(), None);
     }
 
     #[test]

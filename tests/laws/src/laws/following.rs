@@ -16,6 +16,11 @@ const WATCH: Nanoseconds = Nanoseconds::from_millis(100);
 const TOLERANCE: (f64, f64, f64) = (0.05, 0.5, 2e-3);
 const LASTING: Nanoseconds = Nanoseconds::from_millis(1);
 
+/// In rad/s.
+const STANDSTILL: f64 = 0.3;
+/// Neither the torque nor the brake has to come for such a command.
+const AWAY: &str = "the command is away from S-0-0051";
+
 /// Watches what a jump of the command does to the shaft.
 #[derive(Default)]
 pub(crate) struct Following {
@@ -63,7 +68,7 @@ impl Following {
             let lag = if scene.asked_mode() == Some(3) { speed * units.increments / kv } else { 0.0 };
             let distance = units.way(feedback, command) - lag;
             let turning = scene.sight.machine.velocity.abs() * units.increments * 3.0 * scene.cycle.as_seconds();
-            (distance.abs() > 1.05 * window + turning).then_some(("the command is away from S-0-0051", distance))
+            (distance.abs() > 1.05 * window + turning).then_some((AWAY, distance))
         };
         match far {
             Some((what, increments)) if self.jump.is_none() => {
@@ -78,9 +83,19 @@ impl Following {
 
     fn look(&mut self, scene: &Scene) -> Verdict {
         let Some(jump) = &mut self.jump else { return Verdict::Silent };
+        // A shaft that turns may be behind its command by what its loop lags.
+        let stands = scene.sight.machine.velocity.abs() < STANDSTILL;
+        if jump.what == AWAY && stands && scene.sight.bridge && !scene.before.bridge {
+            let (increments, since) = (jump.increments, jump.since);
+            return Verdict::Broken(format!(
+                "the command is away from S-0-0051 by {increments:.0} increments since {since}, and the bridge comes on for it"
+            ));
+        }
         let machine = &scene.sight.machine;
         let over = scene.now.saturating_sub(jump.since) > WATCH && scene.wire.follows();
-        if over || !scene.sight.bridge || !scene.is_left_alone(WATCH) {
+        // A far command waits for the bridge, which must not come.
+        let gone = !scene.sight.bridge && jump.what != AWAY;
+        if over || gone || !scene.is_left_alone(WATCH) {
             self.jump = None;
             return Verdict::Silent;
         }
@@ -149,6 +164,20 @@ mod tests {
         assert_eq!(released(100_000, 400.0).broken(), None);
         assert_eq!(released(3_600_000, 0.0).broken(), None);
         assert!(released(3_600_000, 400.0).broken().is_some_and(|words| words.contains("away from S-0-0051")));
+    }
+
+    #[test]
+    fn an_axis_far_from_its_command_stays_off() {
+        for (command, lawful) in [(100_000_i32, true), (3_600_000, false)] {
+            let mut fake = Fake::in_cp4(Following::default());
+            fake.write(32, &[11]);
+            fake.data[0] = command.to_le_bytes().to_vec();
+            fake.run(5, 0, 0x8000);
+            fake.run(2, 0xE000, 0x8000);
+            fake.sight.bridge = true;
+            fake.run(5, 0xE000, 0x8000);
+            assert_eq!(fake.broken().is_none(), lawful, "{:?}", fake.broken());
+        }
     }
 
     #[test]

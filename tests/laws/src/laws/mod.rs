@@ -1,6 +1,7 @@
 //! The laws, one file each.
 
 mod back;
+mod border;
 mod contradictions;
 mod directions;
 mod distance;
@@ -9,6 +10,7 @@ mod findings;
 mod following;
 mod limits;
 mod nothing_moves;
+mod probes;
 mod service;
 mod sizes;
 mod stop;
@@ -47,5 +49,7 @@ pub(crate) fn all() -> Vec<Box<dyn Law>> {
         Box::new(findings::Findings::default()),
         Box::new(contradictions::Contradictions::default()),
         Box::new(directions::Directions::default()),
+        Box::new(probes::Probes::default()),
+        Box::new(border::Border::default()),
     ]
 }
