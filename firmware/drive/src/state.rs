@@ -106,7 +106,11 @@ impl StateMachine {
     /// `conditions` are asked for only if it depends on them.
     #[inline]
     pub fn would_switch_on(&self, switches: Switches, conditions: impl FnOnce() -> Conditions) -> bool {
-        if self.state != DriveState::Off || !self.armed || !switches.on || !switches.enable {
+        if !matches!(self.state, DriveState::Off | DriveState::Engaging)
+            || !self.armed
+            || !switches.on
+            || !switches.enable
+        {
             return false;
         }
         let conditions = conditions();
@@ -214,6 +218,11 @@ mod tests {
         assert!(!machine.would_switch_on(ENABLED, || READY));
         let _ = machine.update(FOLLOW, Conditions { power: false, ..READY });
         assert!(!machine.would_switch_on(FOLLOW, || READY), "the edge has gone by");
+        let mut closing = following();
+        let _ = closing.update(ENABLED, STANDING);
+        let _ = closing.update(ENABLED, Conditions { torque_off: false, ..STANDING });
+        assert_eq!(closing.state(), DriveState::Engaging);
+        assert!(closing.would_switch_on(FOLLOW, || READY), "its brake would open again");
     }
 
     fn following() -> StateMachine {

@@ -10,6 +10,18 @@ pub const CYCLES_PER_INSTRUCTION_TENTHS: u64 = 15;
 
 const FEMTOSECONDS: u128 = 1_000_000;
 
+const NANOSECONDS: u64 = 1_000_000_000;
+
+/// Whole clocks of a timer since the start of the simulation; seconds apart from the rest, so that 64 bits do.
+pub(crate) fn clocks_at(now: Nanoseconds, hertz: u64) -> u64 {
+    now.0 / NANOSECONDS * hertz + now.0 % NANOSECONDS * hertz / NANOSECONDS
+}
+
+/// The first nanosecond at which that many clocks have passed.
+pub(crate) fn time_of_clocks(clocks: u64, hertz: u64) -> Nanoseconds {
+    Nanoseconds(clocks / hertz * NANOSECONDS + (clocks % hertz * NANOSECONDS).div_ceil(hertz))
+}
+
 /// A division of 128 bits costs ten times one of 64, and five simulated hours fit in those.
 fn quotient(dividend: u128, divisor: u128) -> u64 {
     match (u64::try_from(dividend), u64::try_from(divisor)) {
@@ -129,6 +141,20 @@ mod tests {
         assert_eq!(quotient(long, 1 << 20), (long >> 20) as u64);
         assert_eq!(quotient(long >> 4, 1 << 20), (long >> 24) as u64);
         assert_eq!(quotient(u128::MAX, 1), u64::MAX);
+    }
+
+    #[test]
+    fn clocks_and_their_times_are_those_of_long_division() {
+        for hertz in [16_000_000, 84_000_000, 168_000_000, 48_000] {
+            for now in [0, 1, 5_952, 999_999_999, 1_000_000_000, 3_600_123_456_789, 12_345_678_901] {
+                let clocks = (u128::from(now) * u128::from(hertz) / 1_000_000_000) as u64;
+                assert_eq!(clocks_at(Nanoseconds(now), hertz), clocks, "{now} ns at {hertz} Hz");
+                for clocks in [clocks, clocks + 1] {
+                    let time = (u128::from(clocks) * 1_000_000_000).div_ceil(hertz.into()) as u64;
+                    assert_eq!(time_of_clocks(clocks, hertz).0, time, "{clocks} of {hertz} Hz");
+                }
+            }
+        }
     }
 
     #[test]

@@ -24,12 +24,6 @@ fn configuration(product: PathBuf) -> GuestConfiguration {
     GuestConfiguration::new(product, Rig::Bus(bus()))
 }
 
-/// The name of a test of this file, as its program knows it.
-fn full(name: &str) -> String {
-    let module = module_path!();
-    format!("{}::{name}", module.split_once("::").map_or(module, |(_, inside)| inside))
-}
-
 /// Reads a register of the RCC for ever.
 fn reader() -> Program {
     Program::new(START)
@@ -71,6 +65,21 @@ fn children() -> Vec<u32> {
     text.split_whitespace().map(|number| number.parse().unwrap()).collect()
 }
 
+/// A test of this file in a process of its own.
+fn once_more(test: &str) -> Command {
+    let place = module_path!().split_once("::").map_or(String::new(), |(_, module)| format!("{module}::"));
+    let mut command = Command::new(std::env::current_exe().unwrap());
+    command.args(["--ignored", "--exact", "--nocapture"]).arg(place + test);
+    command
+}
+
+/// It was found, and passed.
+#[track_caller]
+fn assert_ran(test: &std::process::Output) {
+    let [stdout, stderr] = [&test.stdout, &test.stderr].map(|text| String::from_utf8_lossy(text));
+    assert!(test.status.success() && stdout.contains("1 passed"), "{stdout}{stderr}");
+}
+
 /// A program in place of QEMU that does something first; `$page` is the shared page.
 fn instead_of_qemu(folder: &Path, first: &str) -> OsString {
     let path = folder.join("qemu");
@@ -105,8 +114,7 @@ fn no_qemu_is_left_behind_by_a_test_that_is_killed() {
         return;
     }
     let folder = tempfile::tempdir().unwrap();
-    let mut test = Command::new(std::env::current_exe().unwrap());
-    test.args(["--ignored", "--exact", "--nocapture", &full("no_qemu_is_left_behind_by_a_test_that_is_killed")]);
+    let mut test = once_more("no_qemu_is_left_behind_by_a_test_that_is_killed");
     let mut test = test.env("TEST_TO_BE_KILLED", reader().write(folder.path())).stdout(Stdio::piped()).spawn().unwrap();
     let lines = std::io::BufRead::lines(std::io::BufReader::new(test.stdout.take().unwrap()));
     let qemu = lines.map_while(Result::ok).find_map(|line| Some(line.strip_prefix("QEMU is ")?.to_owned()));
@@ -154,12 +162,10 @@ fn a_folder_that_takes_no_shared_page_is_named_with_what_to_do() {
     }
     let folder = tempfile::tempdir().unwrap();
     let product = reader().write(folder.path());
-    let mut test = Command::new(std::env::current_exe().unwrap());
-    test.args(["--ignored", "--exact", &full("a_folder_that_takes_no_shared_page_is_named_with_what_to_do")]);
+    let mut test = once_more("a_folder_that_takes_no_shared_page_is_named_with_what_to_do");
     // Nobody may make a file there, not even root.
     let test = test.env("TEST_WITHOUT_FOLDER", product).env("TMPDIR", "/proc/self").output().unwrap();
-    let said = String::from_utf8_lossy(&test.stdout);
-    assert!(test.status.success() && said.contains("1 passed"), "{said}");
+    assert_ran(&test);
 }
 
 #[test]
@@ -208,16 +214,10 @@ fn a_qemu_that_exports_nothing_is_told_what_is_missing_and_what_is_left() {
         assert_eq!(installed, -1);
         return;
     }
-    let mut test = Command::new(std::env::current_exe().unwrap());
-    test.args([
-        "--ignored",
-        "--exact",
-        "--nocapture",
-        &full("a_qemu_that_exports_nothing_is_told_what_is_missing_and_what_is_left"),
-    ]);
+    let mut test = once_more("a_qemu_that_exports_nothing_is_told_what_is_missing_and_what_is_left");
     let output = test.env("TEST_AS_QEMU", "1").output().unwrap();
     let stderr = String::from_utf8_lossy(&output.stderr);
-    assert!(output.status.success(), "{stderr}");
+    assert_ran(&output);
     let lines: Vec<&str> = stderr.lines().filter(|line| line.starts_with("emulator bus:")).collect();
     let [line] = lines[..] else { panic!("one line expected: {stderr}") };
     for part in ["does not export qemu_plugin_register_vcpu_tb_trans_cb", "built with modules", "--on host"] {

@@ -3,7 +3,7 @@
 use std::collections::VecDeque;
 
 use ring::ident::{Element, Idn, Value};
-use ring::service_client::{Finished, Request, StepRecord};
+use ring::service_client::{Finished, Request, Step, StepRecord};
 use sercos::attribute::Length;
 use sercos::dictionary;
 
@@ -57,7 +57,8 @@ impl Services {
     pub(crate) fn ask(&mut self, master: &mut Stubborn, action: &Action) -> bool {
         match *action {
             Action::Read(idn) => {
-                master.ask(Request::Steps(reading(idn, true)));
+                let all = is_list(idn);
+                master.ask(if all { Request::Read(Idn(idn)) } else { Request::Steps(reading(idn, true)) });
                 self.pending.push_back(Pending::Read);
             }
             Action::Start(idn) => {
@@ -73,7 +74,8 @@ impl Services {
             }
             _ => {
                 let Some((idn, words)) = written_by(action) else { return false };
-                let mut steps = reading(idn, true);
+                // What was there before is looked at, if it is a number.
+                let mut steps = if is_list(idn) { vec![Step::open(Idn(idn))] } else { reading(idn, true) };
                 steps.extend(writing_open(&words));
                 master.ask(Request::Steps(steps));
                 self.pending.push_back(Pending::Write { idn, words: words.len() });

@@ -198,11 +198,13 @@ impl Scene {
         !self.within(self.disturbed, for_so_long) && !machine.seized && !machine.brake_broken && !self.deceived
     }
 
-    /// S-0-0207 is shorter than the brake takes: the drive is told to hand a load over to a brake that does not hold yet.
+    /// S-0-0206 or S-0-0207 is shorter than the brake takes: the drive is told to move against a brake that is not open yet, or to hand a load
+    /// over to one that does not hold yet.
     #[must_use]
     pub fn hurries_its_brake(&self) -> bool {
-        let told = self.settings.unsigned(Idn(207)).map_or(0.0, |milliseconds| milliseconds as f64 * 1e-3);
-        self.machine.brake.is_some_and(|brake| told < FIRM * brake.engage_delay)
+        let told = |idn| self.settings.unsigned(Idn(idn)).map_or(0.0, |milliseconds| milliseconds as f64 * 1e-3);
+        let hurries = |idn, delay| told(idn) < FIRM * delay;
+        self.machine.brake.is_some_and(|brake| hurries(206, brake.release_delay) || hurries(207, brake.engage_delay))
     }
 
     /// Torque in Nm for 1 A across the magnet.

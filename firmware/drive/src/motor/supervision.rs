@@ -204,7 +204,9 @@ impl Motor {
     }
 
     fn watch_encoder(&mut self, surroundings: &Surroundings, findings: &mut Findings) {
-        self.disturbed = if self.held.is_some() { DISTURBED_TICKS } else { self.disturbed.saturating_sub(1) };
+        // A field current that is being built up takes a voltage as a magnet that turns does.
+        let field = self.held.is_some() || self.brake_output.test_current != CurrentFraction::ZERO;
+        self.disturbed = if field { DISTURBED_TICKS } else { self.disturbed.saturating_sub(1) };
         let error = self.encoder.tick(
             &self.settings.encoder,
             &EncoderMonitorInputs {

@@ -6,6 +6,8 @@
 
 use ring::Nanoseconds;
 
+use crate::clock::{clocks_at, time_of_clocks};
+
 /// The counter. It knows the reload and the divider in force; who owns it decides when these change.
 #[derive(Clone, Debug)]
 pub(crate) struct CentredCounter {
@@ -83,8 +85,7 @@ impl CentredCounter {
     /// When the half that runs has made so many counts.
     pub(crate) fn time_of_progress(&self, counts: u32) -> Nanoseconds {
         let clocks = self.began_at + u64::from(counts) * self.divider;
-        let nanoseconds = u128::from(clocks) * 1_000_000_000;
-        Nanoseconds(nanoseconds.div_ceil(u128::from(self.clock_hz)) as u64)
+        time_of_clocks(clocks, self.clock_hz)
     }
 
     /// The overflow or underflow that ends the half.
@@ -131,7 +132,7 @@ impl CentredCounter {
     }
 
     fn clocks(&self, now: Nanoseconds) -> u64 {
-        (u128::from(now.0) * u128::from(self.clock_hz) / 1_000_000_000) as u64
+        clocks_at(now, self.clock_hz)
     }
 }
 

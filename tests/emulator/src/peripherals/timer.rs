@@ -5,6 +5,8 @@
 
 use ring::Nanoseconds;
 
+use crate::clock::{clocks_at, time_of_clocks};
+
 const CR1: u32 = 0x00;
 const CR2: u32 = 0x04;
 const SMCR: u32 = 0x08;
@@ -317,13 +319,12 @@ impl Timer {
 
     /// Timer clocks since the start of the simulation.
     fn clocks(&self, now: Nanoseconds) -> u64 {
-        (u128::from(now.0) * u128::from(self.clock_hz) / 1_000_000_000) as u64
+        clocks_at(now, self.clock_hz)
     }
 
     /// The first nanosecond at which that many clocks have passed.
     fn time_of(&self, clocks: u64) -> Nanoseconds {
-        let nanoseconds = u128::from(clocks) * 1_000_000_000;
-        Nanoseconds(nanoseconds.div_ceil(u128::from(self.clock_hz)) as u64)
+        time_of_clocks(clocks, self.clock_hz)
     }
 }
 

@@ -139,7 +139,8 @@ impl Back {
         let undisturbed = scene.is_operating()
             && scene.is_left_alone(QUIET)
             && !scene.within(scene.troubled, QUIET)
-            && scene.command.is_none();
+            && scene.command.is_none()
+            && scene.irregular.zip(self.begun.as_ref()).is_none_or(|(then, begun)| then < begun.edge);
         let Some(begun) = self.begun.as_mut().filter(|_| undisturbed) else {
             self.begun = None;
             return Verdict::Silent;

@@ -39,6 +39,8 @@ impl Distance {
         let settings = &scene.settings;
         let unit_cycles =
             settings.unsigned(Idn::CONTROL_UNIT_CYCLE).unwrap_or(65_000) / settings.unsigned(Idn::CYCLE).unwrap_or(500);
+        // S-0-0001 may still have its default beside a slow ring.
+        let unit_cycles = unit_cycles.max(1);
         let following =
             scene.is_operating() && scene.wire.asks_to_follow() && scene.wire.follows() && scene.asks_for_position();
         let still = scene.sight.machine.velocity.abs() < STANDSTILL && scene.asked_mode() == scene.actual_mode();

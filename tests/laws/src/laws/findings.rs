@@ -13,6 +13,10 @@ const FAILED: u16 = 0xF;
 /// The error whose reason P-0-0003 tells.
 const INVALID: u16 = 0x7008;
 
+/// Lists and texts are refused without a reason (known, see docs/laws.md).
+const LISTS: [Idn; 10] =
+    [Idn(16), Idn(24), Idn(26), Idn(27), Idn(141), Idn(142), Idn(267), Idn(328), Idn(329), Idn(0x8000 | 7)];
+
 /// Remembers how the last check, homing or write has ended.
 #[derive(Default)]
 pub(crate) struct Findings {
@@ -37,8 +41,8 @@ impl Law for Findings {
             Event::Service(Heard::Written(Idn(149 | 262), Element::Data, _)) => *self = Self::default(),
             Event::Service(Heard::Opened(idn, EXECUTED)) if self.started == Some(*idn) => self.success = Some(true),
             Event::Service(Heard::Opened(idn, FAILED)) if self.started == Some(*idn) => self.success = Some(false),
-            Event::Service(Heard::Refused(_, step, INVALID)) if step.write && step.element == Element::Data => {
-                *self = Self { started: None, success: Some(false) };
+            Event::Service(Heard::Refused(idn, step, INVALID)) if step.write && step.element == Element::Data => {
+                *self = Self { started: None, success: (!LISTS.contains(idn)).then_some(false) };
             }
             // A write that succeeds ends the reason of one that did not.
             Event::Service(Heard::Written(_, Element::Data, _)) if self.success == Some(false) => self.success = None,

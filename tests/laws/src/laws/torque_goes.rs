@@ -28,6 +28,8 @@ pub(crate) struct TorqueGoes {
     unexplained: Option<Nanoseconds>,
     /// The error is shown, the axis stands, and the bridge is still on.
     standing: Option<Nanoseconds>,
+    /// The velocity with which main power went, in rad/s.
+    then: f64,
 }
 
 impl TorqueGoes {
@@ -41,7 +43,7 @@ impl TorqueGoes {
     }
 
     /// Main power has gone, nothing else is wrong, and the DC link could have stopped the shaft that turns still.
-    fn wasted_link(scene: &Scene) -> Option<String> {
+    fn wasted_link(&self, scene: &Scene) -> Option<String> {
         let (sight, settings) = (&scene.sight, &scene.settings);
         let sound = sight.bridge_ready && sight.safe_torque && !scene.deceived && !sight.machine.feverish;
         // Before it is in operation an axis looks for its angle: there is no stop to finish.
@@ -51,14 +53,19 @@ impl TorqueGoes {
         let least = settings.unsigned(Idn(0x8000 | 104))? as f64 * LINK;
         let just_gone = !sight.main_power && scene.within(scene.pins_changed, OUTAGE);
         let (volts, rpm) = (sight.machine.bus_voltage, sight.rpm());
-        (just_gone && sound && asked && ramp && rpm.abs() > TURNS && volts > least)
+        // A shaft that swings through its standstill has been stopped.
+        let turns_on = self.then * scene.sight.machine.velocity > 0.0;
+        (just_gone && sound && asked && ramp && turns_on && rpm.abs() > TURNS && volts > least)
             .then(|| format!("without main power the torque went at {rpm:.0} rpm, and the DC link has {volts:.0} V"))
     }
 
     fn look(&mut self, scene: &Scene) -> Verdict {
+        if scene.before.main_power && !scene.sight.main_power {
+            self.then = scene.sight.machine.velocity;
+        }
         if scene.before.bridge && !scene.sight.bridge {
             self.unexplained = Some(scene.now);
-            if let Some(words) = Self::wasted_link(scene) {
+            if let Some(words) = self.wasted_link(scene) {
                 return Verdict::Broken(words);
             }
         }

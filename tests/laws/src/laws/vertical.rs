@@ -18,7 +18,7 @@ const SHOWN_AFTER: u64 = 3;
 /// Share, and revolutions for the shaft between motor and load.
 const MARGIN: (f64, f64) = (1.3, 0.005);
 /// Share, for a shaft that was wound up.
-const WOUND: f64 = 1.25;
+const WOUND: f64 = 1.5;
 
 /// Follows a load from the end of the torque.
 #[derive(Default)]
@@ -59,8 +59,8 @@ impl Vertical {
         let direction = machine.load_torque.signum();
         let acceleration = pull / scene.inertia();
         let speed = (machine.velocity * direction).max(0.0);
-        // Currents that nobody has measured may have wound up the shaft between motor and load.
-        let wound = if scene.deceived { WOUND } else { 1.0 };
+        // Currents that nobody has measured, or that worked against the brake, may have wound up the shaft between motor and load.
+        let wound = if scene.deceived || scene.hurries_its_brake() { WOUND } else { 1.0 };
         // A brake that has closed before holds at once; one that holds already lets nothing fall.
         let closed = !scene.sight.coil && machine.brake_torque > machine.load_torque.abs();
         let delay = if closed { 0.0 } else { BUILD_UP * brake.engage_delay + LATENCY };
