@@ -17,7 +17,7 @@ const REASON: &str = "is not set: run `cargo xtask test`, which builds the ELF a
 
 fn on_qemu() -> Executor {
     let path = |name: &str| std::env::var_os(name).unwrap_or_else(|| panic!("{name} {REASON}")).into();
-    Executor::Qemu(Elves { product: path("PRODUCT_ELF"), bus: path("BUS_PLUGIN"), shim: path("SHIM_ELF") })
+    Executor::Qemu(Elves { product: path("PRODUCT_ELF"), bus: path("BUS_PLUGIN") })
 }
 
 #[test]

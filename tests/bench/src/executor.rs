@@ -16,8 +16,6 @@ pub struct Elves {
     pub product: PathBuf,
     /// The bus inside QEMU, a library that it loads.
     pub bus: PathBuf,
-    /// The trap shim, whose counts the bus is held against in a test of the emulator.
-    pub shim: PathBuf,
 }
 
 /// Where the drive under test runs. The drives beside it always run on this computer.

@@ -1,6 +1,6 @@
 //! The flashed ELF in QEMU, as a processor of the world: its external bus is the chip's, its motor side is simulated.
 
-use emulator::{DigitalInputs, Environment, Guest, GuestConfiguration, IndexEdge, Rig};
+use emulator::{DigitalInputs, Environment, Guest, GuestConfiguration, IndexEdge};
 use ring::Nanoseconds;
 use ring::chip::SharedChip;
 use ring::wire::BitRate;
@@ -24,7 +24,7 @@ impl QemuDrive {
     /// Boots the ELF; its reset is the beginning of the simulation.
     ///
     /// # Errors
-    /// QEMU is missing, an ELF is not what it should be, or the shim does not come up.
+    /// QEMU is missing, an ELF is not what it should be, or the bus does not come up.
     pub fn start(
         elves: &Elves,
         chip: &SharedChip,
@@ -33,7 +33,7 @@ impl QemuDrive {
         bit_rate: BitRate,
         measurements: SharedMeasurements,
     ) -> Result<Self, ProcessorError> {
-        let guest = Guest::start(&GuestConfiguration::new(&elves.product, Rig::Bus(elves.bus.clone())))
+        let guest = Guest::start(&GuestConfiguration::new(&elves.product, &elves.bus))
             .map_err(|error| ProcessorError::Stuck { address, cause: error.to_string() })?;
         Ok(Self::around(guest, chip, motor_side, address, bit_rate, measurements))
     }

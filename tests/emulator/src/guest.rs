@@ -24,22 +24,13 @@ pub const QEMU: &str = "qemu-system-arm";
 /// The environment variable that names another program to run instead.
 pub const QEMU_VARIABLE: &str = "QEMU";
 
-/// What answers the accesses of the product.
-#[derive(Clone, Debug, PartialEq, Eq)]
-pub enum Rig {
-    /// The bus inside QEMU, a library that it loads.
-    Bus(PathBuf),
-    /// The shim, an ELF beside the product.
-    Shim(PathBuf),
-}
-
 /// What to run.
 #[derive(Clone, Debug)]
 pub struct GuestConfiguration {
     /// The release ELF of the product.
     pub product: PathBuf,
-    /// What answers its accesses.
-    pub rig: Rig,
+    /// The bus inside QEMU, which answers its accesses: a library that QEMU loads.
+    pub bus: PathBuf,
     /// The emulator; a name is looked up in the search path.
     pub qemu: OsString,
     /// How long a write may wait for the next exchange before the product is interrupted to deliver it. The write keeps its own time, and so
@@ -47,7 +38,7 @@ pub struct GuestConfiguration {
     pub post_bound: Nanoseconds,
     /// QEMU and the thread that starts it share a CPU, which is faster and changes no result.
     pub one_cpu: bool,
-    /// QEMU executes as many instructions at once as it can; otherwise one by one, which is slower and changes no result. For [`Rig::Bus`].
+    /// QEMU executes as many instructions at once as it can; otherwise one by one, which is slower and changes no result.
     pub whole_blocks: bool,
     /// Answers carry what is going to be read next, which is faster and changes no result.
     pub foretells: bool,
@@ -56,10 +47,10 @@ pub struct GuestConfiguration {
 impl GuestConfiguration {
     /// The usual one, with the QEMU that [`QEMU_VARIABLE`] names.
     #[must_use]
-    pub fn new(product: impl Into<PathBuf>, rig: Rig) -> Self {
+    pub fn new(product: impl Into<PathBuf>, bus: impl Into<PathBuf>) -> Self {
         Self {
             product: product.into(),
-            rig,
+            bus: bus.into(),
             qemu: std::env::var_os(QEMU_VARIABLE).unwrap_or_else(|| QEMU.into()),
             post_bound: Nanoseconds::from_microseconds(5),
             one_cpu: true,
@@ -69,7 +60,7 @@ impl GuestConfiguration {
     }
 }
 
-/// A write, or a read that the shim answered, not yet carried out on the models.
+/// A write, or a read that the bus answered, not yet carried out on the models.
 #[derive(Clone, Copy, Debug)]
 struct Posted {
     ticks: u32,
@@ -79,7 +70,7 @@ struct Posted {
     pc: u32,
 }
 
-/// What the shim waits for.
+/// What the bus waits for.
 #[derive(Clone, Copy, Debug)]
 struct Question {
     kind: u32,
@@ -118,19 +109,16 @@ pub struct Guest {
 }
 
 impl Guest {
-    /// Starts QEMU and waits until the shim is up. The product has not executed an instruction yet.
+    /// Starts QEMU and waits until the bus is up. The product has not executed an instruction yet.
     ///
     /// # Errors
-    /// QEMU is missing, an ELF is not what it should be, or the shim does not come up.
+    /// QEMU is missing, an ELF is not what it should be, or the bus does not come up.
     pub fn start(configuration: &GuestConfiguration) -> Result<Self, EmulatorError> {
         let product = read_elf(&configuration.product)?;
         check_product(configuration, &product)?;
-        let vectors = match &configuration.rig {
-            Rig::Bus(bus) => check_bus(bus).map(|()| 0)?,
-            Rig::Shim(shim) => shim_vectors(shim)?,
-        };
+        check_bus(&configuration.bus)?;
         let log = Log::new(&configuration.product, &product)?;
-        let qemu = Qemu::start(configuration, vectors)?;
+        let qemu = Qemu::start(configuration)?;
         let peripherals = Peripherals::new();
         let mut guest = Self {
             qemu,
@@ -157,11 +145,6 @@ impl Guest {
                 "it speaks protocol {}, expected {VERSION}; build it and the emulator from the same sources",
                 hello.address
             )));
-        }
-        if matches!(configuration.rig, Rig::Shim(_)) && !hello.idle {
-            return Err(EmulatorError::Guest(
-                "QEMU's TIM5 does not interrupt when expected; the rig is made for QEMU 7.2".into(),
-            ));
         }
         guest.question.idle = false;
         Ok(guest)
@@ -287,7 +270,7 @@ impl Guest {
     /// From now on the bus inside QEMU writes down what the product executes, while it waits for an answer.
     ///
     /// # Errors
-    /// The end of QEMU, or [`Rig::Shim`], which cannot.
+    /// The end of QEMU.
     pub fn begin_trace(&mut self) -> Result<(), EmulatorError> {
         self.ask(&[command::TRACE, 1], 0)
     }
@@ -520,7 +503,7 @@ fn read_elf(path: &Path) -> Result<Vec<u8>, EmulatorError> {
     std::fs::read(path).map_err(|error| EmulatorError::Elf { path: path.to_owned(), what: error.to_string() })
 }
 
-/// The product's vector table must be where the shim looks for it, and TIM5's vector is the shim's.
+/// The product's vector table must be where the processor looks for it.
 fn check_product(configuration: &GuestConfiguration, elf: &[u8]) -> Result<(), EmulatorError> {
     const PRODUCT_VECTORS: u64 = 0x0800_0000;
     let broken = |what: &str| EmulatorError::Elf { path: configuration.product.clone(), what: what.into() };
@@ -530,20 +513,6 @@ fn check_product(configuration: &GuestConfiguration, elf: &[u8]) -> Result<(), E
         .ok_or_else(|| broken("no section .vector_table: not a firmware of cortex-m-rt"))?;
     if table.address() != PRODUCT_VECTORS {
         return Err(broken("the vector table is not at 0x0800_0000"));
-    }
-    let data = table.data().map_err(|error| broken(&error.to_string()))?;
-    let vector = |number: usize| {
-        let start = (16 + number) * 4;
-        data.get(start..start + 4)
-    };
-    if matches!(configuration.rig, Rig::Bus(_)) {
-        return Ok(());
-    }
-    // Two of the interrupts that no drive uses share the default handler with TIM5.
-    const TIM5: usize = 50;
-    const HASH_RNG: usize = 80;
-    if vector(TIM5) != vector(HASH_RNG) {
-        return Err(broken("the product uses the interrupt of TIM5, which the shim needs for itself"));
     }
     Ok(())
 }
@@ -563,15 +532,6 @@ fn check_bus(bus: &Path) -> Result<(), EmulatorError> {
 fn text_of(payload: &[u32]) -> String {
     let bytes: Vec<u8> = payload.iter().flat_map(|word| word.to_le_bytes()).take_while(|byte| *byte != 0).collect();
     String::from_utf8_lossy(&bytes).into_owned()
-}
-
-fn shim_vectors(shim: &Path) -> Result<u32, EmulatorError> {
-    let elf = read_elf(shim)?;
-    let broken = |what: String| EmulatorError::Elf { path: shim.to_owned(), what };
-    let file = object::File::parse(&*elf).map_err(|error| broken(error.to_string()))?;
-    file.section_by_name(".vectors")
-        .map(|section| section.address() as u32)
-        .ok_or_else(|| broken("no section .vectors: not the shim".into()))
 }
 
 fn fault_report(record: &[u32]) -> String {

@@ -8,13 +8,10 @@
 //! * [`Guest::begin_trace`], [`Activations`]: every instruction, counted by task and by function.
 //!
 //! How it works: QEMU's machine `netduinoplus2` has the core, the NVIC and the memories of the part but hardly a peripheral. A plugin in QEMU's
-//! process ([`Rig::Bus`]) answers each access from the models here, over a shared page ([`emulator_link`]). The guest is deterministic: an
+//! process (`tests/emulator/bus`) answers each access from the models here, over a shared page ([`emulator_link`]). The guest is deterministic: an
 //! instruction is a tick, simulated time is ticks times [`CYCLES_PER_INSTRUCTION_TENTHS`] / 10 core cycles, plus the wait states of the external
 //! bus. The core clock itself is worked out from the RCC registers that the product wrote. How often the world looks at the guest changes nothing
 //! that it does.
-//!
-//! Instructions are still counted by task with a shim beside the product ([`Rig::Shim`]): it takes the reset and closes the peripheral space by the
-//! MPU, and each access traps into it, is decoded ([`thumb`]) and travels over a FIFO.
 //!
 //! What it is not: cycle accurate. Interrupt entry and exit, flash wait states and bus contention are in the average only.
 //! The private peripheral bus is QEMU's own; the bus refuses SysTick, which does not follow simulated time (QEMU 7.2 has no DWT cycle counter).
@@ -34,9 +31,6 @@ mod measure;
 mod peripherals;
 mod prefetch;
 mod qemu;
-pub mod thumb;
-#[cfg(test)]
-mod thumb_tests;
 mod trace;
 pub mod wiring;
 
@@ -46,7 +40,7 @@ pub use clock::CYCLES_PER_INSTRUCTION_TENTHS;
 pub use demand::{Demand, Price, Worst};
 pub use environment::{DigitalInputs, Environment, IndexEdge};
 pub use error::EmulatorError;
-pub use guest::{Guest, GuestConfiguration, QEMU, QEMU_VARIABLE, Rig};
+pub use guest::{Guest, GuestConfiguration, QEMU, QEMU_VARIABLE};
 pub use log::LogLine;
 pub use measure::{Latency, Measurements, Probe, Trace, Trigger};
 pub use peripherals::clocks::{CRYSTAL_HZ, ClockTree};

@@ -11,7 +11,7 @@ use tempfile::TempDir;
 
 use crate::cpu::OneCpu;
 use crate::link::{Link, PAGE};
-use crate::{EmulatorError, GuestConfiguration, Rig};
+use crate::{EmulatorError, GuestConfiguration};
 
 /// Longest wait for a message. QEMU runs some 10^8 instructions a second, and the guest speaks at least every 2^31.
 const PATIENCE: Duration = Duration::from_secs(60);
@@ -28,8 +28,8 @@ pub(crate) struct Qemu {
 }
 
 impl Qemu {
-    /// Starts QEMU with the product as kernel, and what answers its accesses: the bus, or the shim that takes the reset at `shim_vectors`.
-    pub(crate) fn start(configuration: &GuestConfiguration, shim_vectors: u32) -> Result<Self, EmulatorError> {
+    /// Starts QEMU with the product as kernel, and the bus, which answers its accesses.
+    pub(crate) fn start(configuration: &GuestConfiguration) -> Result<Self, EmulatorError> {
         let absolute = |path: &Path| std::path::absolute(path).map_err(EmulatorError::io("path"));
         let product = absolute(&configuration.product)?;
         let directory =
@@ -39,30 +39,16 @@ impl Qemu {
             .args(["-machine", "netduinoplus2"])
             .args(["-display", "none", "-serial", "null", "-monitor", "none"])
             .args(["-nodefaults", "-no-user-config"]);
-        let link = match &configuration.rig {
-            Rig::Bus(bus) => {
-                let parent = std::process::id();
-                let mut plugin = option("file=", &absolute(bus)?);
-                plugin.push(option(",page=", &directory.path().join(PAGE)));
-                let blocks = if configuration.whole_blocks { "whole" } else { "one" };
-                plugin.push(format!(",parent={parent},blocks={blocks}"));
-                command.arg("-plugin").arg(plugin);
-                Link::page(directory.path())?
-            }
-            Rig::Shim(shim) => {
-                command
-                    .args(["-icount", "shift=0,sleep=off"])
-                    .args(["-semihosting-config", "enable=on,target=native"])
-                    .arg("-device")
-                    .arg(option("loader,file=", &absolute(shim)?))
-                    .arg("-global")
-                    .arg(format!("armv7m.init-nsvtor={shim_vectors:#x}"));
-                Link::fifos(directory.path())?
-            }
-        };
+        let mut plugin = option("file=", &absolute(&configuration.bus)?);
+        plugin.push(option(",page=", &directory.path().join(PAGE)));
+        let blocks = if configuration.whole_blocks { "whole" } else { "one" };
+        plugin.push(format!(",parent={},blocks={blocks}", std::process::id()));
+        let link = Link::in_folder(directory.path())?;
         // QEMU inherits the CPU.
         let cpu = configuration.one_cpu.then(OneCpu::of_this_thread);
         let child = command
+            .arg("-plugin")
+            .arg(plugin)
             .arg("-kernel")
             .arg(product)
             .current_dir(directory.path())

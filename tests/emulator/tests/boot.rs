@@ -1,7 +1,7 @@
 //! The flashed ELF boots in QEMU and sets the board up as it must.
 
 use crate::quiet::Quiet;
-use emulator::{EmulatorError, Guest, GuestConfiguration, Probe, Rig, Trigger, audit, audit_power_stage};
+use emulator::{EmulatorError, Guest, GuestConfiguration, Probe, Trigger, audit, audit_power_stage};
 use ring::Nanoseconds;
 
 fn configuration() -> GuestConfiguration {
@@ -9,7 +9,7 @@ fn configuration() -> GuestConfiguration {
         std::env::var_os(name)
             .unwrap_or_else(|| panic!("{name} is not set: run `cargo xtask test`, which builds the ELF"))
     };
-    GuestConfiguration::new(elf("PRODUCT_ELF"), Rig::Bus(elf("BUS_PLUGIN").into()))
+    GuestConfiguration::new(elf("PRODUCT_ELF"), elf("BUS_PLUGIN"))
 }
 
 fn run(guest: &mut Guest, world: &mut Quiet, until: Nanoseconds) -> Result<(), EmulatorError> {
@@ -105,6 +105,6 @@ fn a_file_that_is_no_firmware_is_refused_before_qemu_starts() {
     let directory = tempfile::tempdir().unwrap();
     let file = directory.path().join("firmware");
     std::fs::write(&file, "no ELF").unwrap();
-    let error = Guest::start(&GuestConfiguration::new(&file, Rig::Bus(file.clone()))).unwrap_err();
+    let error = Guest::start(&GuestConfiguration::new(&file, &file)).unwrap_err();
     assert!(matches!(error, EmulatorError::Elf { .. }), "{error}");
 }

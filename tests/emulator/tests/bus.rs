@@ -8,7 +8,7 @@ use std::time::{Duration, Instant};
 
 use crate::program::{Nothing, Program};
 use crate::quiet::Quiet;
-use emulator::{EmulatorError, Guest, GuestConfiguration, Rig, Trace};
+use emulator::{EmulatorError, Guest, GuestConfiguration, Trace};
 use ring::Nanoseconds;
 
 const START: u32 = 0x0800_0200;
@@ -21,7 +21,7 @@ fn bus() -> PathBuf {
 }
 
 fn configuration(product: PathBuf) -> GuestConfiguration {
-    GuestConfiguration::new(product, Rig::Bus(bus()))
+    GuestConfiguration::new(product, bus())
 }
 
 /// Reads a register of the RCC for ever.
@@ -173,11 +173,11 @@ fn a_folder_that_takes_no_shared_page_is_named_with_what_to_do() {
 fn a_bus_that_is_missing_or_none_is_named_with_what_builds_it() {
     let folder = tempfile::tempdir().unwrap();
     let mut configuration = configuration(reader().write(folder.path()));
-    configuration.rig = Rig::Bus(folder.path().join("not-there.so"));
+    configuration.bus = folder.path().join("not-there.so");
     assert_one_line(&error_of(&configuration), &["not-there.so", "missing", "cargo xtask build"]);
     let text = folder.path().join("text.so");
     std::fs::write(&text, "text").unwrap();
-    configuration.rig = Rig::Bus(text);
+    configuration.bus = text;
     assert_one_line(&error_of(&configuration), &["text.so", "cargo xtask build"]);
 }
 

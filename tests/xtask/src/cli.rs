@@ -35,7 +35,7 @@ pub(crate) struct CommandLine {
 pub(crate) enum Command {
     /// Check what is needed for the other commands, and install what is missing
     Setup,
-    /// Build the release ELF of the drive and the emulator's shim, and print their section sizes
+    /// Build the release ELF of the drive and the bus inside QEMU, and print the section sizes
     ///
     /// Fails if the drive takes another amount of flash or RAM than accepted, or keeps a constant table in RAM; so do all
     /// commands that build it.

@@ -5,7 +5,7 @@ use crate::{Verdict, process, workspace};
 use anyhow::Result;
 
 /// Crates that exist only for the target.
-const TARGET_CRATES: [&str; 3] = ["app", "board", "shim"];
+const TARGET_CRATES: [&str; 2] = ["app", "board"];
 
 /// Checks the host crates, then the target's.
 pub(crate) fn run(installing: Installing) -> Result<Verdict> {

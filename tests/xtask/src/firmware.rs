@@ -1,5 +1,4 @@
-//! What runs in QEMU: the product as it is flashed, the bus inside QEMU that answers its accesses, and the shim, whose counts a test holds the bus's
-//! against.
+//! What runs in QEMU: the product as it is flashed, and the bus inside QEMU that answers its accesses.
 
 use crate::report::data::Platform;
 use crate::setup::{self, Installing, TARGET, TargetCompiler};
@@ -9,13 +8,11 @@ use anyhow::{Context, Result, bail};
 use bench::{Elves, Executor};
 use std::path::{Path, PathBuf};
 
-/// Builds all of it and prints what the ELFs occupy; the product's size is held against the accepted one, or becomes it.
+/// Builds all of it and prints what the ELF occupies; the product's size is held against the accepted one, or becomes it.
 pub(crate) fn build_and_print(accept_size: bool, installing: Installing) -> Result<Verdict> {
     let firmware = build_ungated(installing)?;
-    for (name, path) in [("drive", &firmware.product), ("shim", &firmware.shim)] {
-        println!("{name}: {}", path.display());
-        print!("{}", Sections::of(&read(path)?)?);
-    }
+    println!("drive: {}", firmware.product.display());
+    print!("{}", Sections::of(&read(&firmware.product)?)?);
     println!("bus inside QEMU: {}", firmware.bus.display());
     let product = read(&firmware.product)?;
     if accept_size {
@@ -26,8 +23,6 @@ pub(crate) fn build_and_print(accept_size: bool, installing: Installing) -> Resu
 }
 
 /// Builds all of it; what is up to date is not built again.
-///
-/// The ELFs are built one after the other, so that neither can switch a feature on in the other's dependencies.
 pub(crate) fn build(installing: Installing) -> Result<Elves> {
     let firmware = build_ungated(installing)?;
     size::gate(&read(&firmware.product)?)?;
@@ -41,10 +36,9 @@ fn read(path: &Path) -> Result<Vec<u8>> {
 fn build_ungated(installing: Installing) -> Result<Elves> {
     let compiler = setup::target_compiler(installing)?;
     let folder = build_folder()?;
-    eprintln!("building the release ELF of the drive and the shim ({TARGET}: {compiler})");
+    eprintln!("building the release ELF of the drive ({TARGET}: {compiler})");
     let product = build_one(&compiler, &folder, "app")?;
-    let shim = build_one(&compiler, &folder, "shim")?;
-    Ok(Elves { product, bus: build_bus()?, shim })
+    Ok(Elves { product, bus: build_bus()? })
 }
 
 /// The library that QEMU loads, built by this computer's compiler.

@@ -1,7 +1,7 @@
 //! The tests, all of them in one run of one test runner.
 //!
 //! Tests that need QEMU and the ELF are marked `#[ignore]`, so that a plain `cargo test` works anywhere; they find the
-//! programs by the variables `PRODUCT_ELF`, `BUS_PLUGIN` and `SHIM_ELF`, which are set here. Nothing else may be marked so.
+//! programs by the variables `PRODUCT_ELF` and `BUS_PLUGIN`, which are set here. Nothing else may be marked so.
 
 use crate::firmware;
 use crate::setup::{self, Installing, TestRunner};
@@ -47,7 +47,7 @@ pub(crate) fn run(selection: Selection, installing: Installing) -> Result<Verdic
             Ok::<_, anyhow::Error>((compiled? == Verdict::Passed).then_some(firmware))
         })?;
         let Some(firmware) = firmware else { return Ok(Verdict::Failed) };
-        tests.env("PRODUCT_ELF", firmware.product).env("BUS_PLUGIN", firmware.bus).env("SHIM_ELF", firmware.shim);
+        tests.env("PRODUCT_ELF", firmware.product).env("BUS_PLUGIN", firmware.bus);
     }
     if selection != Selection::Qemu && process::watch(&mut examples_in_documentation())? == Verdict::Failed {
         return Ok(Verdict::Failed);

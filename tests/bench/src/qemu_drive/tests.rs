@@ -17,7 +17,7 @@ fn run_up(step: Nanoseconds, change: impl FnOnce(&mut GuestConfiguration)) -> Tr
     let path =
         |name: &str| std::env::var_os(name).unwrap_or_else(|| panic!("{name} is not set: run `cargo xtask test`"));
     let product = path("PRODUCT_ELF");
-    let bus = Rig::Bus(path("BUS_PLUGIN").into());
+    let bus = path("BUS_PLUGIN");
     let mut how = GuestConfiguration::new(product, bus);
     change(&mut how);
     let guest = Guest::start(&how).unwrap();

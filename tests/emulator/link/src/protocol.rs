@@ -1,18 +1,12 @@
-//! The words that travel between the shim and the host; one definition compiled into both.
+//! The words that travel between the bus inside QEMU and the emulator.
 //!
-//! Every message is a sequence of little-endian 32-bit words in a single FIFO write. The shim speaks first; after each of its
-//! messages it waits for commands, of which only [`command::RESUME`] lets the product run on.
-//! A *tick* is one instruction of the product: QEMU's virtual nanosecond under `-icount shift=0`.
+//! Every message is a sequence of 32-bit words. The bus speaks first; after each of its messages it waits for commands, of which only
+//! [`command::RESUME`] lets the product run on. A *tick* is one instruction of the product.
 
-/// Version of this protocol; the shim names it in its hello.
+/// Version of this protocol; both sides name it.
 pub const VERSION: u32 = 4;
 
-/// Name of the FIFO that the shim writes, in QEMU's working directory.
-pub const TO_HOST: &str = "to-host";
-/// Name of the FIFO that the shim reads, in QEMU's working directory.
-pub const FROM_HOST: &str = "from-host";
-
-/// First word of a message from the shim.
+/// First word of a message from the bus.
 pub mod message {
     /// The product asks for the value at an address and waits.
     pub const READ: u32 = 1;
@@ -20,9 +14,9 @@ pub mod message {
     pub const TIMER: u32 = 2;
     /// The buffer of posted entries is full.
     pub const FULL: u32 = 3;
-    /// Something the shim cannot serve; the payload is a [`super::fault`] record.
+    /// Something the bus cannot serve; the payload is a [`super::fault`] record.
     pub const FAULT: u32 = 4;
-    /// The shim is up; address = protocol version, payload empty.
+    /// The bus is up; address = protocol version, payload empty.
     pub const HELLO: u32 = 5;
     /// The payload answers [`super::command::READ_MEMORY`]; empty after [`super::command::WRITE_MEMORY`].
     pub const MEMORY: u32 = 6;
@@ -30,7 +24,7 @@ pub mod message {
     pub const FAILED: u32 = 7;
 }
 
-/// Word positions in the header of a message from the shim.
+/// Word positions in the header of a message from the bus.
 pub mod header {
     /// One of [`super::message`].
     pub const KIND: usize = 0;
@@ -58,17 +52,17 @@ pub mod post {
     pub const TICKS: usize = 0;
     /// Address.
     pub const ADDRESS: usize = 1;
-    /// Value written, or value that the shim served from the prefetched ones.
+    /// Value written, or value that the bus served from the prefetched ones.
     pub const VALUE: usize = 2;
-    /// Width in bytes, plus [`SERVED`] for a read served by the shim.
+    /// Width in bytes, plus [`SERVED`] for a read served by the bus.
     pub const KIND: usize = 3;
     /// Program counter.
     pub const PC: usize = 4;
     /// Words in an entry.
     pub const WORDS: usize = 5;
-    /// Flag in the kind word: a read that the shim answered from prefetched values.
+    /// Flag in the kind word: a read that the bus answered from prefetched values.
     pub const SERVED: u32 = 0x100;
-    /// Entries that the shim gathers at most.
+    /// Entries that the bus gathers at most.
     pub const CAPACITY: usize = 40;
 }
 
@@ -146,7 +140,7 @@ pub mod prefetched {
     pub const ANY: u32 = 0;
 }
 
-/// Most words in a message either way; a message is one atomic FIFO write (PIPE_BUF is 4096 bytes on Linux).
+/// Most words in a message either way; both buffers lie in one page of memory.
 pub const MESSAGE_WORDS: usize = 256;
 /// Most words that a memory message carries.
 pub const MEMORY_WORDS: usize = MESSAGE_WORDS - header::WORDS;
