@@ -98,12 +98,59 @@ fn life_of_a_vertical_axis() -> Bench {
     bench
 }
 
+/// An axis that goes by itself: to a target, past a probe, and home.
+fn life_of_an_axis_that_positions_itself() -> Bench {
+    let drive = DriveScript::new(ADDRESS, Telegram::application(&[Idn(51), Idn(40)], &[Idn::VELOCITY_COMMAND]))
+        .with(Idn::OPERATION_MODE, Value::Word(0x1B))
+        .with_all(parameters_of(&ReferenceAxis::press()))
+        .with(Idn(259), Value::Long(600_000))
+        .with(Idn(260), Value::Long(200_000))
+        .with(Idn(41), Value::Long(300_000))
+        .with(Idn(42), Value::Long(50_000))
+        .with(Idn(147), Value::Word(0x20))
+        .with(Idn(169), Value::Word(1));
+    let motion = Motion { patience: 100_000, ..Motion::new(1_000_000, |_| CommandValues::default()) };
+    let script = MasterScript { motion: Some(motion), stops_at_refusals: false, ..MasterScript::new(vec![drive]) };
+    let mut bench = Bench::new(DriveSetup::new(ADDRESS), script);
+    for _ in 0..1_000 {
+        bench.run(Nanoseconds::from_millis(10));
+        if bench.is_in_operation() {
+            break;
+        }
+    }
+    bench.run(Nanoseconds::from_millis(600));
+    let before = bench.number(51);
+    assert_eq!(bench.number(124), 100_000);
+    bench.write(170, Value::Word(3)).unwrap();
+    bench.write(405, Value::Word(1)).unwrap();
+    bench.run(Nanoseconds::from_millis(20));
+    bench.drive.motor_side.borrow_mut().change_inputs(|inputs| inputs.probe_1 = true);
+    bench.run(Nanoseconds::from_millis(20));
+    assert!(bench.number(130).abs_diff(before) < 100);
+    bench.write(170, Value::Word(0)).unwrap();
+    bench.write(258, Value::Long(1_800_000)).unwrap();
+    bench.run(Nanoseconds::from_millis(2_000));
+    assert!(bench.number(51).abs_diff(1_800_000) < 100);
+    // To the next marker, three quarters of a revolution further.
+    bench.write(148, Value::Word(3)).unwrap();
+    for _ in 0..100 {
+        bench.run(Nanoseconds::from_millis(100));
+        if bench.number(148) & 0xF != 7 {
+            break;
+        }
+    }
+    let status = bench.number(148);
+    assert_eq!((status, bench.text(0x8003).as_str()), (3, ""));
+    bench
+}
+
 #[test]
 fn every_law_looks_at_an_ordinary_life_and_none_is_broken() {
     let mut all = BTreeMap::new();
     armed(&life_of_a_press(), &mut all);
     armed(&life_of_a_vertical_axis(), &mut all);
+    armed(&life_of_an_axis_that_positions_itself(), &mut all);
     let blind: Vec<_> = all.iter().filter(|(_, armed)| **armed == 0).map(|(law, _)| law).collect();
     assert!(blind.is_empty(), "never looked: {blind:?}");
-    assert!(all.len() >= 17, "{} laws", all.len());
+    assert!(all.len() >= 23, "{} laws", all.len());
 }

@@ -434,7 +434,8 @@ mod tests {
                     let exact = b0 * input + b1 * x[0] + b2 * x[1] + a1 * y[0] + a2 * y[1];
                     let limited = exact.clamp(-1.0, 1.0);
                     let output = f64::from(filter.tick(&settings, square)) / 2_147_483_648.0;
-                    prop_assert!((output - limited).abs() < 1e-5, "{} {}", output, limited);
+                    // Rounding adds up to some 1e-5 in a narrow section; an overflow is a whole.
+                    prop_assert!((output - limited).abs() < 1e-4, "{} {}", output, limited);
                     x = [input, x[0]];
                     y = [limited, y[0]];
                 }

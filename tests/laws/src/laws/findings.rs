@@ -17,6 +17,24 @@ const INVALID: u16 = 0x7008;
 const LISTS: [Idn; 10] =
     [Idn(16), Idn(24), Idn(26), Idn(27), Idn(141), Idn(142), Idn(267), Idn(328), Idn(329), Idn(0x8000 | 7)];
 
+/// S-0-0025. What is written in them is no value: a word that is none of theirs is refused without a reason.
+const COMMANDS: [Idn; 14] = [
+    Idn(99),
+    Idn(127),
+    Idn(128),
+    Idn(139),
+    Idn(148),
+    Idn(149),
+    Idn(170),
+    Idn(191),
+    Idn(262),
+    Idn(447),
+    Idn(0x8000 | 220),
+    Idn(0x8000 | 224),
+    Idn(0x8000 | 225),
+    Idn(0x8000 | 226),
+];
+
 /// Remembers how the last check, homing or write has ended.
 #[derive(Default)]
 pub(crate) struct Findings {
@@ -24,6 +42,8 @@ pub(crate) struct Findings {
     started: Option<Idn>,
     /// Whether the last of them was a success; `None` when nobody knows.
     success: Option<bool>,
+    /// What that was.
+    tried: Option<Idn>,
 }
 
 impl Law for Findings {
@@ -35,14 +55,20 @@ impl Law for Findings {
         match event {
             Event::Mst if scene.wire.phase == 0 => *self = Self::default(),
             Event::Service(Heard::Written(idn @ Idn(127 | 128 | 148), Element::Data, words)) if words[..] == [3] => {
-                *self = Self { started: Some(*idn), success: None };
+                *self = Self { started: Some(*idn), success: None, tried: Some(*idn) };
             }
             // Other commands have findings of their own.
-            Event::Service(Heard::Written(Idn(149 | 262), Element::Data, _)) => *self = Self::default(),
+            Event::Service(Heard::Written(Idn(149 | 262), Element::Data, _) | Heard::Refused(Idn(149 | 262), ..)) => {
+                *self = Self::default();
+            }
             Event::Service(Heard::Opened(idn, EXECUTED)) if self.started == Some(*idn) => self.success = Some(true),
             Event::Service(Heard::Opened(idn, FAILED)) if self.started == Some(*idn) => self.success = Some(false),
             Event::Service(Heard::Refused(idn, step, INVALID)) if step.write && step.element == Element::Data => {
-                *self = Self { started: None, success: (!LISTS.contains(idn)).then_some(false) };
+                *self = Self {
+                    started: None,
+                    success: (!LISTS.contains(idn) && !COMMANDS.contains(idn)).then_some(false),
+                    tried: Some(*idn),
+                };
             }
             // A write that succeeds ends the reason of one that did not.
             Event::Service(Heard::Written(_, Element::Data, _)) if self.success == Some(false) => self.success = None,
@@ -50,7 +76,8 @@ impl Law for Findings {
                 let Some((success, length)) = self.success.zip(words.first()) else { return Verdict::Silent };
                 return Verdict::of(success == (*length == 0), || {
                     let how = if success { "succeeded" } else { "failed" };
-                    format!("what was tried last has {how}, and P-0-0003 has {length} characters")
+                    let tried = self.tried.map_or_else(String::new, |idn| format!(" ({idn})"));
+                    format!("what was tried last{tried} has {how}, and P-0-0003 has {length} characters")
                 });
             }
             _ => {}
