@@ -56,7 +56,7 @@ impl<B: Bus + Clone> Interrupts<B> {
     ///
     /// The latch comes first, because acknowledging makes another edge on the line. That one starts the task once more, which finds nothing.
     /// 3 to 8 bus accesses once the chip is learned, up to 17 before.
-    #[inline(always)]
+    #[inline]
     pub fn take<H: Hardware>(&mut self, line: InterruptLine, motion: &mut Motion<B, H>) -> Work {
         self.interrupted = true;
         let common_line = self.common_line.unwrap_or(line);

@@ -81,8 +81,8 @@ const OF_THE_CURRENT_LOOP: &[Check] =
 /// why.
 pub(crate) const GATES: Gates = Gates {
     tasks: &[
-        task("chip_interrupt_0", "EXTI3", 4, Rate::EachCycle, Some(200), OF_THE_CYCLE),
-        task("chip_interrupt_1", "EXTI2", 4, Rate::EachCycle, Some(200), OF_THE_CYCLE),
+        task("chip_interrupt_0", "EXTI3", 4, Rate::EachCycle, Some(220), OF_THE_CYCLE),
+        task("chip_interrupt_1", "EXTI2", 4, Rate::EachCycle, Some(220), OF_THE_CYCLE),
         task("command_valid", "CAN1_TX", 4, Rate::EachCycle, Some(760), OF_THE_CYCLE),
         task("capture_feedback", "CAN1_RX0", 4, Rate::EachCycle, Some(450), OF_THE_CYCLE),
         task("current_loop", "ADC", 5, Rate::Every(62_500), Some(400), OF_THE_CURRENT_LOOP),
