@@ -36,6 +36,9 @@ impl Causes {
                 // Current that is not seen is more than was asked for: the motor goes where it likes, or says nothing of where it goes.
                 Fault::ConvertersStuck
                 | Fault::Overspeed
+                // A shaft that something stops looks like a counter that does.
+                | Fault::AxisBlocked
+                | Fault::Overload
                 | Fault::EncoderFrozen
                 | Fault::EncoderSlip
                 | Fault::EncoderJump

@@ -107,6 +107,9 @@ impl Law for Distance {
         }
         match event {
             Event::Record => {
+                if scene.starting.is_some_and(|idn| matches!(idn.0, 148 | 447)) && self.started.is_none() {
+                    self.started = Some([scene.sight.machine.angle; 2]);
+                }
                 let command = scene.wire.command(Idn::POSITION_COMMAND);
                 self.unchanged = if command == self.command { self.unchanged + 1 } else { 0 };
                 self.command = command;
@@ -127,7 +130,8 @@ impl Law for Distance {
                 _ => Verdict::Silent,
             },
             Event::Service(Heard::Written(Idn(148 | 447), Element::Data, words)) => {
-                self.started = (words[..] == [3]).then_some([scene.sight.machine.angle; 2]);
+                let from = self.started.unwrap_or([scene.sight.machine.angle; 2]);
+                self.started = (words[..] == [3]).then_some(from);
                 self.reference = scene.settings.signed(Idn(52));
                 Verdict::Silent
             }

@@ -63,10 +63,10 @@ impl Following {
         } else {
             let Some(feedback) = scene.position_feedback().filter(|_| window > 0.0) else { return };
             // With following distance a shaft that turns is where it belongs when it is behind by its lag.
-            let kv = scene.settings.unsigned(Idn(104)).unwrap_or(1).max(1) as f64 / 6.0;
+            let Some(kv) = scene.settings.unsigned(Idn(104)).map(|kv| kv.max(1) as f64 / 6.0) else { return };
             let speed = scene.sense().unwrap_or(0.0) * scene.sight.machine.velocity / core::f64::consts::TAU;
             let lag = if scene.asked_mode() == Some(3) { speed * units.increments / kv } else { 0.0 };
-            let distance = units.way(feedback, command) - lag;
+            let distance = units.way(feedback + lag, command);
             let turning = scene.sight.machine.velocity.abs() * units.increments * 3.0 * scene.cycle.as_seconds();
             (distance.abs() > 1.05 * window + turning).then_some((AWAY, distance))
         };

@@ -12,6 +12,8 @@ use crate::scene::Scene;
 const MEMORY: Nanoseconds = Nanoseconds::from_millis(1_500);
 /// What was not so within this is no cause of an error: loops and filters have settled.
 const QUIET: Nanoseconds = Nanoseconds::from_millis(200);
+/// Positions have another zero, and limits with them another place.
+const REZEROED: Nanoseconds = Nanoseconds::from_millis(100);
 /// rad/s: 3 rpm.
 const STANDSTILL: f64 = 0.3;
 /// A share of S-0-0159 at which a following distance may be said to have been too large: between the looks it may have been more.
@@ -97,7 +99,12 @@ impl TrueErrors {
             number(49).is_none_or(|high| up && position > high - margin)
                 || number(50).is_none_or(|low| down && position < low + margin)
         };
-        if beyond(feedback, up, down) || beyond(asked, up, down) || scene.units.is_none_or(|units| units.is_modulo) {
+        if beyond(feedback, up, down)
+            || beyond(asked, up, down)
+            || scene.command.is_some()
+            || scene.within(scene.rezeroed, REZEROED)
+            || scene.units.is_none_or(|units| units.is_modulo)
+        {
             self.was_beyond = Some(scene.now);
         }
     }

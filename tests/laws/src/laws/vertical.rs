@@ -17,6 +17,8 @@ const WATCHED: f64 = 0.5;
 const SHOWN_AFTER: u64 = 3;
 /// Share, and revolutions for the shaft between motor and load.
 const MARGIN: (f64, f64) = (1.3, 0.005);
+/// A brake that was switched on and off again on its way holds with what it has, for its whole delay once more.
+const CLOSED: f64 = 0.95;
 /// Share, for a shaft that was wound up.
 const WOUND: f64 = 1.5;
 
@@ -62,7 +64,7 @@ impl Vertical {
         // Currents that nobody has measured, or that worked against the brake, may have wound up the shaft between motor and load.
         let wound = if scene.deceived || scene.hurries_its_brake() { WOUND } else { 1.0 };
         // A brake that has closed before holds at once; one that holds already lets nothing fall.
-        let closed = !scene.sight.coil && machine.brake_torque > machine.load_torque.abs();
+        let closed = !scene.sight.coil && machine.brake_torque > CLOSED * brake.holding_torque;
         let delay = if closed { 0.0 } else { BUILD_UP * brake.engage_delay + LATENCY };
         let stop = (brake.holding_torque + mechanics.coulomb_friction - machine.load_torque.abs()) / scene.inertia();
         let then = speed + acceleration * delay;
