@@ -79,6 +79,7 @@ impl Observer {
             pins_changed: None,
             bridge_changed: None,
             command: None,
+            homing: false,
             starting: None,
             irregular: None,
             rezeroed: None,
@@ -183,6 +184,9 @@ impl Observer {
                 if REZEROES.contains(&idn.0) {
                     scene.rezeroed = Some(scene.now);
                 }
+                if matches!(idn.0, 148 | 447) {
+                    scene.homing = words[..] == [3];
+                }
                 match words[..] {
                     [3] => {
                         scene.command = Some(*idn);
@@ -229,6 +233,7 @@ impl Tap for Observer {
                 if scene.wire.phase == 0 {
                     self.dialogue.reset();
                     scene.command = None;
+                    scene.homing = false;
                 }
                 if scene.wire.phase_since == scene.wire.mst {
                     match scene.wire.phase {

@@ -45,6 +45,8 @@ pub struct Scene {
     pub bridge_changed: Option<Nanoseconds>,
     /// The last procedure command that was started and not yet cancelled.
     pub command: Option<Idn>,
+    /// S-0-0148 or S-0-0447 is set, whatever else was started since.
+    pub homing: bool,
     /// The procedure command that is being started, before the drive has acknowledged it.
     pub starting: Option<Idn>,
     /// When a telegram of the master last came late or not at all, or an MST too early.
@@ -205,6 +207,12 @@ impl Scene {
         let told = |idn| self.settings.unsigned(Idn(idn)).map_or(0.0, |milliseconds| milliseconds as f64 * 1e-3);
         let hurries = |idn, delay| told(idn) < FIRM * delay;
         self.machine.brake.is_some_and(|brake| hurries(206, brake.release_delay) || hurries(207, brake.engage_delay))
+    }
+
+    /// The shaft is faster than 1.2 times S-0-0113: the voltage of the magnets is above that of the DC link, and drives currents of its own.
+    #[must_use]
+    pub fn outruns_its_motor(&self) -> bool {
+        self.settings.unsigned(Idn(113)).is_some_and(|most| self.sight.rpm().abs() > 1.2e-4 * most as f64)
     }
 
     /// Torque in Nm for 1 A across the magnet.

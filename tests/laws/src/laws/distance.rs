@@ -113,7 +113,8 @@ impl Law for Distance {
                 let command = scene.wire.command(Idn::POSITION_COMMAND);
                 self.unchanged = if command == self.command { self.unchanged + 1 } else { 0 };
                 self.command = command;
-                if !scene.wire.asks_to_follow() || !scene.wire.follows() {
+                let other_mode = scene.asked_mode() != scene.actual_mode();
+                if !scene.wire.asks_to_follow() || !scene.wire.follows() || other_mode {
                     self.unchanged = 0;
                 }
                 Verdict::Silent

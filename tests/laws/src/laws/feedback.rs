@@ -39,8 +39,7 @@ impl Law for Feedback {
             return Verdict::Silent;
         }
         let wire = &scene.wire;
-        let homing = scene.command.is_some_and(|idn| matches!(idn.0, 148 | 447))
-            || scene.within(scene.rezeroed, REZEROING + scene.cycles(4, 0));
+        let homing = scene.homing || scene.within(scene.rezeroed, REZEROING + scene.cycles(4, 0));
         if wire.phase != 4 || scene.deceived || homing || self.session != wire.phase_since {
             self.zero = None;
             self.session = wire.phase_since;

@@ -31,7 +31,8 @@ impl Law for Current {
     fn judge(&mut self, event: &Event<'_>, scene: &Scene) -> Verdict {
         let (Event::Look, true) = (event, scene.sight.bridge) else { return Verdict::Silent };
         let wire = &scene.wire;
-        let operates = wire.phase == 4 && status::readiness(wire.status) == 3 && !scene.deceived;
+        let operates =
+            wire.phase == 4 && status::readiness(wire.status) == 3 && !scene.deceived && !scene.outruns_its_motor();
         let q = scene.sight.machine.current[1];
         let limit = scene.is_positive(q, Idn(85)).and_then(|positive| scene.current_limit(positive));
         // A load that is stronger drives the shaft, and the current is what its rising voltage leaves of the limit.

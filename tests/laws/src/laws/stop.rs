@@ -86,7 +86,10 @@ impl Stop {
             running.speed = running.speed.max(speed);
             return Verdict::Silent;
         }
-        if scene.within(scene.disturbed, RECOVERY) || machine.seized || (scene.hurries_its_brake() && !scene.sight.coil)
+        if scene.within(scene.disturbed, RECOVERY)
+            || machine.seized
+            || scene.outruns_its_motor()
+            || (scene.hurries_its_brake() && !scene.sight.coil)
         {
             // Another load is another stop: it counts from where it leaves the shaft.
             running.speed = running.speed.max(speed);

@@ -47,10 +47,9 @@ impl TrueErrors {
         let volts = |number: u16| scene.settings.unsigned(Idn(0x8000 | number)).map(|volts| volts as f64);
         let bus = sight.machine.bus_voltage;
         // A counter that is faster than the motor may be, S-0-0113 and a quarter, is taken for one that jumps (known, see docs/laws.md).
-        let overspeed = scene.settings.unsigned(Idn(113)).is_some_and(|most| sight.rpm().abs() > 1.2e-4 * most as f64);
         // So is a shaft that something stronger than the motor stops: a brake, or what a fault has put in its place.
         let stopped = sight.machine.brake_torque > 0.0 && sight.machine.velocity.abs() > STANDSTILL;
-        if scene.deceived || sight.machine.seized || stopped || sight.machine.index_muted || overspeed {
+        if scene.deceived || sight.machine.seized || stopped || sight.machine.index_muted || scene.outruns_its_motor() {
             self.encoder_lied = now;
         }
         if !sight.main_power || volts(104).is_none_or(|least| bus < 1.15 * least) {
