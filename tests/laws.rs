@@ -6,7 +6,7 @@ use std::collections::BTreeMap;
 
 use crate::led::{Axis, FOLLOW, HALT, OFF};
 use crate::running::{ADDRESS, Bench};
-use bench::{DriveSetup, parameters_of, product};
+use bench::{DriveSetup, parameters_of};
 use plant::ReferenceAxis;
 use ring::Nanoseconds;
 use ring::ident::{Idn, Value};
@@ -72,19 +72,7 @@ fn life_of_a_press() -> Bench {
 
 /// A vertical axis whose torque is taken by bit 14.
 fn life_of_a_vertical_axis() -> Bench {
-    let axis = ReferenceAxis::vertical();
-    let encoder = axis.machine.encoder;
-    let angle = (encoder.electrical_zero * f64::from(axis.machine.windings.pole_pairs)).fract() * 36_000.0;
-    let drive = DriveScript::new(ADDRESS, Telegram::standard(2).unwrap())
-        .with(Idn::OPERATION_MODE, Value::Word(2))
-        .with_all(parameters_of(&axis))
-        .with(product(120), Value::Word(3))
-        .with(product(118), Value::Long(angle as u32))
-        .with(Idn(206), Value::Word(60))
-        .with(Idn(207), Value::Word(60));
-    let motion = Motion::new(1_000_000, |_| CommandValues::default());
-    let script = MasterScript { motion: Some(motion), stops_at_refusals: false, ..MasterScript::new(vec![drive]) };
-    let mut bench = Bench::new(DriveSetup { axis, ..DriveSetup::new(ADDRESS) }, script);
+    let mut bench = Bench::vertical(vec![]);
     for _ in 0..500 {
         bench.run(Nanoseconds::from_millis(10));
         if bench.is_in_operation() {

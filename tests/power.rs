@@ -2,11 +2,10 @@
 //! back.
 
 use crate::running::{ADDRESS, Bench, script};
-use bench::{DriveSetup, parameters_of, product};
-use plant::ReferenceAxis;
+use bench::{DriveSetup, product};
 use ring::Nanoseconds;
 use ring::ident::{Idn, Value};
-use ring::master::{CommandValues, DriveScript, MasterScript, Motion, Telegram};
+use ring::master::{CommandValues, MasterScript, Motion};
 use ring::service_client::control;
 
 const CLASS_1: u16 = 11;
@@ -39,20 +38,7 @@ fn held_up() -> Bench {
 
 /// The same with these data blocks written before.
 fn held_up_with(parameters: Vec<(Idn, Value)>) -> Bench {
-    let axis = ReferenceAxis::vertical();
-    let encoder = axis.machine.encoder;
-    let angle = (encoder.electrical_zero * f64::from(axis.machine.windings.pole_pairs)).fract() * 36_000.0;
-    let drive = DriveScript::new(ADDRESS, Telegram::standard(2).unwrap())
-        .with(Idn::OPERATION_MODE, Value::Word(2))
-        .with_all(parameters_of(&axis))
-        .with(product(120), Value::Word(3))
-        .with(product(118), Value::Long(angle as u32))
-        .with(Idn(206), Value::Word(60))
-        .with(Idn(207), Value::Word(60))
-        .with_all(parameters);
-    let motion = Motion::new(1_000_000, |_| CommandValues::default());
-    let script = MasterScript { motion: Some(motion), stops_at_refusals: false, ..MasterScript::new(vec![drive]) };
-    let mut bench = Bench::new(DriveSetup { axis, ..DriveSetup::new(ADDRESS) }, script);
+    let mut bench = Bench::vertical(parameters);
     for _ in 0..2_000 {
         bench.run(Nanoseconds::from_millis(10));
         if bench.is_in_operation() {
