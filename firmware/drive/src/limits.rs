@@ -401,8 +401,10 @@ mod tests {
             (Limit::BipolarJerk, u32::MAX, 0),
         ] {
             let mut cyclic = carried(&[limit]);
-            cyclic.take(limit, raw);
-            assert_eq!((cyclic.values.get(limit), cyclic.complains()), (taken, true), "{limit:?} {raw:X}");
+            for _ in 0..2 {
+                cyclic.take(limit, raw);
+                assert_eq!((cyclic.values.get(limit), cyclic.complains()), (taken, true), "{limit:?} {raw:X}");
+            }
             let good = if limit == Limit::NegativeTorque { 0xFFF0 } else { 2_000 };
             cyclic.take(limit, good);
             assert!(!cyclic.complains(), "{limit:?}");
@@ -427,6 +429,57 @@ mod tests {
         cyclic.take(Limit::PositioningJerk, 300);
         assert_eq!(cyclic.take_changed(), Effects::POSITIONING);
         assert!(cyclic.needs_preparation());
+    }
+
+    #[test]
+    fn a_value_that_is_good_forgives_only_its_own_limit() {
+        let mut cyclic = carried(&[Limit::BipolarVelocity, Limit::BipolarAcceleration]);
+        cyclic.take(Limit::BipolarVelocity, 0);
+        cyclic.take(Limit::BipolarAcceleration, 2_000);
+        assert!(cyclic.complains(), "the velocity is bad still");
+        cyclic.take(Limit::BipolarVelocity, 2_000);
+        assert!(!cyclic.complains());
+    }
+
+    #[test]
+    fn a_limit_of_the_mdt_is_shown_and_stays_when_the_settings_change_and_all_others_follow_them() {
+        assert!(!carried(&[]).is_carried());
+        let mut cyclic = carried(&[Limit::BipolarTorque]);
+        assert!(cyclic.is_carried());
+        cyclic.take(Limit::BipolarTorque, 300);
+        cyclic.take_changed();
+        assert_eq!((cyclic.shown(Limit::BipolarTorque), cyclic.shown(Limit::PositioningJerk)), (Some(300), None));
+        let mut settings = LimitValues::default();
+        settings.set(Limit::BipolarTorque, 700);
+        settings.set(Limit::PositioningJerk, 77);
+        cyclic.rescale(&settings);
+        assert_eq!((cyclic.values.get(Limit::BipolarTorque), cyclic.values.get(Limit::PositioningJerk)), (300, 77));
+        assert_eq!(cyclic.take_changed(), Effects::all());
+        // What the next CP4 carries is settled before it; until then nothing has another value.
+        cyclic.configure([Limit::PositiveVelocity].into_iter());
+        assert_eq!((cyclic.values.get(Limit::BipolarTorque), cyclic.shown(Limit::BipolarTorque)), (300, None));
+    }
+
+    #[test]
+    fn limits_that_come_into_force_or_leave_it_are_worked_out_anew_and_only_then() {
+        let mut cyclic = carried(&[Limit::BipolarTorque]);
+        assert!(cyclic.is_obeyed() && !cyclic.obey(true));
+        assert_eq!(cyclic.take_changed(), Effects::empty());
+        assert!(cyclic.obey(false) && !cyclic.is_obeyed());
+        assert_eq!(cyclic.take_changed(), Effects::all());
+    }
+
+    #[test]
+    fn limits_of_the_velocity_are_worked_out_when_they_are_told_to_have_changed_and_stand_still_otherwise() {
+        let mut cyclic = carried(&[Limit::PositiveVelocity]);
+        let scale = scale();
+        let before = cyclic.velocity(&scale, Effects::empty());
+        cyclic.take(Limit::PositiveVelocity, 1_000_000);
+        assert_eq!(cyclic.velocity(&scale, Effects::TORQUE), before);
+        let changed = cyclic.take_changed();
+        let after = cyclic.velocity(&scale, changed);
+        assert_ne!(after, before);
+        assert_eq!(cyclic.velocity(&scale, Effects::empty()), after);
     }
 
     fn scale() -> LimitScale {

@@ -290,6 +290,39 @@ mod tests {
         assert_eq!(machine.update(FOLLOW, Conditions { fatal: true, ..FAULT }), DriveState::Fault);
     }
 
+    #[test]
+    fn each_switch_is_a_bit_of_the_control_word_and_the_others_are_none() {
+        for (word, switches) in [
+            (0x8000, Switches { on: true, ..NONE }),
+            (0x4000, Switches { enable: true, ..NONE }),
+            (0x2000, Switches { run: true, ..NONE }),
+            (0x1FFF, NONE),
+            (0xE000, FOLLOW),
+        ] {
+            let inverted = Switches { on: !switches.on, enable: !switches.enable, run: !switches.run };
+            assert_eq!(Switches::from_control_word(word), switches, "{word:#06x}");
+            assert_eq!(Switches::from_control_word(!word), inverted, "all but {word:#06x}");
+        }
+    }
+
+    #[test]
+    fn a_fault_stays_a_fault_as_long_as_its_cause_does() {
+        let mut machine = StateMachine::default();
+        for look in 0..4 {
+            assert_eq!(machine.update(NONE, FAULT), DriveState::Fault, "look {look}");
+        }
+        assert_eq!(machine.update(NONE, READY), DriveState::Off);
+    }
+
+    #[test]
+    fn a_stop_is_broken_off_by_a_new_edge_and_the_axis_follows_or_halts_as_the_switches_say() {
+        for (switches, state) in [(FOLLOW, DriveState::Following), (HALT, DriveState::Halted)] {
+            let mut machine = following();
+            assert_eq!(machine.update(ENABLED, READY), DriveState::SwitchingOff);
+            assert_eq!(machine.update(switches, READY), state);
+        }
+    }
+
     const WITHOUT_MAINS: Conditions = Conditions { power: false, ..READY };
 
     #[test]

@@ -294,6 +294,17 @@ mod tests {
         }
 
         #[test]
+        fn half_a_product_is_exact_to_its_last_places(
+            rate in 0_i64..=1 << 44, fine in 0..=LONGEST_FINE_TIME, long in 0..=LONGEST_TIME,
+        ) {
+            for (time, coarse) in [(fine, 0), (long, COARSE_POSITION)] {
+                let exact = (i128::from(rate) * i128::from(time)) >> (TIME_BITS + coarse + 1);
+                let error = exact.min(i128::from(FAR)) - i128::from(half_product(rate, time, coarse));
+                prop_assert!((0..=2).contains(&error), "{error} of {exact}");
+            }
+        }
+
+        #[test]
         fn two_thirds_are_exact_to_a_few_billionths(value in 0_i64..=1 << 62) {
             let error = i128::from(two_thirds(value)) * 3 - i128::from(value) * 2;
             prop_assert!(error.abs() <= i128::from(value >> 29) + 6, "{error} of {value}");
@@ -315,6 +326,51 @@ mod tests {
         }
 
         #[test]
+        fn a_margin_is_what_is_left_of_the_gap_and_never_more(step in 6.0..26.0_f64, steps in -2.0..17.0_f64) {
+            let step = step.exp2() as i64;
+            let rate = (steps.exp2() * step as f64) as i64;
+            let (slope, way) = (Slope::new(step), way(rate, step) as i64);
+            prop_assert!(margin(slope, way - 1, rate, 0) < 0, "{rate} by {step}");
+            let rounded = (rate >> TIME_BITS) + (step >> 3) + 6;
+            prop_assert!(margin(slope, way + rounded, rate, 0) >= 0, "{rate} by {step}");
+        }
+
+        #[test]
+        fn the_rate_between_two_ends_that_are_near_just_stops_in_time(step in 6.0..26.0_f64, steps in 2.0..12.0_f64) {
+            let step = step.exp2() as i64;
+            let rate = (steps.exp2() * step as f64) as i64;
+            let gap = way(rate, step) as i64;
+            let chosen = approach(Slope::new(step), gap, rate / 2, 2 * rate, 0);
+            prop_assert!(chosen <= rate && chosen > rate - rate / 12 - step, "{chosen}, not {rate}");
+            // From a rate that is too high already, what is above it is not looked at.
+            prop_assert_eq!(approach_from(Slope::new(step), gap, 2 * rate, rate / 2, 8 * rate, 0), chosen);
+        }
+
+        #[test]
+        fn the_way_of_a_smooth_brake_is_that_of_a_continuous_movement(exponent in 28.0..43.0_f64, part in -1.0..1.0_f64) {
+            let (deceleration, jerk) = (26.0_f64.exp2(), 16.0_f64.exp2());
+            let (velocity, acceleration) = (exponent.exp2(), part * deceleration);
+            let release = acceleration.abs() / jerk;
+            let gained = acceleration * acceleration / 2.0 / jerk;
+            let peak = velocity + gained;
+            let time = if peak >= deceleration * deceleration / jerk {
+                peak / deceleration + deceleration / jerk
+            } else {
+                2.0 * (peak / jerk).sqrt()
+            };
+            let (brake, lead) = (peak * time / 2.0, (velocity + gained * 2.0 / 3.0) * release);
+            let exact = match acceleration < 0.0 {
+                true if velocity <= gained => velocity * (2.0 * velocity / jerk).sqrt() / 3.0,
+                true => brake - lead,
+                false => brake + lead,
+            };
+            let smooth = SmoothBrake::new(Slope::new(1 << 26), Slope::new(1 << 16));
+            let way = smooth.way(velocity as i64, acceleration as i64) as f64 * 16.0;
+            // It counts on up to three eighths of a step of the jerk more.
+            prop_assert!(way > exact - 1e-5 * brake && way < exact + 1e-3 * brake, "{way}, not {exact}, of {brake}");
+        }
+
+        #[test]
         fn a_value_between_has_the_margin(low in -1_000_000_i64..0, zero in 0.0..1.0_f64, range in 1_i64..1 << 40) {
             let high = low + range;
             let zero = low + (range as f64 * zero) as i64;
@@ -330,10 +386,44 @@ mod tests {
     }
 
     #[test]
+    fn what_takes_longer_than_the_longest_time_or_is_faster_than_the_highest_rate_is_far() {
+        for (coarse, longest) in [(0, LONGEST_FINE_TIME), (COARSE_POSITION, LONGEST_TIME)] {
+            let exact = (1 << (40 - coarse - 1)) * (longest >> TIME_BITS);
+            assert_eq!(half_product(1 << 40, longest, coarse), exact);
+            assert_eq!(half_product(1 << 40, longest + 1, coarse), FAR);
+            assert_eq!(half_product(1 << 44, 1 << TIME_BITS, coarse), 1 << (44 - coarse - 1));
+            assert_eq!(half_product((1 << 44) + 1, 1 << TIME_BITS, coarse), FAR);
+        }
+    }
+
+    #[test]
     fn without_a_margin_at_either_end_the_end_is_taken() {
         assert_eq!(best_between(-5, 7, |_| 0), 7);
         assert_eq!(best_between(-5, 7, |_| -1), -5);
         assert_eq!(best_between(7, -5, |_| -1), 7, "an empty range is its lower end");
+    }
+
+    #[test]
+    fn a_first_try_that_has_just_its_margin_is_taken_and_one_that_has_none_is_not_passed() {
+        assert_eq!(best_between(0, 4_096, |value| 2_048 - value), 2_048);
+        // It bends up: the first try lies at 52.
+        let chosen = best_between(0, 100, |value| if value < 10 { 100 - 10 * value } else { 10 - value });
+        assert!((30..40).contains(&chosen), "{chosen}");
+    }
+
+    #[test]
+    fn a_smooth_brake_has_no_way_to_go_at_standstill_and_too_far_beyond_the_highest_rate() {
+        let brake = SmoothBrake::new(Slope::new(1 << 26), Slope::new(1 << 16));
+        // Three eighths of a step of the jerk are added.
+        let highest = (1 << 44) - (1 << 14) - (1 << 13);
+        assert!(brake.way(highest, 0) < FAR);
+        assert_eq!(brake.way(highest + 1, 0), FAR);
+        assert_eq!(brake.way(highest, 1 << 26), FAR);
+        for (velocity, acceleration) in
+            [(0, 0), (-1 << 30, 0), (-1 << 30, 1 << 20), (0, -1 << 26), (-1 << 30, -1 << 26)]
+        {
+            assert_eq!(brake.way(velocity, acceleration), 0, "{velocity}, {acceleration}");
+        }
     }
 
     #[test]

@@ -2,6 +2,7 @@
 
 use crate::explore::{self, One, Until};
 use crate::fuzz::Target;
+use crate::mutants::{self, Sorts};
 use crate::report::data::Platform;
 use crate::scope::{Edge, Order, Settings, Signal};
 use crate::setup::Installing;
@@ -130,6 +131,13 @@ pub(crate) enum Command {
     /// lost telegrams, faults, loads and supply. At its end everything is repaired, and the axis must come back. Fails if a law is broken,
     /// and prints the life shrunk to a few words, with the command that replays it; then what was covered, and what was never reached.
     Explore(ExploreArguments),
+    /// Break the drive on purpose, one defect at a time, and say which of them no test sees
+    ///
+    /// First the patches of tests/defects, made by hand for what only the hardware shows: each is built and run with the tests that must turn red,
+    /// or must not compile. Then what cargo-mutants makes of the safety files of the portable crates, with their own tests and, for what those do
+    /// not see, the laws of the axis. Fails if a defect stays unseen that is not listed with its reason in docs/mutants.md, and if a patch does
+    /// not apply. Works on a copy of the sources in Cargo's target folder.
+    Mutants(MutantsArguments),
     /// Record a velocity step with the drive's own oscilloscope, read it over the service channel, and draw it
     ///
     /// One drive on a simulated ring, on this computer. A signal is a data block (`S-0-0040`) or a signal inside the loops, by its
@@ -206,6 +214,38 @@ fn life_seed(text: &str) -> Result<u64, String> {
         None => text.parse(),
     };
     number.map_err(|_| format!("'{text}' is no seed; give a number of 64 bits, decimal or with 0x"))
+}
+
+/// What `cargo xtask mutants` breaks.
+#[derive(Debug, Args)]
+pub(crate) struct MutantsArguments {
+    /// Break nothing: list the patches
+    #[arg(long, conflicts_with = "portable")]
+    list: bool,
+    /// Only these patches, by name; with --portable only these files
+    #[arg(long, num_args = 1.., value_name = "NAME")]
+    only: Vec<String>,
+    /// Only so many patches, spread over all of them
+    #[arg(long, value_name = "N", conflicts_with_all = ["only", "portable"], value_parser = clap::value_parser!(u16).range(1..))]
+    sample: Option<u16>,
+    /// Only the patches
+    #[arg(long, conflicts_with = "portable")]
+    defects: bool,
+    /// Only the safety files of the portable crates
+    #[arg(long)]
+    portable: bool,
+}
+
+impl From<MutantsArguments> for mutants::Order {
+    fn from(arguments: MutantsArguments) -> Self {
+        let patches_only = arguments.defects || arguments.sample.is_some() || !arguments.only.is_empty();
+        let sorts = match (arguments.portable, patches_only) {
+            (true, _) => Sorts::Portable,
+            (false, true) => Sorts::Patches,
+            (false, false) => Sorts::Both,
+        };
+        Self { list: arguments.list, only: arguments.only, sample: arguments.sample.map(usize::from), sorts }
+    }
 }
 
 /// What `cargo xtask scope` records, and where it goes.

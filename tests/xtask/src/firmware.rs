@@ -42,7 +42,7 @@ fn build_ungated(installing: Installing) -> Result<Elves> {
 }
 
 /// The library that QEMU loads, built by this computer's compiler.
-fn build_bus() -> Result<PathBuf> {
+pub(crate) fn build_bus() -> Result<PathBuf> {
     const PACKAGE: &str = "emulator_bus";
     let name = format!("{}{PACKAGE}{}", std::env::consts::DLL_PREFIX, std::env::consts::DLL_SUFFIX);
     workspace::build_like_tests(PACKAGE, &["--lib"], &name)

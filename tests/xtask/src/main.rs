@@ -16,6 +16,7 @@ mod firmware;
 mod flash;
 mod fuzz;
 mod manual;
+mod mutants;
 mod process;
 mod progress;
 mod replay;
@@ -73,6 +74,7 @@ fn run(command_line: CommandLine) -> anyhow::Result<Verdict> {
         Command::Manual { check } => manual::run(check),
         Command::Faults { check } => faults::run(check),
         Command::Explore(arguments) => arguments.run(),
+        Command::Mutants(arguments) => mutants::run(&arguments.into(), installing),
         Command::Scope(arguments) => scope::run(&arguments.into()),
         Command::Ring { drives, chip_socket } => ring_server::run(&drives, &chip_socket),
         Command::Flash { probe } => flash::run(probe.as_deref(), installing),

@@ -3,6 +3,7 @@
 //! Nothing that is there already is fetched again, so that a second run takes a fraction of a second.
 
 mod cargo_fuzz;
+mod cargo_mutants;
 mod qemu;
 mod system;
 mod target;
@@ -62,6 +63,11 @@ pub(crate) fn target_compiler(installing: Installing) -> Result<TargetCompiler> 
 /// Sees to cargo-fuzz and what it needs.
 pub(crate) fn fuzzer(installing: Installing) -> Result<()> {
     cargo_fuzz::ensure(installing)
+}
+
+/// Sees to cargo-mutants.
+pub(crate) fn mutation_tester(installing: Installing) -> Result<()> {
+    cargo_mutants::ensure(installing)
 }
 
 /// The test runner that is there. nextest is a convenience, so it is not installed unasked.

@@ -42,6 +42,7 @@ fn the_help_is_as_written_down() {
         &["manual", "--help"],
         &["faults", "--help"],
         &["explore", "--help"],
+        &["mutants", "--help"],
         &["scope", "--help"],
         &["ring", "--help"],
         &["flash", "--help"],
