@@ -427,6 +427,27 @@ mod tests {
     }
 
     #[test]
+    fn along_a_chain_that_just_stops_in_time_next_to_nothing_is_left_of_the_gap() {
+        let jerk = 1_i64 << 16;
+        let steps = 1_i64 << 10;
+        // Out of an acceleration, into the deceleration, some time at it, and out of it.
+        let out_of_it = (1..steps).rev().map(|step| -step);
+        let accelerations = (-steps..=steps).rev().chain([-steps; 500]).chain(out_of_it).map(|step| step * jerk);
+        let brake = SmoothBrake::new(Slope::new(steps * jerk), Slope::new(jerk));
+        // From standstill back to the beginning.
+        let (mut velocity, mut left) = (0, 0);
+        for acceleration in accelerations.rev() {
+            left += velocity;
+            velocity -= acceleration;
+            let margin = brake.margin(left >> COARSE_POSITION, velocity, acceleration);
+            // What a jerk that changes its sign within a tick may cost, is kept in hand.
+            let hand = ((jerk * 3 / 8) * 6_000 + jerk * 40) >> COARSE_POSITION;
+            assert!((-hand..=1 << 12).contains(&margin), "{margin} of {left} at {velocity}, {acceleration}");
+        }
+        assert!(velocity > 1 << 35 && left > 1 << 47, "{velocity}, {left}");
+    }
+
+    #[test]
     fn a_smooth_brake_takes_the_way_of_its_formula() {
         // Velocity of 2^36 against 2^26 a tick squared and 2^16 a tick cubed: 1024 ticks, and 1024 more of the jerk.
         let brake = SmoothBrake::new(Slope::new(1 << 26), Slope::new(1 << 16));
