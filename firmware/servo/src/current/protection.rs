@@ -250,6 +250,13 @@ mod tests {
     }
 
     #[test]
+    fn levels_read_back_from_their_words_each_in_its_place() {
+        let protection = Protection { current: 1, sum: 2, bus: 3, increments: 4 };
+        assert_eq!(protection.to_words(), [1, 2, 3, 4]);
+        assert_eq!(Protection::from_words([1, 2, 3, 4]), protection);
+    }
+
+    #[test]
     fn codes_read_back() {
         for trip in [Trip::Overcurrent, Trip::CurrentSum, Trip::Overvoltage, Trip::EncoderJump, Trip::Late] {
             assert_eq!(Trip::from_code(trip.code()), Some(trip));
