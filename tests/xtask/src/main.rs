@@ -76,7 +76,7 @@ fn run(command_line: CommandLine) -> anyhow::Result<Verdict> {
         Command::Explore(arguments) => arguments.run(),
         Command::Mutants(arguments) => mutants::run(&arguments.into(), installing),
         Command::Scope(arguments) => scope::run(&arguments.into()),
-        Command::Ring { drives, chip_socket } => ring_server::run(&drives, &chip_socket),
+        Command::Ring { drives, on, chip_socket } => ring_server::run(&drives, on.into(), &chip_socket, installing),
         Command::Flash { probe } => flash::run(probe.as_deref(), installing),
     }
 }
