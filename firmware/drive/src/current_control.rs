@@ -235,3 +235,6 @@ impl SharedSettings {
         }
     }
 }
+
+#[cfg(test)]
+mod tests;

@@ -63,7 +63,7 @@ pub(crate) fn executor(on: Platform, installing: Installing) -> Result<Executor>
 }
 
 /// A folder of its own: the target's compiler may be another one than the host's.
-fn build_folder() -> Result<PathBuf> {
+pub(crate) fn build_folder() -> Result<PathBuf> {
     Ok(workspace::target_folder()?.join("firmware"))
 }
 

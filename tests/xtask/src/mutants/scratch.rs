@@ -40,6 +40,22 @@ impl Scratch {
         self.folder.join(name)
     }
 
+    /// Begins a build folder with what was built of the user's sources, as long as there is none: foreign packages are not compiled again.
+    pub(super) fn begin_with(&self, name: &str, built: &Path) -> Result<()> {
+        let folder = self.build_folder(name);
+        if folder.exists() || !built.exists() {
+            return Ok(());
+        }
+        // Under another name until it is whole.
+        let partial = self.build_folder("partial");
+        if partial.exists() {
+            fs::remove_dir_all(&partial).with_context(|| format!("cannot remove {}", partial.display()))?;
+        }
+        copy_with_times(built, &partial)
+            .and_then(|()| fs::rename(&partial, &folder))
+            .with_context(|| format!("cannot copy {} to {}", built.display(), folder.display()))
+    }
+
     /// Breaks the copy with a patch; the reason, if it does not apply.
     pub(super) fn apply(&self, patch: &Path) -> Result<Result<(), String>> {
         let output = self.git_apply(&[], patch)?;
@@ -62,6 +78,22 @@ impl Scratch {
         git.env("GIT_CEILING_DIRECTORIES", &self.folder);
         git.output().context("cannot start git; install it")
     }
+}
+
+/// Copies a folder; the times of the files too, which tell Cargo what is newer than what.
+fn copy_with_times(from: &Path, to: &Path) -> std::io::Result<()> {
+    fs::create_dir_all(to)?;
+    for entry in fs::read_dir(from)? {
+        let entry = entry?;
+        let (source, copy) = (entry.path(), to.join(entry.file_name()));
+        if entry.file_type()?.is_dir() {
+            copy_with_times(&source, &copy)?;
+        } else {
+            fs::copy(&source, &copy)?;
+            File::options().write(true).open(&copy)?.set_modified(entry.metadata()?.modified()?)?;
+        }
+    }
+    Ok(())
 }
 
 /// What git has, and what it would take: nothing that is built.
@@ -124,6 +156,19 @@ mod tests {
         assert_eq!(fs::read_to_string(to.path().join("a/one.rs")).unwrap(), "one");
         assert!(!to.path().join("a/three.rs").exists());
         assert_eq!(time("two.rs"), before);
+    }
+
+    #[test]
+    fn a_folder_is_copied_with_the_times_of_its_files() {
+        let [from, to] = [tempfile::tempdir().unwrap(), tempfile::tempdir().unwrap()];
+        fs::create_dir_all(from.path().join("a")).unwrap();
+        let time = std::time::SystemTime::UNIX_EPOCH + std::time::Duration::from_secs(1_000_000_000);
+        fs::write(from.path().join("a/one"), "one").unwrap();
+        File::options().write(true).open(from.path().join("a/one")).unwrap().set_modified(time).unwrap();
+        copy_with_times(from.path(), &to.path().join("b")).unwrap();
+        let copy = to.path().join("b/a/one");
+        assert_eq!(fs::read_to_string(&copy).unwrap(), "one");
+        assert_eq!(fs::metadata(copy).unwrap().modified().unwrap(), time);
     }
 
     #[test]

@@ -78,6 +78,7 @@ impl Bench {
         let compiler = setup::target_compiler(installing)?;
         let scratch = Scratch::new()?;
         eprintln!("building the tests and the ELF without a defect");
+        scratch.begin_with("firmware", &firmware::build_folder()?)?;
         let programs = programs::build(workspace::root(), &TESTS_OF_THE_ELF, &[])?;
         let bench = Self { scratch, compiler, bus: firmware::build_bus()?, programs, portable: None };
         if let Err(reason) = bench.build_elf()? {
