@@ -129,6 +129,14 @@ pub fn expected_pins() -> Vec<ExpectedPin> {
     add("INT0", INT0, TIMER, 1, 0);
     add("encoder A", ENCODER_A, TIMER, 1, 0);
     add("encoder B", ENCODER_B, TIMER, 1, 0);
+    for (pins, function) in [(ENCODER_TIM3, 2), (ENCODER_TIM4, 2), (ENCODER_TIM8, 3), ([INT0_TIME, INT1_TIME], 3)] {
+        for pin in pins {
+            add("encoder or interrupt line once more", pin, PinMode::Alternate(function), 1, 0);
+        }
+    }
+    for (signal, pin, function) in [("index", INDEX, 2), ("probe 1", PROBE_1, 2), ("probe 2", PROBE_2, 3)] {
+        add(signal, pin, PinMode::Alternate(function), 2, 0);
+    }
     add("chip reset", CHIP_RESET, PinMode::Output, 0, 0);
     add("SBAUD", SBAUD, PinMode::Output, 0, 0);
     add("SBAUD16", SBAUD16, PinMode::Output, 0, 0);

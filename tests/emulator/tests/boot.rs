@@ -1,6 +1,6 @@
 //! The flashed ELF boots in QEMU and sets the board up as it must.
 
-use crate::quiet::Quiet;
+use crate::quiet::{Chip, Quiet};
 use emulator::{EmulatorError, Guest, GuestConfiguration, Probe, Trigger, audit, audit_power_stage};
 use ring::Nanoseconds;
 
@@ -39,6 +39,47 @@ fn the_release_elf_sets_the_board_up() {
     let periods: Vec<u64> = world.samples.windows(2).map(|pair| pair[1].0 - pair[0].0).collect();
     assert!(periods.len() > 500, "only {} periods", periods.len());
     assert!(periods.iter().all(|period| period.abs_diff(62_500) <= 2), "{periods:?}");
+}
+
+#[test]
+#[ignore = "needs QEMU and the ELF: cargo xtask test"]
+fn the_chip_starts_with_the_straps_of_the_switches_after_a_reset_and_is_waited_for() {
+    for (bit_rate, straps) in [(0, (true, true)), (1, (false, true)), (2, (true, false)), (3, (false, false))] {
+        let mut world = Quiet { bit_rate, ..Quiet::new() };
+        let mut guest = Guest::start(&configuration()).unwrap();
+        run(&mut guest, &mut world, Nanoseconds::from_millis(12)).unwrap();
+        let events = &world.chip;
+        println!("{bit_rate}: {events:?}");
+        let at = |wanted: Chip| events.iter().find(|(_, seen)| *seen == wanted).map(|(time, _)| time.0);
+        let last = |of: fn(&Chip) -> bool| events.iter().rev().find(|(_, seen)| of(seen)).unwrap();
+        assert_eq!(last(|seen| matches!(seen, Chip::Straps(..))).1, Chip::Straps(straps.0, straps.1), "{bit_rate}");
+        assert_eq!(last(|seen| matches!(seen, Chip::Reset(_))).1, Chip::Reset(false), "{bit_rate}");
+        let [held, released, accessed] =
+            [Chip::Reset(true), Chip::Reset(false), Chip::Accessed].map(|event| at(event).unwrap());
+        // The pull-ups of the switches take 100 us, the reset 10 us, the start of the chip 1 ms: so much at least. A turn of the delay's loop
+        // counts three times as long here as its least on the part; and 1.4 ms pass for the rest of the set-up.
+        assert!((110_000..400_000).contains(&(released - held)), "{bit_rate}: {} ns in reset", released - held);
+        assert!((3_500_000..5_500_000).contains(&(accessed - released)), "{bit_rate}: {} ns", accessed - released);
+        if straps != (true, true) {
+            let strapped = last(|seen| matches!(seen, Chip::Straps(..))).0.0;
+            assert!((100_000..350_000).contains(&(strapped - held)), "{bit_rate}: switches read too early");
+            assert!((10_000..35_000).contains(&(released - strapped)), "{bit_rate}: {} ns", released - strapped);
+        }
+    }
+}
+
+#[test]
+#[ignore = "needs QEMU and the ELF: cargo xtask test"]
+fn a_station_whose_switches_show_no_drive_address_leaves_the_chip_alone() {
+    for address in [0, 255, 1, 254] {
+        let mut world = Quiet { address, ..Quiet::new() };
+        let mut guest = Guest::start(&configuration()).unwrap();
+        run(&mut guest, &mut world, Nanoseconds::from_millis(12)).unwrap();
+        let accessed = world.chip.iter().any(|(_, seen)| *seen == Chip::Accessed);
+        assert_eq!(accessed, (1..=254).contains(&address), "{address}");
+        let released = world.chip.iter().any(|(_, seen)| *seen == Chip::Reset(false));
+        assert!(released, "it repeats what it receives");
+    }
 }
 
 #[test]

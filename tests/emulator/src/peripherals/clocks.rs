@@ -35,6 +35,8 @@ pub struct ClockTree {
     pub apb1_timers: u64,
     /// Timers on APB2.
     pub apb2_timers: u64,
+    /// All of it comes from the crystal: the oscillator inside is off by a per cent.
+    pub from_crystal: bool,
 }
 
 /// Reset and clock control.
@@ -134,7 +136,12 @@ impl Rcc {
         };
         let (apb1, apb1_timers) = bus(self.configuration >> 10 & 7);
         let (apb2, apb2_timers) = bus(self.configuration >> 13 & 7);
-        ClockTree { system, core, apb1, apb2, apb1_timers, apb2_timers }
+        let from_crystal = match self.configuration & 3 {
+            0 => false,
+            1 => true,
+            _ => self.pll & 1 << 22 != 0,
+        };
+        ClockTree { system, core, apb1, apb2, apb1_timers, apb2_timers, from_crystal }
     }
 
     fn ready(&self, now: Nanoseconds) -> u32 {
@@ -282,6 +289,7 @@ mod tests {
                 apb2: 84_000_000,
                 apb1_timers: 84_000_000,
                 apb2_timers: 168_000_000,
+                from_crystal: true,
             }
         );
         assert_eq!(rcc.read(CFGR, LATER), Some(0x940A));
