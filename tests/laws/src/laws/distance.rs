@@ -20,6 +20,8 @@ pub(crate) struct Distance {
     unchanged: i64,
     /// From where to where the shaft was since a homing was started, in revolutions.
     started: Option<[f64; 2]>,
+    /// Where the shaft was at the record before: a drive works with a position that it has read.
+    before: f64,
     /// S-0-0052 at that time.
     reference: Option<i64>,
     /// Where the shaft stood when S-0-0447, or S-0-0148 where it stands, gave it S-0-0052.
@@ -108,8 +110,10 @@ impl Law for Distance {
         match event {
             Event::Record => {
                 if scene.starting.is_some_and(|idn| matches!(idn.0, 148 | 447)) && self.started.is_none() {
-                    self.started = Some([scene.sight.machine.angle; 2]);
+                    let now = scene.sight.machine.angle;
+                    self.started = Some([now.min(self.before), now.max(self.before)]);
                 }
+                self.before = scene.sight.machine.angle;
                 let command = scene.wire.command(Idn::POSITION_COMMAND);
                 self.unchanged = if command == self.command { self.unchanged + 1 } else { 0 };
                 self.command = command;
