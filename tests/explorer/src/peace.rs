@@ -17,6 +17,8 @@ const RELEASED: Nanoseconds = Nanoseconds::from_millis(10);
 const FOLLOW: u8 = 7;
 /// Bits 15 and 14.
 const HALT: u8 = 6;
+/// F105H.
+const ENCODER_ERROR: i64 = 0xF105;
 /// Operation mode 1.
 const TORQUE: i64 = 1;
 /// Brakes, the test of the torque and the search for the commutation angle.
@@ -74,6 +76,19 @@ pub(crate) fn make(run: &mut Run) -> Result<(), Stop> {
     }
     diagnose(run)?;
     cool_down(run)?;
+    come_back_from(run).or_else(|stop| {
+        // A count that was moved while the shaft stood is found at the first index pulse.
+        if !run.causes.may_have_moved_the_count() || run.rig.read(390)? != Some(ENCODER_ERROR) {
+            return Err(stop);
+        }
+        run.coverage.count("peace", "after an index pulse that showed a moved count");
+        run.rig.master().switch(0);
+        stand(run)?;
+        come_back_from(run)
+    })
+}
+
+fn come_back_from(run: &mut Run) -> Result<(), Stop> {
     reset(run)?;
     know_the_angle(run)?;
     come_back(run)
