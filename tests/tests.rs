@@ -7,9 +7,12 @@ mod commissioning;
 mod common;
 mod coordinates;
 mod demo;
+#[path = "common/elf.rs"]
+mod elf;
 mod faults;
 mod following;
 mod functions;
+mod latches;
 mod laws;
 #[path = "common/led.rs"]
 mod led;

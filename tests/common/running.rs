@@ -1,6 +1,6 @@
 //! One drive on a ring with the scripted master, running or about to, and what a test asks of it.
 
-use bench::{DriveHandle, DriveSetup, World, parameters_of, product, ring_of_drives};
+use bench::{DriveHandle, DriveSetup, Executor, World, parameters_of, product, ring_of_drives_on};
 use plant::ReferenceAxis;
 use ring::chip::Alternatives;
 use ring::fibre::{Effect, Fault, TelegramKind};
@@ -31,8 +31,14 @@ pub(crate) struct Bench {
 impl Bench {
     /// A drive before its run-up.
     pub(crate) fn new(setup: DriveSetup, script: MasterScript) -> Self {
+        Self::on(Executor::Host, setup, script)
+    }
+
+    /// The same, and where it runs.
+    pub(crate) fn on(executor: Executor, setup: DriveSetup, script: MasterScript) -> Self {
         let configuration = RingConfiguration::new(1, BitRate::M2);
-        let (world, mut handles) = ring_of_drives(configuration, ScriptedMaster::new(script), &[setup]).unwrap();
+        let master = ScriptedMaster::new(script);
+        let (world, mut handles) = ring_of_drives_on(configuration, master, &[setup], |_| executor.clone()).unwrap();
         Self { world, drive: handles.remove(0) }
     }
 

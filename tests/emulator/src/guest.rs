@@ -15,7 +15,7 @@ use crate::peripherals::{Access, Peripherals};
 use crate::prefetch::{Foretold, Place, Prefetch};
 use crate::qemu::Qemu;
 use crate::trace::{self, TraceSink};
-use crate::{EmulatorError, Environment};
+use crate::{EmulatorError, Environment, StopAt, Stopped};
 use emulator_link::protocol::trace::FILE;
 use emulator_link::protocol::{MEMORY_WORDS, VERSION, command, fault, header, message, post, prefetched, resume};
 
@@ -208,12 +208,26 @@ impl Guest {
         let value = self.answer(environment, time)?;
         self.fetch_log(time)?;
         // Time goes on, if only by so little that no event of the peripherals is passed over.
-        let horizon = horizon.max(time + Nanoseconds(1));
+        let mut horizon = horizon.max(time + Nanoseconds(1));
+        if self.question.kind == message::STOPPED {
+            self.stopped(environment, time)?;
+            // The horizon is from before whatever has been done to the world.
+            horizon = time + Nanoseconds(1);
+        }
         if self.sleeps_on(horizon) {
             return Ok(());
         }
         self.resume(environment, value, time, horizon)?;
         self.receive()
+    }
+
+    /// Tells the environment that the product has stopped, and the bus how it goes on.
+    fn stopped<E: Environment + ?Sized>(&mut self, environment: &mut E, now: Nanoseconds) -> Result<(), EmulatorError> {
+        const INTERRUPT_STATE: u32 = 0xE000_ED04;
+        let pc = self.question.pc;
+        let exception = (self.read_memory(INTERRUPT_STATE, 1)?[0] & 0x1FF) as u16;
+        environment.stopped(self, Stopped { now, pc, exception })?;
+        self.sample(environment, now)
     }
 
     /// A processor that waits for an interrupt and gets none need not be asked: it goes on waiting, without an exchange.
@@ -265,6 +279,32 @@ impl Guest {
             memory.extend_from_slice(&self.words[header::WORDS..]);
         }
         Ok(memory)
+    }
+
+    /// Stops the product once, before an instruction that it comes to: [`Environment::stopped`] is called then. To be called while the product waits
+    /// for an answer; a stop that it has not come to yet is forgotten.
+    ///
+    /// # Errors
+    /// The end of QEMU.
+    pub fn stop_at(&mut self, stop: StopAt) -> Result<(), EmulatorError> {
+        self.ask(&[command::STOP_AT, stop.address, stop.behind], 0)
+    }
+
+    /// Lets the product, which has just stopped, stand before its instruction until an interrupt of the NVIC is pending, as behind a bus that does not
+    /// answer. The interrupt is taken behind that instruction, if its priority allows it.
+    ///
+    /// # Errors
+    /// The end of QEMU.
+    pub fn wait_for(&mut self, interrupt: u8) -> Result<(), EmulatorError> {
+        self.ask(&[command::WAIT_FOR, interrupt.into()], 0)
+    }
+
+    /// Writes a word of the guest's memory, while it waits for an answer.
+    ///
+    /// # Errors
+    /// The end of QEMU.
+    pub fn write_memory(&mut self, address: u32, value: u32) -> Result<(), EmulatorError> {
+        self.ask(&[command::WRITE_MEMORY, address, value], 0)
     }
 
     /// From now on the bus inside QEMU writes down what the product executes, while it waits for an answer.

@@ -38,7 +38,7 @@ pub use activations::{Activations, Listing, Profile, Spread, Step, TaskCount};
 pub use audit::{Finding, audit, audit_power_stage};
 pub use clock::CYCLES_PER_INSTRUCTION_TENTHS;
 pub use demand::{Demand, Price, Worst};
-pub use environment::{DigitalInputs, Environment, IndexEdge};
+pub use environment::{DigitalInputs, Environment, IndexEdge, StopAt, Stopped};
 pub use error::EmulatorError;
 pub use guest::{Guest, GuestConfiguration, QEMU, QEMU_VARIABLE};
 pub use log::LogLine;

@@ -7,6 +7,7 @@ mod centred_counter;
 pub(crate) mod clocks;
 pub(crate) mod encoder_counters;
 pub(crate) mod gpio;
+mod input_filter;
 pub(crate) mod interrupts;
 mod map;
 pub(crate) mod others;
