@@ -3,6 +3,7 @@
 //! One program, because each would be linked with everything for itself.
 
 mod blocked;
+mod bridge_and_brake;
 mod commissioning;
 mod common;
 mod coordinates;

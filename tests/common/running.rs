@@ -64,6 +64,11 @@ impl Bench {
     /// A vertical axis with its brake and its commutation angle, and these data blocks written besides, before its run-up; it is to be held at
     /// zero velocity.
     pub(crate) fn vertical(parameters: Vec<(Idn, Value)>) -> Self {
+        Self::vertical_on(Executor::Host, parameters)
+    }
+
+    /// The same, and where it runs.
+    pub(crate) fn vertical_on(executor: Executor, parameters: Vec<(Idn, Value)>) -> Self {
         let axis = ReferenceAxis::vertical();
         let encoder = axis.machine.encoder;
         let angle = (encoder.electrical_zero * f64::from(axis.machine.windings.pole_pairs)).fract() * 36_000.0;
@@ -77,7 +82,7 @@ impl Bench {
             .with_all(parameters);
         let motion = Motion::new(1_000_000, |_| CommandValues::default());
         let script = MasterScript { motion: Some(motion), stops_at_refusals: false, ..MasterScript::new(vec![drive]) };
-        Self::new(DriveSetup { axis, ..DriveSetup::new(ADDRESS) }, script)
+        Self::on(executor, DriveSetup { axis, ..DriveSetup::new(ADDRESS) }, script)
     }
 
     pub(crate) fn run(&mut self, span: Nanoseconds) {

@@ -41,6 +41,15 @@ pub struct StopAt {
     pub behind: u32,
 }
 
+/// For how long a product that has stopped is held, see [`Guest::hold`].
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Hold {
+    /// To this instant.
+    Until(Nanoseconds),
+    /// Until a pin or a peripheral raises this interrupt of the NVIC.
+    Interrupt(u8),
+}
+
 /// The product has come to a [`StopAt`].
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Stopped {

@@ -105,6 +105,19 @@ pub struct Measurements {
     pub trace: Trace,
     /// Latencies asked for.
     pub probes: Vec<Probe>,
+    /// Writes asked for, in their order.
+    pub written: Vec<Written>,
+}
+
+/// A write of the product.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Written {
+    /// When.
+    pub time: Nanoseconds,
+    /// Where to.
+    pub address: u32,
+    /// What.
+    pub value: u32,
 }
 
 /// Every access of the product, its time to the nanosecond, its value and its instruction, folded into one number: two runs with the same

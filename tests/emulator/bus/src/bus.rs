@@ -36,8 +36,6 @@ pub(crate) struct Bus {
     read_wait: u64,
     write_wait: u64,
     post_bound: u64,
-    /// The interrupt for which the product, which is stopped, is to stand still.
-    wait_for: Option<u32>,
     /// Interrupts that the current access has raised and that must wait until its block is left.
     raised: Option<[u32; 6]>,
 }
@@ -66,7 +64,6 @@ impl Bus {
             read_wait: 0,
             write_wait: 0,
             post_bound: 0,
-            wait_for: None,
             raised: None,
         }
     }
@@ -98,12 +95,6 @@ impl Bus {
     fn stop(&mut self) {
         const INSTRUCTION: u64 = 1;
         self.exchange(message::STOPPED, self.blocks.ticks - INSTRUCTION, Question::NONE, Lock::Free);
-        if let Some(interrupt) = self.wait_for.take() {
-            while !is_pending(interrupt) {
-                let until = self.blocks.deadline;
-                self.exchange(message::TIMER, until, Question { idle: true, ..Question::NONE }, Lock::Free);
-            }
-        }
         self.blocks.ticks = INSTRUCTION;
     }
 
@@ -234,10 +225,6 @@ impl Bus {
                 }
                 command::STOP_AT => {
                     self.blocks.stop_at(self.incoming[1], self.incoming[2]);
-                    self.answer(0);
-                }
-                command::WAIT_FOR => {
-                    self.wait_for = Some(self.incoming[1]);
                     self.answer(0);
                 }
                 unknown => self.fail(&format!("the emulator gives command {unknown}, which the bus does not know")),
@@ -396,12 +383,6 @@ struct Question {
 
 impl Question {
     const NONE: Self = Self { address: 0, width: 0, idle: false };
-}
-
-/// Is an interrupt of the NVIC pending?
-fn is_pending(interrupt: u32) -> bool {
-    const SET_PENDING: u32 = 0xE000_E200;
-    machine().word(SET_PENDING + interrupt / 32 * 4) >> (interrupt % 32) & 1 != 0
 }
 
 fn is_external(address: u32) -> bool {

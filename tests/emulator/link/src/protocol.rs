@@ -87,9 +87,6 @@ pub mod command {
     /// Stop once before an instruction: that at this address, or so many executed ones behind it (second word). Answered with an empty memory
     /// message.
     pub const STOP_AT: u32 = 16;
-    /// The product, which is [`super::message::STOPPED`], stands before its instruction until this interrupt of the NVIC is pending. Answered with
-    /// an empty memory message.
-    pub const WAIT_FOR: u32 = 17;
 }
 
 /// What the processor did, little-endian words in a file beside the page: the address of an instruction, which is even, or one of these.

@@ -201,6 +201,12 @@ impl Peripherals {
         (std::mem::take(&mut self.edges), self.lines)
     }
 
+    /// Has an interrupt line of the NVIC had an edge since last asked?
+    pub(crate) fn has_raised(&mut self, interrupt: u8) -> bool {
+        self.update_lines();
+        self.edges & 1 << interrupt != 0
+    }
+
     /// Does an interrupt wait to be taken, by its edge or by its level?
     pub(crate) fn interrupts_wait(&mut self) -> bool {
         self.update_lines();
