@@ -40,7 +40,7 @@ impl Axis {
             bench.run(Nanoseconds::from_millis(2));
         }
         let elf = bench.drive.elf.clone().expect("it runs in QEMU");
-        elf.guest.borrow_mut().watch_writes(&[STATUS, OUTPUTS]);
+        elf.guest.borrow_mut().watch_accesses(&[STATUS, OUTPUTS]);
         Self { bench, elf }
     }
 
@@ -147,12 +147,13 @@ fn bridge_and_brake_switch_in_their_order_and_times_and_a_trip_takes_the_bridge_
     assert!(axis.tripped() && !axis.is_on());
     axis.bench.clear_errors();
     assert!(axis.tripped() && !axis.is_on(), "S-0-0099 alone switches nothing on");
-    let acknowledged = axis.elf.guest.borrow().measurements().written.len();
+    let acknowledged = axis.elf.guest.borrow().measurements().watched.len();
     axis.switch_on()[2].expect("it is switched on after S-0-0099");
     assert!(!axis.tripped() && axis.is_on());
     // It is acknowledged with the bridge held off: the outputs are switched off just before the flags are cleared.
     let guest = axis.elf.guest.borrow();
-    let written = &guest.measurements().written[acknowledged..];
+    let watched = &guest.measurements().watched[acknowledged..];
+    let written: Vec<_> = watched.iter().filter(|access| access.writes).copied().collect();
     let on = written.iter().position(|write| write.address == OUTPUTS && write.value & OUTPUTS_ENABLED != 0);
     let before = &written[..on.expect("the bridge is switched on")];
     let clearings =

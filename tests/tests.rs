@@ -13,6 +13,7 @@ mod elf;
 mod faults;
 mod following;
 mod functions;
+mod hand_overs;
 mod latches;
 mod laws;
 #[path = "common/led.rs"]

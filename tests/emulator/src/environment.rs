@@ -35,10 +35,15 @@ pub struct IndexEdge {
 /// Where [`Guest::stop_at`] stops the product, once.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct StopAt {
-    /// Address of an instruction.
+    /// Address of an instruction; [`StopAt::HERE`]: that before which the product stands stopped.
     pub address: u32,
     /// So many executed instructions behind it, whatever they belong to.
     pub behind: u32,
+}
+
+impl StopAt {
+    /// See [`StopAt::address`].
+    pub const HERE: u32 = 0;
 }
 
 /// For how long a product that has stopped is held, see [`Guest::hold`].

@@ -10,7 +10,7 @@ use ring::Nanoseconds;
 
 use crate::clock::TickClock;
 use crate::log::{Log, LogLine};
-use crate::measure::{Measurements, Probe, Trigger, Written};
+use crate::measure::{Measurements, Probe, Trigger, Watched};
 use crate::peripherals::{Access, Peripherals};
 use crate::prefetch::{Foretold, Place, Prefetch};
 use crate::qemu::Qemu;
@@ -106,7 +106,7 @@ pub struct Guest {
     switches_set: bool,
     symbols: Vec<Symbol>,
     held: Option<Hold>,
-    watched_writes: Vec<u32>,
+    watched_addresses: Vec<u32>,
     /// The next event, once worked out between two runs.
     next: Cell<Option<Nanoseconds>>,
 }
@@ -141,7 +141,7 @@ impl Guest {
             switches_set: false,
             symbols: symbols_of(configuration, &product)?,
             held: None,
-            watched_writes: Vec::new(),
+            watched_addresses: Vec::new(),
             next: Cell::new(None),
         };
         guest.receive()?;
@@ -331,9 +331,16 @@ impl Guest {
         self.held = Some(hold);
     }
 
-    /// From now on [`Measurements::written`] tells what is written to these addresses.
-    pub fn watch_writes(&mut self, addresses: &[u32]) {
-        self.watched_writes.extend_from_slice(addresses);
+    /// From now on [`Measurements::watched`] tells of the accesses to these addresses.
+    pub fn watch_accesses(&mut self, addresses: &[u32]) {
+        self.watched_addresses.extend_from_slice(addresses);
+    }
+
+    fn watch(&mut self, access: Access, value: u32, writes: bool) {
+        if self.watched_addresses.contains(&access.address) {
+            let Access { now, address, pc, .. } = access;
+            self.measurements.watched.push(Watched { time: now, address, value, pc, writes });
+        }
     }
 
     /// Address and bytes of a static or a function of the product: `board::bridge::TRIPPED`. Of several that are named so, the first.
@@ -440,6 +447,7 @@ impl Guest {
         self.peripherals.advance(environment, time)?;
         let access = Access { now: time, address: posted.address, width: posted.kind & 0xFF, pc: posted.pc };
         self.measurements.trace.fold(time, posted.address, posted.value, posted.pc);
+        self.watch(access, posted.value, posted.kind & post::SERVED == 0);
         if posted.kind & post::SERVED != 0 {
             self.measurements.prefetched_reads += 1;
             self.prefetch.pass(Place::Read { pc: posted.pc, address: posted.address }, posted.ticks);
@@ -447,9 +455,6 @@ impl Guest {
             return Ok(());
         }
         self.measurements.writes += 1;
-        if self.watched_writes.contains(&posted.address) {
-            self.measurements.written.push(Written { time, address: posted.address, value: posted.value });
-        }
         self.peripherals.write(environment, access, posted.value)?;
         self.clock.set_frequency(self.peripherals.clock_tree().core);
         self.happened(Trigger::Write(posted.address), time);
@@ -476,6 +481,7 @@ impl Guest {
         self.prefetch.pass(Place::Read { pc: question.pc, address: question.address }, question.ticks);
         let value = self.peripherals.read(environment, access)?;
         self.measurements.trace.fold(time, question.address, value, question.pc);
+        self.watch(access, value, false);
         self.happened(Trigger::Read(question.address), time);
         self.sample(environment, time)?;
         Ok(value)

@@ -42,7 +42,7 @@ pub use environment::{DigitalInputs, Environment, Hold, IndexEdge, StopAt, Stopp
 pub use error::EmulatorError;
 pub use guest::{Guest, GuestConfiguration, QEMU, QEMU_VARIABLE};
 pub use log::LogLine;
-pub use measure::{Latency, Measurements, Probe, Trace, Trigger, Written};
+pub use measure::{Latency, Measurements, Probe, Trace, Trigger, Watched};
 pub use peripherals::clocks::{CRYSTAL_HZ, ClockTree};
 pub use peripherals::gpio::PinMode;
 pub use trace::{TraceEvent, TraceSink};

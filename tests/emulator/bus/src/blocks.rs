@@ -171,9 +171,13 @@ impl Blocks {
         }
     }
 
-    /// From now on [`Blocks::stops`] looks for this instruction.
+    /// From now on [`Blocks::stops`] looks for this instruction; at 0 it is the current one, behind which to count.
     pub(crate) const fn stop_at(&mut self, at: u32, behind: u32) {
-        self.stop = Stop { at: at & !1, behind, near: false };
+        self.stop = if at == 0 {
+            Stop { at: NOWHERE, behind: behind.saturating_sub(1), near: behind > 0 }
+        } else {
+            Stop { at: at & !1, behind, near: false }
+        };
     }
 
     /// Is the current instruction the one to stop before? Once.
@@ -201,7 +205,7 @@ impl Blocks {
         }
         self.made = None;
         let count = this.count();
-        if self.stop.at == this.pc() && count > 1 {
+        if (self.stop.near || self.stop.at == this.pc()) && count > 1 {
             machine().leave_block(at_host);
         }
         if this.index() == 0 && count > 1 && self.ticks + count > self.deadline {

@@ -84,8 +84,8 @@ pub mod command {
     pub const WRITE_MEMORY: u32 = 3;
     /// Begin (1) or end (0) a trace, see [`super::trace`]. Answered with an empty memory message. Only the bus inside QEMU knows it.
     pub const TRACE: u32 = 4;
-    /// Stop once before an instruction: that at this address, or so many executed ones behind it (second word). Answered with an empty memory
-    /// message.
+    /// Stop once before an instruction: that at this address (0: the current one), or so many executed ones behind it (second word). Answered with
+    /// an empty memory message.
     pub const STOP_AT: u32 = 16;
 }
 
