@@ -3,12 +3,13 @@
 //! A handler is stopped before its first instruction, then before its second one in the next cycle, and so on until it is at its end. Each time it
 //! stands there until what is to come in between has come.
 
-use crate::elf::Turning;
+use crate::elf::{Turning, fine_press};
 use crate::running::ADDRESS;
 use bench::DriveSetup;
 use emulator::{EmulatorError, Guest, Hold, StopAt, Stopped};
 use ring::Nanoseconds;
-use std::cell::RefCell;
+use ring::chip::{Alternatives, InterruptOutput};
+use std::cell::{Cell, RefCell};
 use std::collections::BTreeSet;
 use std::rc::Rc;
 
@@ -22,6 +23,8 @@ const CONTROL_LOOP: u8 = 63;
 const INT1: u8 = 8;
 const INT0: u8 = 9;
 
+/// Whether a handler that begins is one of those that are swept.
+type Choose = Box<dyn FnMut(&mut Guest, &Place) -> Result<bool, EmulatorError>>;
 /// What happens at an instruction of a handler.
 type Act = Box<dyn FnMut(&mut Guest, &Place) -> Result<(), EmulatorError>>;
 
@@ -30,8 +33,6 @@ type Act = Box<dyn FnMut(&mut Guest, &Place) -> Result<(), EmulatorError>>;
 struct Place {
     now: Nanoseconds,
     pc: u32,
-    /// Instructions executed since the handler began.
-    step: u32,
 }
 
 /// What a sweep has seen.
@@ -50,7 +51,7 @@ struct Sweep {
     step: u32,
     /// Stops in a row beyond the end of the handler.
     beyond: u32,
-    at_entry: Act,
+    at_entry: Choose,
     at_step: Act,
     swept: Rc<RefCell<Swept>>,
 }
@@ -62,7 +63,10 @@ impl Sweep {
     fn stopped(&mut self, guest: &mut Guest, stopped: Stopped, entry: bool) -> Result<bool, EmulatorError> {
         let Stopped { now, pc, exception } = stopped;
         if entry {
-            (self.at_entry)(guest, &Place { now, pc, step: 0 })?;
+            if !(self.at_entry)(guest, &Place { now, pc })? {
+                guest.stop_at(StopAt { address: self.handler, behind: 0 })?;
+                return Ok(true);
+            }
             if self.step > 0 {
                 guest.stop_at(StopAt { address: StopAt::HERE, behind: self.step })?;
                 return Ok(false);
@@ -74,7 +78,7 @@ impl Sweep {
         if inside {
             swept.stops += 1;
             swept.instructions.insert(pc);
-            (self.at_step)(guest, &Place { now, pc, step: self.step })?;
+            (self.at_step)(guest, &Place { now, pc })?;
         }
         self.step += 1;
         swept.done = self.beyond >= Self::BEYOND;
@@ -89,7 +93,7 @@ impl Sweep {
 fn sweep(
     turning: &mut Turning,
     interrupt: u8,
-    at_entry: Act,
+    at_entry: Choose,
     at_step: Act,
     mut look: impl FnMut(&mut Turning),
 ) -> Swept {
@@ -124,9 +128,10 @@ fn link(guest: &mut Guest) -> Result<Vec<u32>, EmulatorError> {
     guest.read_memory(address, bytes as usize / 4)
 }
 
-/// Nothing is done.
-fn nothing() -> Act {
-    Box::new(|_, _| Ok(()))
+/// Those that the chip has an event of these bits of 05H for.
+fn of_event(turning: &Turning, bits: u16) -> Choose {
+    let chip = Rc::clone(&turning.bench.drive.chip);
+    Box::new(move |_, place| Ok(chip.borrow_mut().read_register(place.now, 0x05) & bits != 0))
 }
 
 /// Greatest torque-producing current while the drive turns on, as a fraction of the peak current, looked at in each period of the current loop.
@@ -169,7 +174,7 @@ fn the_current_loop_at_every_instruction_of_the_control_loop_reads_no_half_of_a_
     let before: Rc<RefCell<Vec<u32>>> = Rc::default();
     let pending: Rc<RefCell<Option<Vec<u32>>>> = Rc::default();
     let halves = Rc::new(RefCell::new(0));
-    let at_entry: Act = {
+    let at_entry: Choose = {
         let (before, pending, written, wrong) =
             (Rc::clone(&before), Rc::clone(&pending), Rc::clone(&written), Rc::clone(&wrong));
         Box::new(move |guest, place| {
@@ -183,7 +188,7 @@ fn the_current_loop_at_every_instruction_of_the_control_loop_reads_no_half_of_a_
                 }
             }
             *before.borrow_mut() = now;
-            Ok(())
+            Ok(true)
         })
     };
     let at_step: Act = {
@@ -223,4 +228,188 @@ fn the_current_loop_at_every_instruction_of_the_control_loop_reads_no_half_of_a_
     assert_eq!(turning.bench.number(0x8000 | 153), late, "a cycle came late");
     assert_eq!(turning.bench.number(11), 0);
     assert!(greatest < 1.5 * quiet + 0.01, "{quiet} before, {greatest}");
+}
+
+/// Word 0 of service container 0 on the external bus.
+const SERVICE_CONTAINER: u32 = 0x6000_0000 + 2 * 0x70;
+/// Bit of 05H of service container 0.
+const SERVICE_EVENT: u16 = 1;
+/// TIM1_ARR: the trim of the tick to the ring.
+const RELOAD: u32 = 0x4001_002C;
+/// Half a period without trim.
+const HALF_PERIOD: u32 = 5_250;
+
+/// Greatest trim of the current loop's period since then, in counts of 168 MHz.
+fn greatest_trim(turning: &Turning, since: Nanoseconds) -> u32 {
+    let guest = turning.elf.guest.borrow();
+    let reloads = guest.measurements().watched.iter().filter(|access| access.address == RELOAD && access.time > since);
+    reloads.map(|access| access.value.abs_diff(HALF_PERIOD)).max().unwrap_or(0)
+}
+
+/// A new event of the chip at every instruction of the handler of its common line: while the status is read and cleared, while the line is
+/// acknowledged, behind all of it.
+fn new_events_while_the_last_is_served(output: InterruptOutput) {
+    let alternatives = Alternatives { interrupt_output: output, ..Alternatives::default() };
+    let mut turning = Turning::new(DriveSetup { alternatives, ..DriveSetup::new(ADDRESS) }, 0.0, vec![]);
+    turning.turn(1_000);
+    turning.elf.guest.borrow_mut().watch_accesses(&[SERVICE_CONTAINER]);
+    let from = turning.watch_lines();
+    let raised: Rc<RefCell<Vec<(Nanoseconds, u32)>>> = Rc::default();
+    let mut instructions = BTreeSet::new();
+    // While there is something to serve, and at the other edge, that of the acknowledgement, which finds nothing.
+    for something in [true, false] {
+        let act: Act = {
+            let (chip, raised) = (Rc::clone(&turning.bench.drive.chip), Rc::clone(&raised));
+            Box::new(move |_, place| {
+                chip.borrow_mut().raise(place.now, SERVICE_EVENT);
+                raised.borrow_mut().push((place.now, place.pc));
+                Ok(())
+            })
+        };
+        let choose: Choose = {
+            let (raised, mut is_t3) = (Rc::clone(&raised), of_event(&turning, turning.t3.1));
+            Box::new(move |guest, place| {
+                // What is raised makes edges, too.
+                let last = raised.borrow().last().map_or(Nanoseconds::ZERO, |(time, _)| *time);
+                Ok(is_t3(guest, place)? == something && place.now > last + Nanoseconds::from_millis(1))
+            })
+        };
+        let swept = sweep(&mut turning, INT0, choose, act, |turning| turning.bench.run(Nanoseconds::from_millis(2)));
+        instructions.extend(swept.instructions);
+    }
+    turning.bench.run(Nanoseconds::from_millis(20));
+    let raised = raised.borrow();
+    let guest = turning.elf.guest.borrow();
+    let looks: Vec<Nanoseconds> =
+        guest.measurements().watched.iter().filter(|access| !access.writes).map(|access| access.time).collect();
+    let lost: Vec<String> = raised
+        .iter()
+        .filter(|(time, _)| {
+            let next = looks.partition_point(|look| look <= time);
+            looks.get(next).is_none_or(|look| *look - *time > Nanoseconds::from_microseconds(300))
+        })
+        .map(|(time, pc)| format!("{time} at {pc:08x}"))
+        .collect();
+    drop(guest);
+    let (worst, positions) = turning.worst_since(from);
+    println!(
+        "{output:?}: {} instructions of the handler swept with {} events, {} lost; {positions} positions off by {worst:.2} counts at most",
+        instructions.len(),
+        raised.len(),
+        lost.len()
+    );
+    assert!(lost.is_empty(), "{output:?}: {lost:?}");
+    assert!(instructions.len() > 100 && positions > 50, "{instructions:x?}");
+    assert!(worst.abs() < 0.5, "{worst}");
+    let status = turning.bench.drive.chip.borrow_mut().read_register(Nanoseconds::ZERO, 0x05);
+    assert_eq!(status & SERVICE_EVENT, 0);
+    assert_eq!(turning.bench.number(11), 0);
+}
+
+#[test]
+#[ignore = "needs QEMU and the ELF: cargo xtask test"]
+fn an_event_of_the_chip_at_every_instruction_of_its_handler_is_served_and_no_edge_is_lost() {
+    for output in [InterruptOutput::ActiveLowLevel, InterruptOutput::ActiveHighPulse] {
+        new_events_while_the_last_is_served(output);
+    }
+}
+
+/// Moves t4 to so many microseconds behind the edge of t3, and gives where t3 is.
+fn t4_behind_t3(turning: &mut Turning, microseconds: i32) {
+    let t3 = turning.bench.number(8) as i32;
+    let now = turning.bench.world.now();
+    turning.bench.drive.laws.borrow_mut().dismiss(crate::elf::FOLLOWS_THE_SHAFT);
+    turning.bench.drive.chip.borrow_mut().write_register(now, turning.t4.0, (t3 + microseconds) as u16);
+    turning.bench.run(Nanoseconds::from_millis(20));
+}
+
+#[test]
+#[ignore = "needs QEMU and the ELF: cargo xtask test"]
+fn t4_at_every_instruction_of_the_handler_of_t3_and_t3_at_every_instruction_of_that_of_t4_latch_both() {
+    for (behind, held, other) in [(9, INT0, INT1), (-9, INT1, INT0)] {
+        let mut turning = Turning::new(fine_press(), 0.0, vec![]);
+        t4_behind_t3(&mut turning, behind);
+        turning.turn(1_000);
+        turning.elf.guest.borrow_mut().watch_accesses(&[RELOAD]);
+        let quiet_since = turning.bench.world.now();
+        turning.bench.run(Nanoseconds::from_millis(300));
+        let quiet = greatest_trim(&turning, quiet_since);
+        let from = turning.watch_lines();
+        let event = if held == INT0 { turning.t3.1 } else { turning.t4.1 };
+        // The other event comes 9 us behind this one: a handler that has gone on for longer has it behind it, and is swept.
+        let begun: Rc<Cell<Nanoseconds>> = Rc::default();
+        let (begins, mut choose) = (Rc::clone(&begun), of_event(&turning, event));
+        let choose: Choose = Box::new(move |guest, place| {
+            begins.set(place.now);
+            choose(guest, place)
+        });
+        let act: Act = Box::new(move |guest, place| {
+            if place.now - begun.get() < Nanoseconds::from_microseconds(8) {
+                guest.hold(Hold::Interrupt(other));
+            }
+            Ok(())
+        });
+        let swept = sweep(&mut turning, held, choose, act, |turning| turning.bench.run(Nanoseconds::from_millis(2)));
+        turning.bench.run(Nanoseconds::from_millis(20));
+        let (worst, positions) = turning.worst_since(from);
+        let trim = greatest_trim(&turning, from);
+        println!(
+            "vector {held} held until {other}: {} instructions swept in {} cycles; {positions} positions off by {worst:.2} counts at most; trim {quiet} \
+             before, {trim} at most",
+            swept.instructions.len(),
+            swept.stops
+        );
+        assert!(swept.instructions.len() > 40 && positions > 50, "{swept:?}");
+        assert!(worst.abs() < 0.5, "{worst}");
+        assert!(trim <= quiet + 3, "{quiet} before, {trim}");
+        assert_eq!(turning.bench.number(11), 0);
+    }
+}
+
+#[test]
+#[ignore = "needs QEMU and the ELF: cargo xtask test"]
+fn the_phase_of_t3_is_measured_alike_with_the_current_loop_at_every_instruction_of_its_handler() {
+    let mut turning = Turning::new(DriveSetup::new(ADDRESS), 0.0, vec![]);
+    turning.elf.guest.borrow_mut().watch_accesses(&[RELOAD]);
+    let quiet_since = turning.bench.world.now();
+    turning.bench.run(Nanoseconds::from_millis(300));
+    let quiet = greatest_trim(&turning, quiet_since);
+    // Where in the tick t3 comes: in its second half, so that the next current loop begins another one.
+    let ticks: Rc<RefCell<Vec<Nanoseconds>>> = Rc::default();
+    let seen = Rc::clone(&ticks);
+    let handler = turning.elf.guest.borrow_mut().handler_of(CONTROL_LOOP).unwrap();
+    *turning.elf.on_stop.borrow_mut() = Some(Box::new(move |guest, stopped| {
+        seen.borrow_mut().push(stopped.now);
+        guest.stop_at(StopAt { address: handler, behind: 0 })
+    }));
+    turning.elf.guest.borrow_mut().stop_at(StopAt { address: handler, behind: 0 }).unwrap();
+    turning.watch_lines();
+    turning.bench.run(Nanoseconds::from_millis(10));
+    *turning.elf.on_stop.borrow_mut() = None;
+    let edge = {
+        let tape = turning.elf.tape.borrow();
+        tape.edges.iter().flatten().find(|edge| edge.status & turning.t3.1 != 0).unwrap().time
+    };
+    let ticks = ticks.take();
+    let since = edge - *ticks.iter().rev().find(|tick| **tick < edge).unwrap();
+    println!("t3 comes {since} behind the beginning of a control loop");
+    assert!((Nanoseconds(70_000)..Nanoseconds(115_000)).contains(&since), "{since}");
+
+    let from = turning.bench.world.now();
+    let act: Act = Box::new(move |guest, _| {
+        guest.hold(Hold::Interrupt(ADC));
+        Ok(())
+    });
+    let choose = of_event(&turning, turning.t3.1);
+    let swept = sweep(&mut turning, INT0, choose, act, |turning| turning.bench.run(Nanoseconds::from_millis(2)));
+    turning.bench.run(Nanoseconds::from_millis(50));
+    let trim = greatest_trim(&turning, from);
+    println!(
+        "{} instructions of the handler of t3 swept in {} cycles, trim {quiet} before, {trim} at most",
+        swept.instructions.len(),
+        swept.stops
+    );
+    assert!(swept.instructions.len() > 40, "{swept:?}");
+    assert!(trim <= quiet + 3, "{quiet} before, {trim}");
+    assert_eq!(turning.bench.number(11), 0);
 }

@@ -1,6 +1,6 @@
 //! What the hardware latches for the flashed ELF, against the true shaft: the position of t4, the index, the probes.
 
-use crate::elf::{Turning, fine_press, worse};
+use crate::elf::{FOLLOWS_THE_SHAFT, Turning, fine_press, worse};
 use bench::DriveSetup;
 use ring::Nanoseconds;
 use ring::chip::{Alternatives, InterruptOutput, InterruptPin, RoutingSense};
@@ -24,12 +24,7 @@ fn latches_the_true_position(output: InterruptOutput, routing: RoutingSense) -> 
     let mut turning = Turning::new(DriveSetup { alternatives, ..fine_press() }, 0.0, vec![]);
     let what = format!("{output:?}, {routing:?}");
     // It takes t4 from the parameters, and here the chip is told otherwise behind the drive's back.
-    turning
-        .bench
-        .drive
-        .laws
-        .borrow_mut()
-        .dismiss("S-0-0051 follows the shaft and does not jump but by homing, S-0-0447 or rescaling");
+    turning.bench.drive.laws.borrow_mut().dismiss(FOLLOWS_THE_SHAFT);
     turning.turn(1_000);
     // To the middle between t4 and the MST.
     let mut from = turning.watch_lines();
@@ -58,8 +53,8 @@ fn latches_the_true_position(output: InterruptOutput, routing: RoutingSense) -> 
         edge.line
     );
     assert!(positions >= 130 && more >= 130, "{what}: {positions}, {more}");
-    assert!(quiet.abs() <= 1.0, "{what}: {quiet} counts");
-    assert!(ringing.abs() <= 1.0, "{what}: {ringing} counts on a line that rings");
+    assert!(quiet.abs() < 0.5, "{what}: {quiet} counts");
+    assert!(ringing.abs() < 0.5, "{what}: {ringing} counts on a line that rings");
     // Or nothing was held up: 5 us are 44 counts.
     let level = matches!(output, InterruptOutput::ActiveLowLevel | InterruptOutput::ActiveHighLevel);
     assert!(!level || held_up > Nanoseconds::from_microseconds(5), "{what}: {held_up}");
@@ -149,7 +144,7 @@ fn both_edges_of_both_probes_give_the_position_of_the_true_shaft_at_speed_in_bot
         }
     }
     println!("{latched} positions, off by {worst:.2?} counts at most");
-    assert!(worst.iter().all(|deviation| deviation.abs() <= 1.0), "{worst:?}");
+    assert!(worst.iter().all(|deviation| deviation.abs() < 0.5), "{worst:?}");
 }
 
 #[test]
@@ -193,7 +188,7 @@ fn homing_at_speed_gives_the_index_of_the_true_shaft_the_reference_position_in_b
         turning.zero = index.unwrap();
         let (worst, positions) = turning.worst_since(from);
         println!("index passed with {speed:.0} rpm: {positions} positions off by {worst:.2} counts at most");
-        assert!(positions > 40 && worst.abs() <= 1.0, "{worst}");
+        assert!(positions > 40 && worst.abs() < 0.5, "{worst}");
         assert!(speed.abs() > 150.0 && (speed < 0.0) == (direction == 1), "{speed} rpm");
     }
 }
