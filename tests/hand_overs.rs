@@ -3,12 +3,14 @@
 //! A handler is stopped before its first instruction, then before its second one in the next cycle, and so on until it is at its end. Each time it
 //! stands there until what is to come in between has come.
 
-use crate::elf::{Turning, fine_press};
+use crate::elf::{FOLLOW, Turning, fine_press};
 use crate::running::ADDRESS;
 use bench::DriveSetup;
-use emulator::{EmulatorError, Guest, Hold, StopAt, Stopped};
+use emulator::{EmulatorError, Guest, Hold, StopAt, Stopped, Watched};
 use ring::Nanoseconds;
 use ring::chip::{Alternatives, InterruptOutput};
+use ring::ident::Idn;
+use ring::service_client::Request;
 use std::cell::{Cell, RefCell};
 use std::collections::BTreeSet;
 use std::rc::Rc;
@@ -412,4 +414,152 @@ fn the_phase_of_t3_is_measured_alike_with_the_current_loop_at_every_instruction_
     assert!(swept.instructions.len() > 40, "{swept:?}");
     assert!(trim <= quiet + 3, "{quiet} before, {trim}");
     assert_eq!(turning.bench.number(11), 0);
+}
+
+/// TIM1_SR and TIM1_BDTR.
+const STATUS: u32 = 0x4001_0010;
+const OUTPUTS: u32 = 0x4001_0044;
+const BREAK_FLAG: u32 = 1 << 7;
+const OUTPUTS_ENABLED: u32 = 1 << 15;
+
+/// Switches the axis off and on again, and gives the writes to TIM1 of the latter.
+fn off_and_on(turning: &mut Turning) -> Vec<Watched> {
+    turning.bench.world.ring_mut().master_mut().hold_switches(Some(0));
+    turning.bench.run(Nanoseconds::from_millis(12));
+    let before = turning.elf.guest.borrow().measurements().watched.len();
+    turning.bench.world.ring_mut().master_mut().hold_switches(Some(FOLLOW));
+    turning.bench.run(Nanoseconds::from_millis(8));
+    let guest = turning.elf.guest.borrow();
+    guest.measurements().watched[before..].iter().filter(|access| access.writes).copied().collect()
+}
+
+/// The last acknowledgement of a trip among these.
+fn last_acknowledgement(writes: &[Watched]) -> Option<&Watched> {
+    writes.iter().rfind(|write| write.address == STATUS && write.value & BREAK_FLAG == 0)
+}
+
+/// What is done at an instruction while the bridge is switched on.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Trip {
+    /// The break input is low for one instruction.
+    Break,
+    /// The current loop finds an overcurrent.
+    CurrentLoop,
+}
+
+/// A trip at every instruction from the acknowledgement of the last one to the second look behind the store that switches on.
+fn trips_while_switching_on(trip: Trip) {
+    let mut turning = Turning::new(DriveSetup::new(ADDRESS), 0.0, vec![]);
+    turning.elf.guest.borrow_mut().watch_accesses(&[STATUS, OUTPUTS]);
+    // An instruction's worth of a break is nothing that it sees.
+    turning
+        .bench
+        .drive
+        .laws
+        .borrow_mut()
+        .dismiss("after the cause is gone, S-0-0099 and a fresh edge always bring the axis back");
+    let link_at = turning.elf.guest.borrow().symbol("app::app::LINK").unwrap().0;
+    // The words that are 1 with torque and 0 without, in both messages: the order to regulate.
+    let words = |turning: &Turning| link(&mut turning.elf.guest.borrow_mut()).unwrap();
+    let with_torque = words(&turning);
+    turning.bench.world.ring_mut().master_mut().hold_switches(Some(0));
+    turning.bench.run(Nanoseconds::from_millis(12));
+    let without = words(&turning);
+    let orders: Vec<u32> = (0..without.len())
+        .filter(|word| with_torque[*word] == 1 && without[*word] == 0)
+        .map(|word| link_at + 4 * word as u32)
+        .collect();
+    assert_eq!(orders.len(), 2, "{orders:x?}");
+    let writes = off_and_on(&mut turning);
+    assert!(turning.bench.has_torque(), "{writes:x?}");
+    let first = writes.iter().find(|write| write.address == OUTPUTS).unwrap().pc;
+    let on = writes.iter().position(|write| write.address == OUTPUTS && write.value & OUTPUTS_ENABLED != 0).unwrap();
+    assert!(last_acknowledgement(&writes[..on]).is_some());
+
+    let mut places = BTreeSet::new();
+    let (mut must_stay_off, mut may_be_on) = (0, 0);
+    for step in 0..80 {
+        let struck: Rc<Cell<Option<(Nanoseconds, u32)>>> = Rc::default();
+        let (seen, motor_side) = (Rc::clone(&struck), Rc::clone(&turning.bench.drive.motor_side));
+        let orders = orders.clone();
+        *turning.elf.on_stop.borrow_mut() = Some(Box::new(move |guest, stopped| {
+            let again = seen.get().is_some();
+            match trip {
+                Trip::Break => {
+                    motor_side.borrow_mut().change_inputs(|inputs| inputs.bridge_ready = again);
+                    if !again {
+                        guest.stop_at(StopAt { address: StopAt::HERE, behind: 1 })?;
+                    }
+                }
+                Trip::CurrentLoop => {
+                    motor_side.borrow_mut().machine().fail_current_sensor(0, Some(4_095), stopped.now.0);
+                    for order in &orders {
+                        guest.write_memory(*order, 1)?;
+                    }
+                    guest.hold(Hold::Interrupt(ADC));
+                }
+            }
+            seen.set(seen.get().or(Some((stopped.now, stopped.pc))));
+            Ok(())
+        }));
+        turning.bench.world.ring_mut().master_mut().hold_switches(Some(0));
+        turning.bench.run(Nanoseconds::from_millis(12));
+        let before = turning.elf.guest.borrow().measurements().watched.len();
+        turning.elf.guest.borrow_mut().stop_at(StopAt { address: first, behind: step }).unwrap();
+        turning.bench.world.ring_mut().master_mut().hold_switches(Some(FOLLOW));
+        while struck.get().is_none() {
+            turning.bench.run(Nanoseconds(125_000));
+        }
+        // Before the supervision looks at it and takes the bridge off by itself.
+        turning.bench.run(Nanoseconds::from_microseconds(70));
+        let (time, pc) = struck.get().unwrap();
+        let (stays_on, watched) = {
+            let guest = turning.elf.guest.borrow();
+            (turning.bench.has_torque(), guest.measurements().watched[before..].to_vec())
+        };
+        let writes: Vec<Watched> = watched.into_iter().filter(|access| access.writes).collect();
+        let acknowledged = last_acknowledgement(&writes).map_or(Nanoseconds::ZERO, |write| write.time);
+        let on = writes.iter().find(|write| write.address == OUTPUTS && write.value & OUTPUTS_ENABLED != 0);
+        // Beyond the store that switches on and the look behind it, a trip finds the bridge on and takes it off as any other does.
+        let beyond = on.is_some_and(|on| time > on.time + Nanoseconds(400));
+        if !beyond {
+            places.insert(pc);
+        }
+        if time > acknowledged {
+            must_stay_off += 1;
+            assert!(!stays_on, "{trip:?} at {pc:08x}, step {step}: the bridge is on");
+        } else {
+            may_be_on += 1;
+        }
+        motor_side_restored(&mut turning);
+        *turning.elf.on_stop.borrow_mut() = None;
+        turning.bench.run(Nanoseconds::from_millis(4));
+        turning.bench.world.ring_mut().master_mut().hold_switches(Some(0));
+        turning.bench.run(Nanoseconds::from_millis(6));
+        if turning.bench.status() & 0x2000 != 0 {
+            turning.bench.ask(Request::Command { idn: Idn(99), polls: 10 }).unwrap();
+        }
+        if beyond {
+            break;
+        }
+    }
+    println!(
+        "{trip:?}: {} instructions swept; {may_be_on} before the acknowledgement, {must_stay_off} behind it",
+        places.len()
+    );
+    assert!(places.len() > 15 && must_stay_off > 8 && may_be_on > 3, "{places:x?}");
+}
+
+fn motor_side_restored(turning: &mut Turning) {
+    let now = turning.bench.world.now().0;
+    let motor_side = &mut *turning.bench.drive.motor_side.borrow_mut();
+    motor_side.machine().fail_current_sensor(0, None, now);
+    motor_side.change_inputs(|inputs| inputs.bridge_ready = true);
+}
+
+#[test]
+#[ignore = "needs QEMU and the ELF: cargo xtask test"]
+fn a_trip_at_every_instruction_of_switching_on_wins_once_the_last_one_has_been_acknowledged() {
+    trips_while_switching_on(Trip::Break);
+    trips_while_switching_on(Trip::CurrentLoop);
 }
