@@ -288,6 +288,16 @@ mod tests {
     }
 
     #[test]
+    fn the_nearest_revolution_changes_in_the_middle_between_two() {
+        for (distance, nearest) in
+            [(0, 0), (499, 0), (500, 1_000), (1_000, 1_000), (1_499, 1_000), (1_500, 2_000), (2_700, 2_000)]
+        {
+            assert_eq!(nearest_revolutions(distance, 1_000), nearest, "{distance}");
+            assert_eq!(nearest_revolutions(-distance, 1_000), -nearest, "-{distance}");
+        }
+    }
+
+    #[test]
     fn a_signal_is_lost_when_the_flux_turns_and_the_counter_does_not() {
         for jitter in [0, 1, 3] {
             let mut monitor = EncoderMonitor::new(5);

@@ -366,6 +366,54 @@ mod tests {
     }
 
     #[test]
+    fn a_limit_that_is_as_wide_as_the_one_in_force_changes_nothing_and_not_its_name() {
+        let [wide, equal, narrow] = [150, 100, 50].map(CurrentFraction::from_bits);
+        let limits = TorqueLimits::symmetrical(equal, Limiting::MOTOR_PEAK);
+        for magnitude in [wide, equal] {
+            assert_eq!(limits.narrowed(magnitude, Limiting::MOTOR_LOAD), limits);
+            for current in [magnitude, -magnitude] {
+                assert_eq!(limits.narrowed_on_one_side(current, Limiting::MOTOR_LOAD), limits);
+            }
+        }
+        assert_eq!(
+            limits.narrowed(narrow, Limiting::MOTOR_LOAD),
+            TorqueLimits::symmetrical(narrow, Limiting::MOTOR_LOAD)
+        );
+        let positive = limits.narrowed_on_one_side(narrow, Limiting::MOTOR_LOAD);
+        assert_eq!((positive.positive, positive.negative), (narrow, -equal));
+        assert_eq!((positive.positive_cause, positive.negative_cause), (Limiting::MOTOR_LOAD, Limiting::MOTOR_PEAK));
+        let negative = limits.narrowed_on_one_side(-narrow, Limiting::MOTOR_LOAD);
+        assert_eq!((negative.positive, negative.negative), (equal, -narrow));
+    }
+
+    #[test]
+    fn a_value_at_its_limit_meets_it_and_is_within_it() {
+        let limit = CurrentFraction::from_bits(100);
+        let torque = TorqueLimits {
+            positive: limit,
+            negative: -limit,
+            positive_cause: Limiting::TORQUE_POSITIVE,
+            negative_cause: Limiting::TORQUE_NEGATIVE,
+        };
+        for (bits, met, applied) in [
+            (99, Limiting::empty(), Limiting::empty()),
+            (100, Limiting::TORQUE_POSITIVE, Limiting::empty()),
+            (101, Limiting::TORQUE_POSITIVE, Limiting::TORQUE_POSITIVE),
+            (-99, Limiting::empty(), Limiting::empty()),
+            (-100, Limiting::TORQUE_NEGATIVE, Limiting::empty()),
+            (-101, Limiting::TORQUE_NEGATIVE, Limiting::TORQUE_NEGATIVE),
+        ] {
+            let current = CurrentFraction::from_bits(bits);
+            assert_eq!(torque.met_by(current), met, "{bits}");
+            assert_eq!(torque.apply(current), (current.min(limit).max(-limit), applied), "{bits}");
+        }
+        let limit = Velocity::from_bits(100);
+        let velocity = VelocityLimits::new(Velocity::from_bits(500), Some(limit), Some(-limit));
+        assert_eq!(velocity.apply(limit), (limit, Limiting::VELOCITY_POSITIVE));
+        assert_eq!(velocity.apply(-limit), (-limit, Limiting::VELOCITY_NEGATIVE));
+    }
+
+    #[test]
     fn each_limit_can_be_the_smallest_and_is_named() {
         for (parameters, positive, positive_cause, negative, negative_cause) in [
             (PARAMETERS, 1.0, Limiting::AMPLIFIER_PEAK, -1.0, Limiting::AMPLIFIER_PEAK),

@@ -169,6 +169,13 @@ mod tests {
     }
 
     #[test]
+    fn braking_may_take_the_longest_time_and_no_tick_more() {
+        assert_eq!(braking_time(LONGEST_BRAKING << 12), Ok(()));
+        let actual = LONGEST_BRAKING.unsigned_abs() + 1;
+        assert_eq!(braking_time((LONGEST_BRAKING + 1) << 12), Err(SettingsError::BrakingTime { actual }));
+    }
+
+    #[test]
     fn limits_of_zero_are_refused_with_their_name() {
         let none = Acceleration::from_bits(0);
         let zero = |name| Err(SettingsError::Zero { parameter: name });

@@ -215,6 +215,10 @@ impl Threshold {
 
 #[cfg(test)]
 mod tests {
+    extern crate std;
+
+    use std::string::ToString;
+
     use super::*;
     use proptest::prelude::*;
 
@@ -232,6 +236,14 @@ mod tests {
 
     fn run(settings: &TemperatureSettings, state: &mut Temperature, sample: u16, ticks: u32) -> TemperatureOutput {
         (0..ticks).map(|_| state.tick(settings, sample)).last().unwrap()
+    }
+
+    #[test]
+    fn an_error_of_the_sensor_says_what_was_measured_and_what_a_sound_one_shows() {
+        let below = TemperatureError::BelowRange { expected: 100, actual: 7 };
+        let above = TemperatureError::AboveRange { expected: 4_000, actual: 4_095 };
+        assert_eq!(below.to_string(), "temperature sensor at 7 counts, expected at least 100");
+        assert_eq!(above.to_string(), "temperature sensor at 4095 counts, expected at most 4000");
     }
 
     #[test]

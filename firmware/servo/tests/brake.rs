@@ -225,6 +225,36 @@ fn a_brake_that_is_slow_or_silent_when_it_closes_never_takes_the_torque_early() 
 }
 
 #[test]
+fn a_current_at_the_end_of_its_tolerance_follows_and_one_beyond_does_not() {
+    for (less, follows) in [(655, true), (656, false)] {
+        let mut bench = Bench::new(PARAMETERS);
+        assert_eq!(PARAMETERS.proof_tolerance.to_bits(), 655);
+        bench.inputs.request = BrakeRequest::Release;
+        bench.tick();
+        bench.inputs.bridge_on = true;
+        bench.inputs.field_current = CurrentFraction::from_bits(PARAMETERS.proof_current.to_bits() - less);
+        for _ in 0..10 {
+            bench.output = bench.sequencer.tick(&bench.settings, &bench.inputs);
+        }
+        assert_eq!(bench.output.energise, follows, "{less}");
+    }
+}
+
+#[test]
+fn a_brake_that_stays_closed_is_found_wherever_the_axis_stands() {
+    for revolutions in [-3, 7] {
+        let mut bench = Bench::new(PARAMETERS);
+        bench.inputs.position = Position::from_bits(revolutions << 32);
+        bench.inputs.request = BrakeRequest::Release;
+        bench.until(|output| output.finished);
+        bench.inputs.blocked = true;
+        bench.run(20);
+        let error = BrakeError::BrakeStuck { expected: PARAMETERS.hold_window, actual: Position::ZERO };
+        assert_eq!(bench.events, [error], "{revolutions}");
+    }
+}
+
+#[test]
 fn a_brake_that_stays_closed_is_found_in_the_first_motion_only() {
     let mut bench = Bench::released(PARAMETERS);
     bench.inputs.blocked = true;
