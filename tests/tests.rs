@@ -3,13 +3,18 @@
 //! One program, because each would be linked with everything for itself.
 
 mod blocked;
+mod bridge_and_brake;
 mod commissioning;
 mod common;
 mod coordinates;
 mod demo;
+#[path = "common/elf.rs"]
+mod elf;
 mod faults;
 mod following;
 mod functions;
+mod hand_overs;
+mod latches;
 mod laws;
 #[path = "common/led.rs"]
 mod led;

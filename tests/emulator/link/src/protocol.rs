@@ -4,7 +4,7 @@
 //! [`command::RESUME`] lets the product run on. A *tick* is one instruction of the product.
 
 /// Version of this protocol; both sides name it.
-pub const VERSION: u32 = 4;
+pub const VERSION: u32 = 5;
 
 /// First word of a message from the bus.
 pub mod message {
@@ -22,6 +22,8 @@ pub mod message {
     pub const MEMORY: u32 = 6;
     /// There is no going on; the payload says why, as text of four bytes a word, zeros behind it.
     pub const FAILED: u32 = 7;
+    /// The instruction of [`super::command::STOP_AT`] is about to be executed.
+    pub const STOPPED: u32 = 16;
 }
 
 /// Word positions in the header of a message from the bus.
@@ -82,6 +84,9 @@ pub mod command {
     pub const WRITE_MEMORY: u32 = 3;
     /// Begin (1) or end (0) a trace, see [`super::trace`]. Answered with an empty memory message. Only the bus inside QEMU knows it.
     pub const TRACE: u32 = 4;
+    /// Stop once before an instruction: that at this address (0: the current one), or so many executed ones behind it (second word). Answered with
+    /// an empty memory message.
+    pub const STOP_AT: u32 = 16;
 }
 
 /// What the processor did, little-endian words in a file beside the page: the address of an instruction, which is even, or one of these.
