@@ -4,7 +4,6 @@
 use crate::elf::{FOLLOW, Turning, on_qemu};
 use crate::running::{ADDRESS, Bench};
 use bench::{DriveSetup, Elf};
-use emulator::{Hold, StopAt};
 use ring::Nanoseconds;
 use ring::service_client::control;
 use std::cell::Cell;
@@ -23,8 +22,6 @@ const STATUS: u32 = 0x4001_0010;
 const OUTPUTS: u32 = 0x4001_0044;
 const BREAK_FLAG: u32 = 1 << 7;
 const OUTPUTS_ENABLED: u32 = 1 << 15;
-/// Interrupt of the converters: the current loop.
-const ADC: u8 = 18;
 
 struct Axis {
     bench: Bench,
@@ -168,21 +165,14 @@ fn bridge_and_brake_switch_in_their_order_and_times_and_a_trip_takes_the_bridge_
     assert!(seen > 0, "{written:?}");
 }
 
-/// Holds the handler of the current loop at its first instruction for these spans, one cycle after the other.
+/// Holds cycles of the current loop for these spans, in us, one after the other.
 fn hold_cycles(turning: &mut Turning, spans: &[u64]) {
-    let handler = turning.elf.guest.borrow_mut().handler_of(ADC).unwrap();
-    let stop = StopAt { address: handler, behind: 0 };
-    let left = Rc::new(Cell::new(0));
-    let (done, spans) = (Rc::clone(&left), spans.to_vec());
-    let count = spans.len();
-    *turning.elf.on_stop.borrow_mut() = Some(Box::new(move |guest, stopped| {
-        guest.hold(Hold::Until(stopped.now + Nanoseconds::from_microseconds(spans[done.get()])));
-        done.set(done.get() + 1);
-        if done.get() < spans.len() { guest.stop_at(stop) } else { Ok(()) }
-    }));
-    turning.elf.guest.borrow_mut().stop_at(stop).unwrap();
+    let spans: Vec<Nanoseconds> = spans.iter().map(|span| Nanoseconds::from_microseconds(*span)).collect();
+    let done = Rc::new(Cell::new(false));
+    let told = Rc::clone(&done);
+    turning.elf.hold_cycles(&spans, move || told.set(true)).unwrap();
     turning.bench.run(Nanoseconds::from_millis(2));
-    assert_eq!(left.get(), count);
+    assert!(done.get());
 }
 
 #[test]

@@ -5,7 +5,7 @@ use std::collections::VecDeque;
 use std::fmt;
 use std::rc::Rc;
 
-use emulator::{EmulatorError, Guest, Stopped};
+use emulator::{EmulatorError, Guest, Hold, StopAt, Stopped};
 use ring::Nanoseconds;
 use ring::chip::InterruptPin;
 
@@ -33,6 +33,32 @@ impl Elf {
             lines: Rc::default(),
             on_stop: Rc::new(RefCell::new(None)),
         }
+    }
+}
+
+impl Elf {
+    /// Holds the handler of the current loop at its first instruction for these spans, one cycle after the other, from the next one on;
+    /// `done` is called behind the last.
+    ///
+    /// # Errors
+    /// The end of QEMU.
+    pub fn hold_cycles(&self, spans: &[Nanoseconds], mut done: impl FnMut() + 'static) -> Result<(), EmulatorError> {
+        const END_OF_CONVERSION: u8 = 18;
+        let guest = &mut *self.guest.borrow_mut();
+        let stop = StopAt { address: guest.handler_of(END_OF_CONVERSION)?, behind: 0 };
+        let mut spans = spans.to_vec().into_iter();
+        *self.on_stop.borrow_mut() = Some(Box::new(move |guest, stopped| {
+            match spans.next() {
+                Some(span) => guest.hold(Hold::Until(stopped.now + span)),
+                None => return Ok(()),
+            }
+            if spans.len() == 0 {
+                done();
+                return Ok(());
+            }
+            guest.stop_at(stop)
+        }));
+        guest.stop_at(stop)
     }
 }
 

@@ -242,8 +242,8 @@ impl Fault {
             Self::TwoMdtsLost => rig.disturb(TelegramKind::Mdt, 2, Effect::Drop)?,
             Self::FibreBroken => rig.darken(100)?,
             Self::PhaseRegression => rig.disturb(TelegramKind::Mst, 1, Effect::Phase(2))?,
-            Self::OneLateCycle => rig.motor_side().borrow_mut().delay_cycles(1),
-            Self::LateCycles => rig.motor_side().borrow_mut().delay_cycles(4),
+            Self::OneLateCycle => rig.delay_cycles(1)?,
+            Self::LateCycles => rig.delay_cycles(4)?,
             Self::BrakeStuckClosed => rig.break_brake(Some(BrakeFailure::StuckEngaged)),
             // Built so from the beginning, see `prepare`.
             Self::BrakeOpensLate => {}
