@@ -124,6 +124,32 @@ mod tests {
     }
 
     #[test]
+    fn a_third_of_the_flux_may_change() {
+        assert_eq!(HiddenMotionSettings::ALLOWED, 333);
+    }
+
+    #[test]
+    fn a_voltage_that_swings_to_both_sides_is_no_movement() {
+        let settings = HiddenMotionSettings { limit: 1_000, per_mille: 1 << 20, quiet_shift: 31 };
+        let mut state = HiddenMotion::new();
+        for swing in 0..1_000 {
+            let voltage = if swing % 2 == 0 { 900 } else { -900 };
+            assert_eq!(state.tick(&settings, voltage, 0), None, "{swing}");
+        }
+        assert!(state.flux.abs() < 1_000, "{}", state.flux);
+    }
+
+    #[test]
+    fn a_movement_is_over_when_its_voltage_is_half_of_the_highest() {
+        let settings = HiddenMotionSettings { limit: 10, per_mille: 1 << 30, quiet_shift: 31 };
+        let mut state = HiddenMotion::new();
+        assert_eq!(state.tick(&settings, 100, 0), None, "it grows");
+        // The highest of 100 has become 99.
+        assert_eq!({ state }.tick(&settings, 50, 0), None);
+        assert!(state.tick(&settings, 49, 0).is_some());
+    }
+
+    #[test]
     fn a_rotor_that_is_drawn_to_the_current_is_seen() {
         for milliseconds in [3.0, 6.0, 12.0, 24.0] {
             let share = drawn(milliseconds, 0.0);

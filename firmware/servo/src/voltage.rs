@@ -271,6 +271,10 @@ impl Reciprocal {
 
 #[cfg(test)]
 mod tests {
+    extern crate std;
+
+    use std::string::ToString;
+
     use super::*;
     use proptest::prelude::*;
 
@@ -296,6 +300,56 @@ mod tests {
 
     fn relative_error(reciprocal: Reciprocal, volts: f64) -> f64 {
         f64::from(reciprocal.bits) / f64::from(1_u32 << 31) / 16.0 * volts - 1.0
+    }
+
+    #[test]
+    fn a_voltage_at_its_threshold_is_good_and_one_count_beyond_is_not() {
+        let settings = VoltageSettings::new(&PARAMETERS).unwrap();
+        let at = |sample: u16| settings.fine_volts(sample);
+        let settings = VoltageSettings {
+            undervoltage: at(1_000),
+            undervoltage_end: at(1_100),
+            overvoltage: at(3_000),
+            overvoltage_end: at(2_900),
+            undervoltage_ticks: 1,
+            overvoltage_ticks: 1,
+            ..settings
+        };
+        let mut state = BusVoltage::new(&settings, 2_000);
+        for (sample, good, sustains) in [
+            (1_000, true, true),
+            (999, false, false),
+            (1_099, false, true),
+            (1_100, true, true),
+            (3_000, true, true),
+            (3_001, false, true),
+            (2_901, false, true),
+            (2_900, true, true),
+        ] {
+            let output = state.tick(&settings, sample);
+            assert_eq!((output.error.is_none(), output.sustains), (good, sustains), "{sample}");
+        }
+    }
+
+    #[test]
+    fn an_error_of_the_voltage_says_what_there_is_and_what_there_should_be() {
+        let low = VoltageError::Undervoltage { expected: 300_000, actual: 299_000 };
+        let high = VoltageError::Overvoltage { expected: 800_000, actual: 801_000 };
+        assert_eq!(low.to_string(), "bus voltage of 299000 mV, expected at least 300000 mV");
+        assert_eq!(high.to_string(), "bus voltage of 801000 mV, expected at most 800000 mV");
+    }
+
+    #[test]
+    fn millivolts_reciprocals_and_duties_are_rounded_to_the_nearest() {
+        assert_eq!([0, 10_066, 1 << FINE_BITS].map(millivolts), [0, 1, 1_000]);
+        for volts in [20, 24, 320, 560, 999] {
+            let exact = (1_i64 << 35) / volts;
+            let reciprocal = (0..20).fold(Reciprocal::SMALLEST, |last, _| last.refined(Volts::from_num(volts)));
+            assert!((i64::from(reciprocal.bits) - exact).abs() <= 1, "1/{volts} V: {}, not {exact}", reciprocal.bits);
+            assert_eq!(i64::from(reciprocal.of_fine_volts()), i64::from(reciprocal.bits) / 32);
+        }
+        let smallest = Reciprocal { bits: 1 };
+        assert_eq!([(1 << 20) - 1, 1 << 20].map(|bits| smallest.duty(Volts::from_bits(bits)).to_bits()), [0, 1]);
     }
 
     #[test]
