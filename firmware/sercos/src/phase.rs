@@ -348,6 +348,20 @@ mod tests {
     const PHASES: [Phase; 5] = [Phase::Cp0, Phase::Cp1, Phase::Cp2, Phase::Cp3, Phase::Cp4];
 
     #[test]
+    fn each_of_the_two_permissions_is_one_until_it_is_used_or_withdrawn() {
+        let mut machine = machine_in(Phase::Cp2);
+        assert!(!machine.is_permitted());
+        machine.permit_cp3(ReadyForCp3::new());
+        assert!(machine.is_permitted());
+        machine.received(3).unwrap();
+        assert!(!machine.is_permitted());
+        machine.permit_cp4(ReadyForCp4::new());
+        assert!(machine.is_permitted());
+        machine.withdraw();
+        assert!(!machine.is_permitted());
+    }
+
+    #[test]
     fn an_invalid_phase_is_told_as_it_came_without_the_other_bits() {
         for (data, received) in [(5, 5), (7, 7), (0xFE, 6)] {
             let mut machine = machine_in(Phase::Cp2);

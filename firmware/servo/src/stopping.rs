@@ -371,6 +371,19 @@ mod tests {
         }
 
         #[test]
+        fn a_movement_that_is_still_turning_round_goes_back_first(part in 0.1..1.0_f64, back in 0.0..0.95_f64) {
+            let (deceleration, jerk) = (26.0_f64.exp2(), 16.0_f64.exp2());
+            let acceleration = part * deceleration;
+            let release = acceleration / jerk;
+            let gained = acceleration * release / 2.0;
+            let (velocity, peak) = (-back * gained, (1.0 - back) * gained);
+            let exact = (velocity + gained * 2.0 / 3.0) * release + peak * (peak / jerk).sqrt();
+            let smooth = SmoothBrake::new(Slope::new(1 << 26), Slope::new(1 << 16));
+            let way = smooth.way(velocity as i64, acceleration as i64) as f64 * 16.0;
+            prop_assert!((way - exact).abs() < 0.02 * gained * release, "{way}, not {exact}");
+        }
+
+        #[test]
         fn a_value_between_has_the_margin(low in -1_000_000_i64..0, zero in 0.0..1.0_f64, range in 1_i64..1 << 40) {
             let high = low + range;
             let zero = low + (range as f64 * zero) as i64;
@@ -419,6 +432,9 @@ mod tests {
         assert!(brake.way(highest, 0) < FAR);
         assert_eq!(brake.way(highest + 1, 0), FAR);
         assert_eq!(brake.way(highest, 1 << 26), FAR);
+        // And never more than the rate itself: 2^13 in all, for 2 roots of an eighth.
+        let way = brake.way(1 << 12, 0);
+        assert!((178..=184).contains(&way), "{way}");
         for (velocity, acceleration) in
             [(0, 0), (-1 << 30, 0), (-1 << 30, 1 << 20), (0, -1 << 26), (-1 << 30, -1 << 26)]
         {
@@ -443,6 +459,8 @@ mod tests {
             // What a jerk that changes its sign within a tick may cost, is kept in hand.
             let hand = ((jerk * 3 / 8) * 6_000 + jerk * 40) >> COARSE_POSITION;
             assert!((-hand..=1 << 12).contains(&margin), "{margin} of {left} at {velocity}, {acceleration}");
+            let wider = (left >> COARSE_POSITION) + (1 << 50);
+            assert_eq!(brake.margin(wider, velocity, acceleration), margin + (1 << 50));
         }
         assert!(velocity > 1 << 35 && left > 1 << 47, "{velocity}, {left}");
     }

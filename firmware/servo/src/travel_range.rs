@@ -169,6 +169,21 @@ mod tests {
     }
 
     #[test]
+    fn a_position_is_remembered_for_as_many_looks_as_asked_for_and_for_no_more_than_twice_as_many() {
+        let taken_over_after = |looks: u16| {
+            let mut monitor = RangeMonitor::new(RANGE, at(1_500));
+            for _ in 0..looks {
+                assert_eq!(monitor.look(at(0), Commanded::Nothing), None);
+            }
+            monitor.look(at(0), Commanded::At(at(1_500))).is_none()
+        };
+        for looks in 0..=2 * RANGE.looks_back {
+            assert!(taken_over_after(looks), "{looks}");
+        }
+        assert!(!taken_over_after(2 * RANGE.looks_back + 1));
+    }
+
+    #[test]
     fn from_inside_a_command_beyond_the_range_is_found_at_once_and_one_on_its_end_is_none() {
         assert_eq!(ends(0, [500, 1_000, 1_002, 1_003]), [None, None, None, Some(RangeEnd::Highest)]);
         assert_eq!(ends(0, [-500, -1_000, -1_002, -1_003]), [None, None, None, Some(RangeEnd::Lowest)]);
