@@ -150,9 +150,10 @@ fn pin_interrupts(guest: &Guest, findings: &mut Findings) {
 
 fn timers(guest: &Guest, findings: &mut Findings) {
     let peripherals = guest.peripherals();
-    let tim2 = peripherals.counters.timer(TIM2);
-    let running = tim2.is_enabled() && tim2.counts_encoder();
-    findings.check("TIM2 counts the encoder", true, running, bool::to_string);
+    for (name, number) in [("TIM2", TIM2), ("TIM3", TIM3), ("TIM4", TIM4), ("TIM8", TIM8)] {
+        let counts = peripherals.counters.timer(number).counts_tracks_as_wired();
+        findings.check(format!("{name} counts all edges of the encoder as wired"), true, counts, bool::to_string);
+    }
     // Tracks and marks are latched together only behind equal filters: 8 samples at 84 MHz.
     for (name, number, channels) in
         [("TIM2", TIM2, 4), ("TIM3", TIM3, 3), ("TIM4", TIM4, 3), ("TIM8", TIM8, 3), ("TIM9", TIM9, 2)]

@@ -111,6 +111,12 @@ impl Timer {
         matches!(self.slave & 7, 1..=3)
     }
 
+    /// It counts all four edges of its tracks (encoder mode 3), forwards as they are wired: neither track is inverted.
+    pub(crate) fn counts_tracks_as_wired(&self) -> bool {
+        const INVERTED: u32 = 0b1010_1010;
+        self.is_enabled() && self.slave & 7 == 3 && self.capture_enable & INVERTED == 0
+    }
+
     /// SR; reading it has no effect.
     pub(crate) fn status(&self) -> u32 {
         self.status
