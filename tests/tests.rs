@@ -10,6 +10,7 @@ mod demo;
 mod faults;
 mod following;
 mod functions;
+mod last_metre;
 mod laws;
 #[path = "common/led.rs"]
 mod led;

@@ -21,6 +21,8 @@
 //! | [`MotorSide`], [`Inverter`] | - | the above, as `drive` sees them |
 //! | [`timestamp`] | TIM5 | microseconds for logs |
 //! | [`switches`] | GPIO | drive address and baud rate |
+//! | [`crash`] | RAM | the record of a crash, kept over the reset |
+//! | [`stack_guard`] | MPU | stops a stack before it reaches the statics |
 //! | [`watchdog`] | IWDG | resets the drive when a task stops making progress |
 #![no_std]
 #![deny(unsafe_op_in_unsafe_fn)]
@@ -39,6 +41,7 @@ pub mod brake_coil;
 pub mod bridge;
 pub mod chip_control;
 pub mod clocks;
+pub mod crash;
 pub mod current_sense;
 pub mod dead_time;
 pub mod edge_time;
@@ -51,6 +54,7 @@ pub mod loop_phase;
 pub mod marks;
 mod motor_side;
 pub mod pins;
+pub mod stack_guard;
 pub mod switches;
 pub mod timestamp;
 pub mod watchdog;

@@ -3,13 +3,16 @@
 //! The bridge is off and the brake holds through a reset and after it (see [`crate::pins`]), and the SERCON816 is reset with us, so a hung drive
 //! leaves the ring and lets the motor coast within the period of the watchdog.
 //!
-//! What it is fed on ([`Progress`]): `idle` runs, so no task hangs or storms; the control loop has ticked; and no bus task
-//! that was started is still waiting to begin, which would mean that its interrupt was lost.
+//! What it is fed on ([`Progress`]): `idle` runs, so no task hangs or storms; the control loop has ticked, which every second current loop starts; the
+//! supervision has run; and no task that was started is still waiting to begin, which would mean that its interrupt was lost. Which of them kept it from
+//! being fed is left for the record of the reset ([`crate::crash`]).
 
-use core::sync::atomic::{AtomicU8, AtomicU32, Ordering};
+use core::sync::atomic::{AtomicBool, AtomicU8, AtomicU32, Ordering};
 
-use drive::ResetCause;
+use drive::{ResetCause, Work};
 use stm32f4xx_hal::{pac, rcc::Rcc};
+
+use crate::crash;
 
 /// Ticks of the LSI oscillator (32 kHz, 17 to 47 kHz over all parts) divided by four: 100 ms, at least 68 and at most 188 ms.
 const RELOAD: u16 = 800 - 1;
@@ -22,13 +25,14 @@ const TICKS_PER_FEEDING: u32 = 64;
 pub struct Progress {
     ticks: AtomicU32,
     started: AtomicU8,
+    supervised: AtomicBool,
 }
 
 impl Progress {
     /// Nothing done, nothing asked for.
     #[must_use]
     pub const fn new() -> Self {
-        Self { ticks: AtomicU32::new(0), started: AtomicU8::new(0) }
+        Self { ticks: AtomicU32::new(0), started: AtomicU8::new(0), supervised: AtomicBool::new(false) }
     }
 
     /// The control loop ran.
@@ -49,6 +53,18 @@ impl Progress {
     #[inline(always)]
     pub fn begun(&self, tasks: u8) {
         self.started.fetch_and(!tasks, Ordering::Relaxed);
+    }
+
+    /// The supervision ran.
+    #[inline(always)]
+    pub fn supervised(&self) {
+        self.supervised.store(true, Ordering::Relaxed);
+    }
+
+    /// Tasks that have not begun, or that should have run and did not.
+    fn silent(&self) -> u8 {
+        let supervision = if self.supervised.load(Ordering::Relaxed) { 0 } else { Work::SUPERVISION.bits() };
+        self.started.load(Ordering::Relaxed) | supervision
     }
 }
 
@@ -100,9 +116,15 @@ impl Watchdog {
     pub fn feed(&mut self, progress: &Progress) -> bool {
         let ticks = progress.ticks.load(Ordering::Relaxed);
         let due = ticks.wrapping_sub(self.fed_at) >= TICKS_PER_FEEDING;
-        if !due || progress.started.load(Ordering::Relaxed) != 0 {
+        let silent = progress.silent();
+        if !due || silent != 0 {
+            if due {
+                crash::suspect(silent.into());
+            }
             return false;
         }
+        crash::suspect(0);
+        progress.supervised.store(false, Ordering::Relaxed);
         self.fed_at = ticks;
         if self.running {
             self.watchdog.kr().write(|w| w.key().feed());

@@ -1,6 +1,6 @@
 //! The flashed ELF in QEMU, as a processor of the world: its external bus is the chip's, its motor side is simulated.
 
-use emulator::{DigitalInputs, Environment, Guest, GuestConfiguration, IndexEdge};
+use emulator::{DigitalInputs, EmulatorError, Environment, Guest, GuestConfiguration, IndexEdge, Reset};
 use ring::Nanoseconds;
 use ring::chip::SharedChip;
 use ring::wire::BitRate;
@@ -53,9 +53,26 @@ impl QemuDrive {
             motor_side: motor_side.clone(),
             address,
             bit_rate,
+            chip_runs: false,
             observer: BusObserver::new(measurements),
         };
         Self { address, guest, environment }
+    }
+
+    /// Resets the processor; `now` is the world's time.
+    ///
+    /// # Errors
+    /// QEMU does not come up again.
+    pub fn reset(&mut self, now: Nanoseconds, reset: Reset) -> Result<(), EmulatorError> {
+        self.guest.reset(&mut self.environment, now, reset)
+    }
+
+    /// Stops its crystal; `now` is the world's time.
+    ///
+    /// # Errors
+    /// What the models refuse.
+    pub fn fail_crystal(&mut self, now: Nanoseconds) -> Result<(), EmulatorError> {
+        self.guest.fail_crystal(&mut self.environment, now)
     }
 
     /// The running product, to trace it.
@@ -98,6 +115,8 @@ struct QemuEnvironment {
     motor_side: SharedMotorSide,
     address: u8,
     bit_rate: BitRate,
+    /// The chip has left its reset once.
+    chip_runs: bool,
     observer: BusObserver,
 }
 
@@ -180,6 +199,12 @@ impl Environment for QemuEnvironment {
             (3, 4) => machine.temperature_samples(at.0)[1],
             // Nothing is connected to the others.
             _ => 0,
+        }
+    }
+
+    fn set_chip_reset(&mut self, now: Nanoseconds, held: bool) {
+        if std::mem::replace(&mut self.chip_runs, !held) && held {
+            self.chip.borrow_mut().pulse_reset(now);
         }
     }
 

@@ -9,15 +9,16 @@ use ring::ident::{Idn, Value};
 use ring::master::{Activity, CommandValues, DriveScript, MasterError, MasterScript, Motion, ScriptedMaster, Telegram};
 use ring::service_client::Request;
 use ring::wire::BitRate;
-use ring::{Nanoseconds, Ring, RingConfiguration};
+use ring::{Nanoseconds, RingConfiguration};
 
 use crate::axis::parameters_of;
-use crate::executor::{Elves, SharedMeasurements};
-use crate::processor::{Processor, ProcessorError};
+use crate::crashing::watched;
+use crate::executor::Elves;
+use crate::processor::ProcessorError;
 use crate::qemu_drive::QemuDrive;
 use crate::report::Progress;
-use crate::ring_of_drives::{DriveSetup, observer, station};
-use crate::world::{Inhabited, World};
+use crate::ring_of_drives::DriveSetup;
+use crate::world::World;
 
 /// What came of it.
 #[derive(Clone, Debug)]
@@ -132,29 +133,12 @@ fn run_until(
     Ok(world.now())
 }
 
-/// A drive of which a second hand asks for traces.
-struct Held(Rc<RefCell<QemuDrive>>);
-
-impl Processor for Held {
-    fn next_event(&self) -> Option<Nanoseconds> {
-        self.0.borrow().next_event()
-    }
-
-    fn run(&mut self, now: Nanoseconds, horizon: &dyn Fn() -> Nanoseconds) -> Result<(), ProcessorError> {
-        self.0.borrow_mut().run(now, horizon)
-    }
-}
-
 fn world(elves: &Elves) -> Result<(World<ScriptedMaster>, Rc<RefCell<QemuDrive>>), TraceError> {
     let bit_rate = BitRate::M4;
     let configuration = RingConfiguration::new(1, bit_rate);
     let setup = DriveSetup::new(ADDRESS);
-    let (chip, motor_side) = station(&setup, bit_rate, &configuration.clock);
-    let drive = QemuDrive::start(elves, &chip, &motor_side, ADDRESS, bit_rate, SharedMeasurements::default())?;
-    let drive = Rc::new(RefCell::new(drive));
-    let inhabited = Inhabited { processor: Box::new(Held(drive.clone())), motor_side, laws: observer(&setup) };
-    let ring = Ring::new(configuration, ScriptedMaster::new(script(bit_rate)), vec![chip]);
-    Ok((World::new(ring, vec![inhabited]), drive))
+    let (world, _, drive) = watched(configuration, ScriptedMaster::new(script(bit_rate)), &setup, elves)?;
+    Ok((world, drive))
 }
 
 fn script(bit_rate: BitRate) -> MasterScript {

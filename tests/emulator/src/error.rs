@@ -84,6 +84,14 @@ pub enum EmulatorError {
         /// Registers and fault status.
         report: String,
     },
+    /// The product resets itself.
+    #[error("{time}: the product resets itself (SYSRESETREQ), pc {pc:#010x}")]
+    SoftwareReset {
+        /// When.
+        time: Nanoseconds,
+        /// Where in the product.
+        pc: u32,
+    },
     /// The watchdog was not fed.
     #[error("{time}: the independent watchdog reset the processor")]
     Watchdog {

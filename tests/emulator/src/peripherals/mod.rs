@@ -78,6 +78,52 @@ pub(crate) struct Peripherals {
     edges: u128,
     reset_held: bool,
     straps: (bool, bool),
+    /// Accesses to a peripheral without its clock do nothing, as on the part; otherwise they are refused.
+    unclocked_ignored: bool,
+}
+
+/// Resets, and what becomes of the outputs without the processor.
+impl Peripherals {
+    /// At their reset values, with these flags in RCC_CSR.
+    pub(crate) fn after_reset(flags: u32, has_crystal: bool) -> Self {
+        let mut peripherals = Self::new();
+        peripherals.rcc.set_reset(flags, has_crystal);
+        // RSTN has a pull-down, and no pin drives it yet.
+        peripherals.reset_held = true;
+        peripherals
+    }
+
+    /// All pins become inputs: the pull-downs at gate drivers, brake coil and RSTN of the chip take over.
+    pub(crate) fn release<E: Environment + ?Sized>(&mut self, environment: &mut E, now: Nanoseconds) {
+        self.stage.release(environment, now);
+        if !std::mem::replace(&mut self.reset_held, true) {
+            environment.set_chip_reset(now, true);
+        }
+    }
+
+    /// The crystal stops. Tells whether the clock security system has noticed.
+    pub(crate) fn fail_crystal<E: Environment + ?Sized>(
+        &mut self,
+        environment: &mut E,
+        now: Nanoseconds,
+    ) -> Result<bool, EmulatorError> {
+        self.advance(environment, now)?;
+        let noticed = self.rcc.fail_crystal();
+        if noticed {
+            self.stage.break_by_clock(&self.ports, environment, now).map_err(|what| by_itself(now, what))?;
+        }
+        let tree = self.rcc.tree();
+        self.tim5.set_clock(tree.apb1_timers, now);
+        self.counters.set_clocks(&tree, now);
+        self.stage.set_clocks(&tree, now);
+        self.update_lines();
+        Ok(noticed)
+    }
+
+    /// See [`Peripherals::unclocked_ignored`].
+    pub(crate) fn ignore_unclocked(&mut self) {
+        self.unclocked_ignored = true;
+    }
 }
 
 impl Peripherals {
@@ -99,6 +145,7 @@ impl Peripherals {
             edges: 0,
             reset_held: false,
             straps: (false, false),
+            unclocked_ignored: false,
         }
     }
 
@@ -372,7 +419,10 @@ impl Peripherals {
         value: u32,
     ) -> Result<(), EmulatorError> {
         let Access { now, address, .. } = access;
-        self.check_clock(access)?;
+        match self.check_clock(access) {
+            Err(_) if self.unclocked_ignored => return Ok(()),
+            checked => checked?,
+        }
         let offset = address & 0x3FF;
         let fine = |done: Option<()>| done.map(Ok);
         let done = match address & !0x3FF {
@@ -469,7 +519,8 @@ impl Peripherals {
     /// Tells the world about outputs that changed.
     fn tell<E: Environment + ?Sized>(&mut self, environment: &mut E, now: Nanoseconds) {
         self.stage.tell(&self.ports, environment, now);
-        let held = self.is_output(wiring::CHIP_RESET) && !self.drives_high(wiring::CHIP_RESET);
+        // A pin that does not drive leaves it to the pull-down.
+        let held = !self.drives_high(wiring::CHIP_RESET);
         if std::mem::replace(&mut self.reset_held, held) != held {
             environment.set_chip_reset(now, held);
         }
