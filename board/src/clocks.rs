@@ -31,7 +31,7 @@ pub const APB2_TIMER_HZ: u32 = 168_000_000;
 
 /// Switches to the PLL and sets the flash wait states (5), prefetch and caches. From here on the clock security system watches the crystal.
 pub(crate) fn start(rcc: pac::RCC) -> Rcc {
-    let mut rcc = rcc.freeze(
+    let rcc = rcc.freeze(
         Config::hse(HSE_HZ.Hz())
             .sysclk(HCLK_HZ.Hz())
             .hclk(HCLK_HZ.Hz())

@@ -141,8 +141,10 @@ fn cause(status: &[u32; 4]) -> CrashCause {
     let [memory, _, address, _] = *status;
     let guarded = stack_guard::range();
     let touched = memory & ADDRESS_VALID != 0 && memory & DATA_ACCESS != 0 && guarded.contains(&address);
+    const LOOPS_STOPPED: u32 = 16 + pac::Interrupt::WWDG as u32;
     // SAFETY: as in `examine`.
     match unsafe { (*cortex_m::peripheral::SCB::PTR).icsr.read() } & 0x1FF {
+        LOOPS_STOPPED => CrashCause::ControlStopped,
         HARD_FAULT if memory & STACKING != 0 || touched => CrashCause::StackOverflow,
         HARD_FAULT if PANIC_LINE.load(Ordering::Relaxed) != 0 => CrashCause::Panic,
         HARD_FAULT => CrashCause::Fault,

@@ -12,7 +12,7 @@ use core::sync::atomic::{AtomicBool, AtomicU8, AtomicU32, Ordering};
 use drive::{ResetCause, Work};
 use stm32f4xx_hal::{pac, rcc::Rcc};
 
-use crate::crash;
+use crate::{crash, loop_watchdog};
 
 /// Ticks of the LSI oscillator (32 kHz, 17 to 47 kHz over all parts) divided by four: 100 ms, at least 68 and at most 188 ms.
 const RELOAD: u16 = 800 - 1;
@@ -78,6 +78,7 @@ impl Default for Progress {
 #[derive(Debug)]
 pub struct Watchdog {
     watchdog: pac::IWDG,
+    of_loops: pac::WWDG,
     reset_cause: ResetCause,
     running: bool,
     fed_at: u32,
@@ -85,10 +86,11 @@ pub struct Watchdog {
 
 impl Watchdog {
     /// Takes the watchdog over, and the record of the last reset with it.
-    pub(crate) fn new(watchdog: pac::IWDG, rcc: &mut Rcc) -> Self {
+    pub(crate) fn new(watchdog: pac::IWDG, of_loops: pac::WWDG, rcc: &mut Rcc) -> Self {
         let reset_cause = cause_in(&rcc.csr().read());
         rcc.csr().modify(|_, w| w.rmvf().clear());
-        Self { watchdog, reset_cause, running: false, fed_at: 0 }
+        loop_watchdog::enable(rcc);
+        Self { watchdog, of_loops, reset_cause, running: false, fed_at: 0 }
     }
 
     /// What the last reset was for; the watchdog, if something in the drive had hung.
@@ -97,7 +99,7 @@ impl Watchdog {
         self.reset_cause
     }
 
-    /// Starts the watchdog and returns `true`; with a debugger attached leaves it off, as a halted core would be reset.
+    /// Starts this watchdog and that of the loops and returns `true`; with a debugger attached leaves it off, as a halted core would be reset.
     pub fn start(&mut self) -> bool {
         if !self.running && !cortex_m::peripheral::DCB::is_debugger_attached() {
             // Starting first switches the oscillator on, without which the registers would not take a value.
@@ -105,6 +107,7 @@ impl Watchdog {
             self.watchdog.kr().write(|w| w.key().unlock());
             self.watchdog.pr().write(|w| w.pr().divide_by4());
             self.watchdog.rlr().write(|w| w.rl().set(RELOAD));
+            loop_watchdog::start(&self.of_loops);
             self.running = true;
         }
         self.running

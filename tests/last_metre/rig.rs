@@ -34,7 +34,7 @@ pub(crate) enum Axis {
 /// State of the drive in which something happens.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum State {
-    /// In CP4, without torque.
+    /// Started, in CP0.
     Off,
     /// The bridge has just been switched on.
     SwitchingOn,
@@ -51,6 +51,8 @@ pub(crate) enum State {
 pub(crate) enum Event {
     /// The program makes a mistake at the beginning of a function.
     Mistake(Mistake, &'static str),
+    /// The idle task hangs.
+    IdleHangs,
     /// The crystal stops.
     CrystalFails,
     /// A reset from outside.
@@ -120,6 +122,7 @@ impl Rig {
             bit_rate: BitRate::M4,
             start_up_cycle: Nanoseconds::from_millis(1),
             cycle: 500,
+            idle_in_cp3: 20,
             motion: Some(motion()),
             stops_at_refusals: false,
             ..MasterScript::new(vec![drive])
@@ -142,8 +145,6 @@ impl Rig {
     /// Runs a drive up to this state.
     pub(crate) fn run_to(&mut self, state: State) {
         if state == State::Off {
-            self.world.ring_mut().master_mut().hold_switches(Some(OFF));
-            self.run_until("in CP4", |rig| rig.world.ring().master().phase() == 4);
             self.run_ms(20);
             return;
         }
@@ -213,6 +214,7 @@ impl Rig {
                 Event::Mistake(mistake, function) => {
                     mistake.plant(qemu.guest_mut(), &self.functions, function).unwrap();
                 }
+                Event::IdleHangs => Mistake::hang_idle(qemu.guest_mut(), &self.functions).unwrap(),
                 Event::CrystalFails => qemu.fail_crystal(now).unwrap(),
                 Event::Reset(reset) => qemu.reset(now, reset).unwrap(),
             }
@@ -243,9 +245,11 @@ impl Rig {
         let motor_side = self.drive.motor_side.borrow();
         assert!(!motor_side.bridge_is_on() && !motor_side.brake_is_open());
         let lines = &self.drive.measurements.borrow().log;
-        let starts = lines.iter().filter(|line| line.contains("started by")).count();
-        let waits_for_crystal = !self.qemu.borrow_mut().guest_mut().has_crystal();
-        assert_eq!(starts, if waits_for_crystal { 1 } else { 2 }, "{lines:#?}");
+        if self.qemu.borrow_mut().guest_mut().has_crystal() {
+            let last =
+                lines.iter().rev().find(|line| line.contains("started by") || line.contains("class 1 diagnostic"));
+            assert!(last.is_some_and(|line| line.contains("class 1 diagnostic 0x0000")), "{lines:#?}");
+        }
     }
 
     #[track_caller]
@@ -262,6 +266,7 @@ impl Rig {
             bit_rate: BitRate::M4,
             start_up_cycle: Nanoseconds::from_millis(1),
             cycle: 500,
+            idle_in_cp3: 20,
             reset_diagnostics: false,
             ..MasterScript::new(vec![drive])
         };

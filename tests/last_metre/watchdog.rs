@@ -10,35 +10,41 @@ const FEEDING: Nanoseconds = Nanoseconds(8_125_000);
 /// At the nominal 32 kHz of its oscillator; 68 to 188 ms over all parts.
 const PERIOD: Nanoseconds = Nanoseconds::from_millis(100);
 
-/// The tasks that run from the start on, by the symbols of their handlers, and those that the ring starts, with their bits in `drive::Work`.
-const TASKS: [(&str, &str); 5] = [
+/// The tasks that hold the control loop up when they hang, by the symbols of their handlers.
+const OF_THE_CYCLE: [(&str, &str); 7] = [
     ("ADC", "current_loop"),
     ("CAN2_TX", "control_loop"),
     ("CAN2_RX0", "supervision"),
     ("EXTI3", "chip_interrupt_0"),
     ("EXTI2", "chip_interrupt_1"),
+    ("CAN1_TX", "command_valid"),
+    ("CAN1_RX0", "capture_feedback"),
 ];
+/// Those that another task starts, with their bits in `drive::Work`.
 const STARTED: [(&str, u8); 5] = [("CAN1_TX", 1), ("CAN1_RX0", 2), ("CAN1_RX1", 4), ("CAN1_SCE", 8), ("CAN2_RX0", 32)];
 
-/// Runs until the reset, and tells how long before it the watchdog was fed last.
+/// Runs until the reset: what was entered and which reset, and the line in which the start tells of it.
 #[track_caller]
-fn bitten(rig: &mut Rig, what: &str) -> String {
-    let incidents = |rig: &Rig| rig.qemu.borrow_mut().guest_mut().incidents().to_vec();
+fn bitten(rig: &mut Rig, what: &str) -> (Vec<What>, String) {
+    let incidents = |rig: &Rig| -> Vec<What> {
+        rig.qemu.borrow_mut().guest_mut().incidents().iter().map(|incident| incident.what).collect()
+    };
     for _ in 0..600 {
         rig.run_ms(1);
-        if let Some(reset) = incidents(rig).iter().find(|incident| matches!(incident.what, What::Reset(_))) {
-            assert_eq!(reset.what, What::Reset(Reset::Watchdog), "{what}");
-            assert_eq!(incidents(rig).len(), 1, "{what}: {:?}", incidents(rig));
+        let until_reset = incidents(rig);
+        if until_reset.iter().any(|what| matches!(what, What::Reset(_))) {
             rig.run_ms(15);
             let lines = rig.log();
-            let line =
-                lines.iter().find(|line| line.contains("watchdog")).unwrap_or_else(|| panic!("{what}: {lines:#?}"));
-            assert!(lines.iter().any(|line| line.contains("started by Watchdog")), "{what}");
-            return line.clone();
+            let line = lines.iter().find(|line| line.contains(" error "));
+            return (until_reset, line.unwrap_or_else(|| panic!("{what}: {lines:#?}")).clone());
         }
     }
     panic!("{what}: no reset within 600 ms");
 }
+
+const BITTEN: [What; 1] = [What::Reset(Reset::Watchdog)];
+/// The early interrupt of the window watchdog, and the reset of the fault handler.
+const STOPPED: [What; 2] = [What::Handler(16), What::Reset(Reset::Software)];
 
 /// In CP0, 12 ms after the reset: everything runs, the master is about to begin.
 fn started() -> Rig {
@@ -49,20 +55,32 @@ fn started() -> Rig {
 
 #[test]
 #[ignore = "needs QEMU and the ELF: cargo xtask test"]
-fn a_task_that_hangs_or_an_idle_task_that_does_is_bitten_by_the_watchdog() {
-    let tasks = TASKS.into_iter().chain([("CAN1_RX1", "phase_change"), ("CAN1_SCE", "service_channel")]);
-    let tasks = tasks.chain([("CAN1_TX", "command_valid"), ("CAN1_RX0", "capture_feedback")]);
-    for (handler, task) in tasks {
+fn a_task_of_the_cycle_that_hangs_ends_the_program_within_a_millisecond_and_is_named() {
+    for (handler, task) in OF_THE_CYCLE {
         let mut rig = started();
-        let guest = Mistake::Hang;
-        guest.plant(rig.qemu.borrow_mut().guest_mut(), &rig.functions, handler).unwrap();
-        let line = bitten(&mut rig, task);
-        assert!(line.contains("a task did not end"), "{task}: {line}");
+        Mistake::Hang.plant(rig.qemu.borrow_mut().guest_mut(), &rig.functions, handler).unwrap();
+        let (whats, line) = bitten(&mut rig, task);
+        assert_eq!(whats, STOPPED, "{task}");
+        assert!(line.contains(&format!("control stopped in {task}, pc 080")), "{task}: {line}");
+    }
+}
+
+#[test]
+#[ignore = "needs QEMU and the ELF: cargo xtask test"]
+fn another_task_that_hangs_is_bitten_by_the_watchdog() {
+    for handler in ["CAN1_RX1", "CAN1_SCE"] {
+        let mut rig = started();
+        Mistake::Hang.plant(rig.qemu.borrow_mut().guest_mut(), &rig.functions, handler).unwrap();
+        let (whats, line) = bitten(&mut rig, handler);
+        assert_eq!(whats, BITTEN, "{handler}");
+        assert!(line.contains("watchdog: a task did not end"), "{handler}: {line}");
+        assert!(rig.log().iter().any(|line| line.contains("started by Watchdog")), "{handler}");
     }
     let mut rig = started();
     Mistake::hang_idle(rig.qemu.borrow_mut().guest_mut(), &rig.functions).unwrap();
-    let line = bitten(&mut rig, "idle");
-    assert!(line.contains("a task did not end"), "{line}");
+    let (whats, line) = bitten(&mut rig, "idle");
+    assert_eq!(whats, BITTEN);
+    assert!(line.contains("watchdog: a task did not end"), "{line}");
 }
 
 #[test]
@@ -71,15 +89,43 @@ fn a_task_that_is_started_and_does_nothing_is_bitten_by_the_watchdog_and_named()
     for (handler, bit) in STARTED {
         let mut rig = started();
         Mistake::Silence.plant(rig.qemu.borrow_mut().guest_mut(), &rig.functions, handler).unwrap();
-        let line = bitten(&mut rig, handler);
-        assert!(line.contains(&format!("tasks {bit:02x}H")), "{handler}: {line}");
+        let (whats, line) = bitten(&mut rig, handler);
+        assert_eq!(whats, BITTEN, "{handler}");
+        assert!(line.contains(&format!("watchdog: tasks {bit:02x}H")), "{handler}: {line}");
     }
-    // Nothing ticks any more.
+}
+
+#[test]
+#[ignore = "needs QEMU and the ELF: cargo xtask test"]
+fn loops_that_fall_silent_end_the_program_within_a_millisecond() {
     for handler in ["ADC", "CAN2_TX"] {
         let mut rig = started();
         Mistake::Silence.plant(rig.qemu.borrow_mut().guest_mut(), &rig.functions, handler).unwrap();
-        bitten(&mut rig, handler);
+        let (whats, line) = bitten(&mut rig, handler);
+        assert_eq!(whats, STOPPED, "{handler}");
+        assert!(line.contains("control stopped in "), "{handler}: {line}");
     }
+}
+
+#[test]
+#[ignore = "needs QEMU and the ELF: cargo xtask test"]
+fn where_not_even_the_fault_handler_runs_the_watchdog_of_the_loops_resets_and_bridge_and_brake_are_off() {
+    let mut rig = Rig::in_state(Axis::Vertical, State::Standstill);
+    let begun = rig.world.now();
+    for handler in ["HardFault", "ADC"] {
+        Mistake::Hang.plant(rig.qemu.borrow_mut().guest_mut(), &rig.functions, handler).unwrap();
+    }
+    rig.run_ms(3);
+    let incidents = rig.qemu.borrow_mut().guest_mut().incidents().to_vec();
+    let whats: Vec<What> = incidents.iter().map(|incident| incident.what).collect();
+    assert_eq!(whats, [What::Handler(16), What::Reset(Reset::WindowWatchdog)]);
+    let after = Nanoseconds(incidents[1].time.0 - begun.0);
+    assert!((920_000..=1_300_000).contains(&after.0), "{after}");
+    let motor_side = rig.drive.motor_side.borrow();
+    assert_eq!(
+        (motor_side.bridge_off_at(), motor_side.brake_off_at()),
+        (Some(incidents[1].time), Some(incidents[1].time))
+    );
 }
 
 #[test]

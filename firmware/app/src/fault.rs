@@ -6,6 +6,7 @@
 //! | stack that reaches its guard ([`board::stack_guard`]) | `HardFault` |
 //! | panic | `panic`, then `HardFault` by `udf` |
 //! | crystal that failed ([`board::clocks`]) | `NonMaskableInt` |
+//! | loops that do not run (`board::loop_watchdog`) | `DefaultHandler` |
 //! | interrupt that nobody is bound to | `DefaultHandler` |
 //!
 //! The handlers begin in assembly, because nothing of the program can be relied on, least of all its stack: off first, from constants, without memory.

@@ -5,7 +5,9 @@
 
 use core::fmt;
 
-use crate::diagnosis::{CLOCK_FAILED, Diagnosis, FIRMWARE_FAULT, FIRMWARE_PANIC, STACK_OVERFLOW, WATCHDOG_RESET};
+use crate::diagnosis::{
+    CLOCK_FAILED, CONTROL_STOPPED, Diagnosis, FIRMWARE_FAULT, FIRMWARE_PANIC, STACK_OVERFLOW, WATCHDOG_RESET,
+};
 
 /// Words of a record in memory.
 pub const CRASH_WORDS: usize = 34;
@@ -39,12 +41,16 @@ pub enum CrashCause {
     Unbound = 5,
     /// The watchdog was not fed; nothing is known of the registers.
     Watchdog = 6,
+    /// The current loop or the control loop did not run for a millisecond.
+    ControlStopped = 7,
 }
 
 impl CrashCause {
     fn from_code(code: u32) -> Option<Self> {
-        use CrashCause::{Clock, Fault, Panic, StackOverflow, Unbound, Watchdog};
-        [Fault, Panic, StackOverflow, Clock, Unbound, Watchdog].into_iter().find(|cause| *cause as u32 == code)
+        use CrashCause::{Clock, ControlStopped, Fault, Panic, StackOverflow, Unbound, Watchdog};
+        [Fault, Panic, StackOverflow, Clock, Unbound, Watchdog, ControlStopped]
+            .into_iter()
+            .find(|cause| *cause as u32 == code)
     }
 
     /// What the error memory shows.
@@ -56,6 +62,7 @@ impl CrashCause {
             Self::StackOverflow => &STACK_OVERFLOW,
             Self::Clock => &CLOCK_FAILED,
             Self::Watchdog => &WATCHDOG_RESET,
+            Self::ControlStopped => &CONTROL_STOPPED,
         }
     }
 }
@@ -229,6 +236,9 @@ impl fmt::Display for Crash<'_> {
             }
             CrashCause::Watchdog if detail == 0 => write!(formatter, "watchdog: a task did not end, or none ran"),
             CrashCause::Watchdog => write!(formatter, "watchdog: tasks {detail:02x}H did not begin or went silent"),
+            CrashCause::ControlStopped => {
+                write!(formatter, "control stopped in {task}, pc {pc:08x} lr {lr:08x}")
+            }
             CrashCause::Clock => write!(formatter, "crystal failed in {task}, pc {pc:08x}"),
             CrashCause::StackOverflow => {
                 write!(formatter, "stack overflow in {task}, pc {pc:08x} lr {lr:08x} sp {sp:08x} at {mmfar:08x}")

@@ -291,6 +291,9 @@ diagnoses! {
     WATCHDOG_RESET = 0xF124 "Watchdog, restarted", "Watchdog, neu gestartet",
         "A task did not end, did not begin or fell silent; P-0-0012 says what is known.",
         "Run up again. Report P-0-0012 and P-0-0013 with the firmware's version: this must not happen.";
+    CONTROL_STOPPED = 0xF125 "Control loop stopped, restarted", "Regelung blieb stehen, neu gestartet",
+        "Current loop or control loop did not run for a millisecond; P-0-0012 names the task that ran instead.",
+        "Run up again. Report P-0-0012 and P-0-0013 with the firmware's version: this must not happen.";
 }
 
 const PHASES: [&Diagnosis; 4] = [&PHASE_0, &PHASE_1, &PHASE_2, &PHASE_3];
@@ -478,6 +481,7 @@ mod tests {
             CrashCause::Clock,
             CrashCause::Unbound,
             CrashCause::Watchdog,
+            CrashCause::ControlStopped,
         ];
         let errors = shown.chain(of_phases.into_iter().map(of_phase_error));
         let errors = errors.chain(of_crashes.into_iter().map(CrashCause::diagnosis));

@@ -32,5 +32,5 @@ pub use processor::{Processor, ProcessorError};
 pub use qemu_drive::QemuDrive;
 pub use replay::{ReplayError, ReplayOptions, replay};
 pub use ring_of_drives::{DriveHandle, DriveSetup, ring_of_drives, ring_of_drives_on};
-pub use traced::{TraceError, Traced, traced};
+pub use traced::{StackUse, TraceError, Traced, traced};
 pub use world::{Inhabited, World};

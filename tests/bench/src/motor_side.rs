@@ -473,4 +473,7 @@ impl PowerStage for SimulatedStage {
         let now = state.clock.get();
         state.trip(now);
     }
+
+    /// Host-side tasks do not hang.
+    fn is_alive(&mut self) {}
 }

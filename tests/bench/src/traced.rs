@@ -3,7 +3,7 @@
 use std::cell::RefCell;
 use std::rc::Rc;
 
-use emulator::{Activations, EmulatorError, Listing};
+use emulator::{Activations, EmulatorError, Functions, Guest, Listing};
 use plant::ReferenceAxis;
 use ring::ident::{Idn, Value};
 use ring::master::{Activity, CommandValues, DriveScript, MasterError, MasterScript, Motion, ScriptedMaster, Telegram};
@@ -29,7 +29,24 @@ pub struct Traced {
     pub window: Nanoseconds,
     /// Communication cycles in that time.
     pub cycles: u64,
+    /// From the start to the end of that time.
+    pub stack: StackUse,
 }
+
+/// The stack as a run has found it.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct StackUse {
+    /// Bytes that were written to at least once.
+    pub used: u32,
+    /// Bytes from the stack's first down to the guard.
+    pub room: u32,
+    /// Bytes of the guard below it, as the memory protection unit has it.
+    pub guard: u32,
+}
+
+/// Words that no stack holds in a row.
+const PAINT: u32 = 0xA5C3_1E87;
+const END_OF_RAM: u32 = 0x2002_0000;
 
 /// Why there are no counts.
 #[derive(Debug, thiserror::Error)]
@@ -78,6 +95,13 @@ const READ: [u16; 5] = [104, 47, 30, 17, 326];
 /// The ring did not come up, or QEMU did not trace.
 pub fn traced(elves: &Elves, listing: Listing, progress: &mut dyn FnMut(&Progress)) -> Result<Traced, TraceError> {
     let (mut world, drive) = world(elves)?;
+    let statics = Functions::read(&elves.product)?.data("__sheap").ok_or_else(|| EmulatorError::Elf {
+        path: elves.product.clone(),
+        what: "no symbol __sheap: where do its statics end?".into(),
+    })?;
+    // The product has not executed an instruction yet.
+    let paint = vec![PAINT; ((END_OF_RAM - statics) / 4) as usize];
+    drive.borrow_mut().guest_mut().write_memory(statics, &paint)?;
     let following = run_until(&mut world, progress, "follow", |world| {
         matches!(world.ring().master().state().activity, Activity::Moving { .. })
     })?;
@@ -105,7 +129,17 @@ pub fn traced(elves: &Elves, listing: Listing, progress: &mut dyn FnMut(&Progres
     if let Some(error) = world.ring().master().report().error.clone() {
         return Err(error.into());
     }
-    Ok(Traced { activations, window: WINDOW, cycles: WINDOW.0 / CYCLE.0 })
+    let stack = stack_use(drive.borrow_mut().guest_mut(), statics)?;
+    Ok(Traced { activations, window: WINDOW, cycles: WINDOW.0 / CYCLE.0, stack })
+}
+
+fn stack_use(guest: &mut Guest, statics: u32) -> Result<StackUse, EmulatorError> {
+    const REGION_BASE: u32 = 0xE000_ED9C;
+    let [base, attributes] = guest.read_memory(REGION_BASE, 2)?[..] else { unreachable!("two words were asked for") };
+    let guard = if attributes & 1 == 0 { 0 } else { 2 << (attributes >> 1 & 0x1F) };
+    let memory = guest.read_memory(statics, ((END_OF_RAM - statics) / 4) as usize)?;
+    let untouched = memory.iter().take_while(|word| **word == PAINT).count() as u32;
+    Ok(StackUse { used: END_OF_RAM - statics - 4 * untouched, room: END_OF_RAM - (base & !0x1F) - guard, guard })
 }
 
 fn run_until(

@@ -93,8 +93,10 @@ pub enum EmulatorError {
         pc: u32,
     },
     /// The watchdog was not fed.
-    #[error("{time}: the independent watchdog reset the processor")]
+    #[error("{time}: the {name} watchdog reset the processor")]
     Watchdog {
+        /// `independent` or `window`.
+        name: &'static str,
         /// When.
         time: Nanoseconds,
     },

@@ -28,6 +28,8 @@ pub enum Reset {
     Pin,
     /// The independent watchdog.
     Watchdog,
+    /// The window watchdog.
+    WindowWatchdog,
     /// SYSRESETREQ.
     Software,
 }
@@ -40,11 +42,13 @@ impl Reset {
         const POWER_ON: u32 = 1 << 27;
         const SOFTWARE: u32 = 1 << 28;
         const WATCHDOG: u32 = 1 << 29;
+        const WINDOW: u32 = 1 << 30;
         match self {
             Self::PowerOn(_) => POWER_ON | BROWN_OUT | PIN,
             Self::BrownOut => BROWN_OUT | PIN,
             Self::Pin => PIN,
             Self::Watchdog => WATCHDOG | PIN,
+            Self::WindowWatchdog => WINDOW | PIN,
             Self::Software => SOFTWARE | PIN,
         }
     }
@@ -259,9 +263,9 @@ impl Guest {
         environment: &mut E,
         now: Nanoseconds,
     ) -> Result<bool, EmulatorError> {
-        let expires = self.peripherals.watchdog.expires().filter(|expires| *expires <= now && self.survival.survives);
-        let Some(expires) = expires else { return Ok(false) };
-        self.reset(environment, expires, Reset::Watchdog)?;
+        let bite = self.peripherals.bite().filter(|(expires, _)| *expires <= now && self.survival.survives);
+        let Some((expires, reset)) = bite else { return Ok(false) };
+        self.reset(environment, expires, reset)?;
         Ok(true)
     }
 
@@ -297,8 +301,9 @@ mod tests {
 
     #[test]
     fn every_reset_has_its_flags() {
-        let all = [Reset::PowerOn(1), Reset::BrownOut, Reset::Pin, Reset::Watchdog, Reset::Software];
+        let all =
+            [Reset::PowerOn(1), Reset::BrownOut, Reset::Pin, Reset::Watchdog, Reset::WindowWatchdog, Reset::Software];
         let flags = all.map(Reset::flags);
-        assert_eq!(flags, [0x0E00_0000, 0x0600_0000, 0x0400_0000, 0x2400_0000, 0x1400_0000]);
+        assert_eq!(flags, [0x0E00_0000, 0x0600_0000, 0x0400_0000, 0x2400_0000, 0x4400_0000, 0x1400_0000]);
     }
 }

@@ -12,11 +12,12 @@ mod map;
 pub(crate) mod others;
 pub(crate) mod power_stage;
 pub(crate) mod timer;
+pub(crate) mod window_watchdog;
 
 use ring::Nanoseconds;
 
 use crate::wiring;
-use crate::{EmulatorError, Environment};
+use crate::{EmulatorError, Environment, Reset};
 use clocks::{ClockTree, Flash, Power, Rcc};
 use emulator_link::protocol::{EXTERNAL_BUS, EXTERNAL_BUS_END};
 use encoder_counters::{Edge, EncoderCounters};
@@ -24,11 +25,12 @@ use gpio::{PinMode, Port};
 use interrupts::{Exti, Syscfg};
 use map::{
     ADC, BIT_BAND, BIT_BAND_END, ENCODER_COUNTERS, EXTERNAL_BYTES, EXTI, FLASH, FSMC, GPIO, GPIO_END, IWDG, PWR, RCC,
-    SYSCFG, TIM1, TIM2, TIM5, bit_band, clock_enable, counter_of, is_timer, port_of,
+    SYSCFG, TIM1, TIM2, TIM5, WWDG, bit_band, clock_enable, counter_of, is_timer, port_of,
 };
 use others::{Fsmc, Watchdog};
 use power_stage::PowerStage;
 use timer::Timer;
+use window_watchdog::WindowWatchdog;
 
 /// An access of the product, for error messages.
 #[derive(Clone, Copy, Debug)]
@@ -73,6 +75,7 @@ pub(crate) struct Peripherals {
     pub(crate) stage: PowerStage,
     pub(crate) tim5: Timer,
     pub(crate) watchdog: Watchdog,
+    pub(crate) window_watchdog: WindowWatchdog,
     interrupt_levels: Option<(bool, bool)>,
     lines: u128,
     edges: u128,
@@ -114,10 +117,19 @@ impl Peripherals {
         }
         let tree = self.rcc.tree();
         self.tim5.set_clock(tree.apb1_timers, now);
+        self.window_watchdog.set_clock(tree.apb1, now);
         self.counters.set_clocks(&tree, now);
         self.stage.set_clocks(&tree, now);
         self.update_lines();
         Ok(noticed)
+    }
+
+    /// When a watchdog resets the processor, and which; that of APB1 stands while its clock does.
+    pub(crate) fn bite(&self) -> Option<(Nanoseconds, Reset)> {
+        let window = self.window_watchdog.expires().filter(|_| !self.rcc.is_without_clock());
+        let independent = self.watchdog.expires().map(|time| (time, Reset::Watchdog));
+        let bites = [independent, window.map(|time| (time, Reset::WindowWatchdog))];
+        bites.into_iter().flatten().min_by_key(|(time, _)| *time)
     }
 
     /// See [`Peripherals::unclocked_ignored`].
@@ -140,6 +152,7 @@ impl Peripherals {
             stage: PowerStage::new(),
             tim5: Timer::new(32, 4),
             watchdog: Watchdog::new(),
+            window_watchdog: WindowWatchdog::new(),
             interrupt_levels: None,
             lines: 0,
             edges: 0,
@@ -155,15 +168,25 @@ impl Peripherals {
 
     /// The next instant at which a peripheral does something by itself.
     pub(crate) fn next_event(&self) -> Option<Nanoseconds> {
-        let events =
-            [self.tim5.next_event(), self.counters.next_event(), self.stage.next_event(), self.watchdog.expires()];
+        let events = [
+            self.tim5.next_event(),
+            self.counters.next_event(),
+            self.stage.next_event(),
+            self.window_watchdog.next_event(),
+            self.bite().map(|(time, _)| time),
+        ];
         events.into_iter().flatten().min()
     }
 
     /// The next instant at which a peripheral may interrupt by itself: until then, a processor that waits for an interrupt need not be asked.
     pub(crate) fn next_interrupt(&self) -> Option<Nanoseconds> {
-        let events =
-            [self.tim5.next_event(), self.counters.next_event(), self.stage.next_interrupt(), self.watchdog.expires()];
+        let events = [
+            self.tim5.next_event(),
+            self.counters.next_event(),
+            self.stage.next_interrupt(),
+            self.window_watchdog.next_event(),
+            self.bite().map(|(time, _)| time),
+        ];
         events.into_iter().flatten().min()
     }
 
@@ -173,9 +196,11 @@ impl Peripherals {
         environment: &mut E,
         now: Nanoseconds,
     ) -> Result<(), EmulatorError> {
-        if let Some(time) = self.watchdog.expires().filter(|expires| *expires <= now) {
-            return Err(EmulatorError::Watchdog { time });
+        if let Some((time, reset)) = self.bite().filter(|(expires, _)| *expires <= now) {
+            let name = if reset == Reset::Watchdog { "independent" } else { "window" };
+            return Err(EmulatorError::Watchdog { time, name });
         }
+        self.window_watchdog.advance(now);
         self.stage.advance(&self.ports, environment, now).map_err(|what| by_itself(now, what))?;
         self.counters.advance(now);
         self.tim5.advance(now);
@@ -378,7 +403,7 @@ impl Peripherals {
                 0x18 => Ok(0),
                 _ => self.read_word(environment, access),
             },
-            address if address & !0x3FF == IWDG => self.read_word(environment, access),
+            address if [IWDG, WWDG].contains(&(address & !0x3FF)) => self.read_word(environment, access),
             _ => Err(access.misuse("byte or half-word write to a register that needs words")),
         }
     }
@@ -399,6 +424,7 @@ impl Peripherals {
             ADC => self.stage.converters.read(offset),
             TIM5 => self.tim5.read(offset, now, 0),
             IWDG => self.watchdog.read(offset, now),
+            WWDG => self.window_watchdog.read(offset, now),
             PWR => self.power.read(offset),
             SYSCFG => self.syscfg.read(offset),
             EXTI => self.exti.read(offset),
@@ -433,6 +459,7 @@ impl Peripherals {
             ADC => self.stage.converters.write(offset, value, now),
             TIM5 => self.tim5.write(offset, value, now, 0),
             IWDG => fine(self.watchdog.write(offset, value, now)),
+            WWDG => fine(self.window_watchdog.write(offset, value, now)),
             PWR => fine(self.power.write(offset, value)),
             SYSCFG => fine(self.syscfg.write(offset, value)),
             EXTI => fine(self.exti.write(offset, value)),
@@ -446,6 +473,7 @@ impl Peripherals {
         if address & !0x3FF == RCC {
             let tree = self.rcc.tree();
             self.tim5.set_clock(tree.apb1_timers, now);
+            self.window_watchdog.set_clock(tree.apb1, now);
             self.counters.set_clocks(&tree, now);
             self.stage.set_clocks(&tree, now);
         }
@@ -544,7 +572,7 @@ impl Peripherals {
 
     fn update_lines(&mut self) {
         let mut lines = self.exti.lines() | self.counters.lines() | self.stage.lines();
-        lines |= u128::from(self.tim5.line()) << 50;
+        lines |= u128::from(self.tim5.line()) << 50 | u128::from(self.window_watchdog.line());
         self.edges |= lines & !self.lines;
         self.lines = lines;
     }
