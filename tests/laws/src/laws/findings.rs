@@ -70,6 +70,10 @@ impl Law for Findings {
                     tried: Some(*idn),
                 };
             }
+            // A command that is refused for another reason may have one of its own.
+            Event::Service(Heard::Refused(_, step, _)) if step.write && step.element == Element::Data => {
+                *self = Self::default();
+            }
             // A write that succeeds ends the reason of one that did not.
             Event::Service(Heard::Written(_, Element::Data, _)) if self.success == Some(false) => self.success = None,
             Event::Service(Heard::Read(FINDING, Element::Data, words)) => {
