@@ -367,4 +367,43 @@ mod tests {
         let mut rcc = started();
         assert!(matches!(rcc.write(PLLCFGR, 0x0740_2A08, LATER, 5), Some(Err(_))));
     }
+
+    /// Running from the PLL, with or without the clock security system.
+    fn running(security: u32) -> Rcc {
+        let mut rcc = started();
+        rcc.write(CFGR, 0x9402, LATER, 5);
+        rcc.write(CR, 0x81 | HSEON | PLLON | security, LATER, 5);
+        rcc
+    }
+
+    #[test]
+    fn a_crystal_that_fails_is_replaced_by_the_internal_oscillator_if_somebody_watches() {
+        let mut rcc = running(SECURITY);
+        assert!(rcc.fail_crystal() && !rcc.is_without_clock());
+        assert_eq!(rcc.tree().core, 16_000_000);
+        assert_eq!(rcc.read(CIR as u32, LATER).unwrap() & SECURITY_FLAG, SECURITY_FLAG);
+        rcc.write(CIR as u32, SECURITY_CLEARED, LATER, 5);
+        assert_eq!(rcc.read(CIR as u32, LATER).unwrap() & SECURITY_FLAG, 0);
+        // It does not come again while the crystal is dead.
+        rcc.write(CR, 0x81 | HSEON, LATER, 5);
+        assert_eq!(rcc.read(CR, LATER + LATER).unwrap() & HSERDY, 0);
+        rcc.mend_crystal(LATER);
+        assert_eq!(rcc.read(CR, LATER + LATER).unwrap() & HSERDY, HSERDY);
+    }
+
+    #[test]
+    fn a_crystal_that_fails_unwatched_leaves_the_core_without_a_clock() {
+        let mut rcc = running(0);
+        assert!(!rcc.fail_crystal() && rcc.is_without_clock());
+    }
+
+    #[test]
+    fn the_flags_of_a_reset_stay_until_they_are_removed() {
+        let mut rcc = Rcc::new();
+        rcc.set_reset(0x2400_0000, true);
+        rcc.write(CSR as u32, 1, LATER, 5);
+        assert_eq!(rcc.read(CSR as u32, LATER), Some(0x2400_0003));
+        rcc.write(CSR as u32, REMOVE_RESET_FLAGS, LATER, 5);
+        assert_eq!(rcc.read(CSR as u32, LATER), Some(0));
+    }
 }
