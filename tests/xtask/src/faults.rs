@@ -56,7 +56,7 @@ pub(crate) fn compare(installing: Installing) -> Result<Verdict> {
         let elf = fault_matrix::run_all(cells, &executor)?;
         for (cell, (expected, (host, elf))) in cells.iter().zip(expected.iter().zip(host.iter().zip(&elf))) {
             if let Some(line) =
-                expected.contradiction(elf).or_else(|| Some(format!("{cell}: {}", difference(host, elf)?)))
+                expected.contradiction_on_the_elf(elf).or_else(|| Some(format!("{cell}: {}", difference(host, elf)?)))
             {
                 different += 1;
                 println!("{line}");
