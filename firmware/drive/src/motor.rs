@@ -97,6 +97,10 @@ pub(crate) struct Motor {
     torque_limits: TorqueLimitSettings,
     /// What the field weakening leaves for the torque.
     weakening_limit: Option<CurrentFraction>,
+    /// The voltage was at its limit at the last look.
+    saturated: bool,
+    /// What the voltage leaves for the torque, on the side of its sign.
+    within_reach: Option<CurrentFraction>,
     limiting: Limiting,
     watched: Watched,
     measured: Measured,
@@ -150,6 +154,8 @@ impl Motor {
             limits: TorqueLimits::symmetrical(CurrentFraction::ZERO, Limiting::AMPLIFIER_PEAK),
             torque_limits: settings.torque_limits,
             weakening_limit: None,
+            saturated: false,
+            within_reach: None,
             limiting: Limiting::empty(),
             watched: Watched::default(),
             bridge_on: false,
@@ -192,6 +198,9 @@ impl Motor {
         self.limits = self.torque_limits.combine(motor, amplifier);
         if let Some(limit) = self.weakening_limit {
             self.limits = self.limits.narrowed(limit, Limiting::FIELD_WEAKENING);
+        }
+        if let Some(reach) = self.within_reach {
+            self.limits = self.limits.narrowed_on_one_side(reach, Limiting::VOLTAGE);
         }
     }
 

@@ -8,7 +8,7 @@ use sercos::transition::OPERATION_MODES;
 use servo::{
     AxisParameters, AxisSettings, CurrentFilterSettings, FilterSection, FrictionParameters, FrictionSettings,
     HomingParameters, HomingSettings, Interpolation, LoopClockSettings, MotionLimits, Position, PositionScale,
-    SettingsError, TravelRange, TwiceReadSettings, Velocity, VelocityScale,
+    SUPERVISION_PERIOD_MICROSECONDS, SettingsError, TravelRange, TwiceReadSettings, Velocity, VelocityScale,
 };
 
 mod limits;
@@ -554,7 +554,15 @@ fn position_limits(
         rounding: Position::from_bits(increment.to_bits() / 2),
         // What is read of a standing encoder swings by one of its increments to either side, and by the rounding to data.
         swing: increment + Position::from_bits(of_encoder.saturating_mul(2)),
+        // S-0-0047 was S-0-0051 of an AT two cycles before; and as long as an old command stands, it is followed.
+        looks_back: looks_in(parameters.get_word(Idn::standard(1)).saturating_mul(3)),
     }))
+}
+
+/// How often the supervision looks in so many microseconds, and once more.
+fn looks_in(microseconds: u16) -> u16 {
+    let looks = u32::from(microseconds).checked_div(SUPERVISION_PERIOD_MICROSECONDS).unwrap_or(0);
+    u16::try_from(looks).unwrap_or(u16::MAX).saturating_add(1)
 }
 
 fn modes(parameters: &Parameters) -> Result<[Option<OperationMode>; 8], InvalidSetting> {

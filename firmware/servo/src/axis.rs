@@ -112,6 +112,8 @@ pub struct Axis {
     expected_velocity: FilteredVelocity,
     /// Of the position set-point of the last tick.
     setpoint_velocity: Velocity,
+    /// In [`Mode::Torque`]: the velocity, some milliseconds behind.
+    slow_velocity: Velocity,
     velocity_loop: VelocityLoop,
     velocity_command: Velocity,
     torque_command: CurrentFraction,
@@ -146,6 +148,7 @@ impl Axis {
             position_loop: PositionLoop::new(&settings.position_loop, here),
             expected_velocity: FilteredVelocity::new(Velocity::ZERO),
             setpoint_velocity: Velocity::ZERO,
+            slow_velocity: Velocity::ZERO,
             velocity_loop: VelocityLoop::new(),
             velocity_command: Velocity::ZERO,
             torque_command: CurrentFraction::ZERO,
@@ -203,6 +206,11 @@ impl Axis {
             return;
         }
         let setpoint = self.hand_over(mode);
+        let follows = matches!(mode, Mode::Velocity | Mode::Position);
+        if self.mode == Mode::Torque && !follows && self.gains_speed() {
+            self.velocity_loop.reset();
+        }
+        self.slow_velocity = self.velocity.velocity();
         match mode {
             Mode::Off => {
                 self.velocity_loop.reset();
@@ -231,6 +239,16 @@ impl Axis {
         self.setpoint_velocity = setpoint.velocity;
         self.expected_velocity = FilteredVelocity::new(setpoint.velocity);
         self.mode = mode;
+    }
+
+    /// The torque command makes the shaft faster: how much of it the load needs nobody knows, and a stop that went on with it would make the
+    /// shaft faster still. The torque of a shaft that keeps its speed is that of the load.
+    fn gains_speed(&self) -> bool {
+        let velocity = self.velocity.velocity();
+        let gained = velocity.abs().to_bits().saturating_sub(self.slow_velocity.abs().to_bits());
+        // An eighth of the speed within the time, and more than a shaft that is held trembles.
+        let least = velocity.abs().max(self.settings.standstill_window).to_bits() >> 3;
+        self.velocity_loop.pushes(velocity) && gained > least
     }
 
     /// What a mode starts from: the shaft, and a velocity between standstill and that of the shaft.
@@ -485,6 +503,8 @@ impl Axis {
     /// more than the command, above it gives less, and the one passes into the other without a step.
     fn torque(&mut self, limits: &TorqueLimits, output: &mut AxisOutput) {
         let settings = &self.settings;
+        let (slow, now) = (self.slow_velocity.to_bits(), output.velocity.to_bits());
+        self.slow_velocity = Velocity::from_bits(slow.wrapping_add(now.wrapping_sub(slow) >> SLOW_SHIFT));
         let (wanted, limiting) = limits.apply(self.torque_command);
         let forwards = wanted >= CurrentFraction::ZERO;
         let velocity_limits = &settings.velocity_limits;
@@ -542,6 +562,9 @@ impl Axis {
         self.position_loop.shift(difference);
     }
 }
+
+/// A velocity of [`Mode::Torque`] is followed within 2^5 ticks, 4 ms.
+const SLOW_SHIFT: u32 = 5;
 
 /// In 2^-31 of peak.
 fn fine(current: CurrentFraction) -> i32 {

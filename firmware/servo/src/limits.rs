@@ -186,6 +186,22 @@ impl TorqueLimits {
         self
     }
 
+    /// These limits, on the side of `current`, which is not zero, where that is not wider.
+    #[inline]
+    #[must_use]
+    pub fn narrowed_on_one_side(mut self, current: CurrentFraction, cause: Limiting) -> Self {
+        if current > CurrentFraction::ZERO {
+            if current < self.positive {
+                self.positive = current;
+                self.positive_cause = cause;
+            }
+        } else if current > self.negative {
+            self.negative = current;
+            self.negative_cause = cause;
+        }
+        self
+    }
+
     /// Which limit this current meets; none when it is within.
     #[inline]
     #[must_use]
@@ -383,6 +399,20 @@ mod tests {
         let narrow = TorqueLimitSettings::new(&TorqueLimitParameters { motor_peak: 15_000, ..with(0.1, -0.1, 0.1) });
         let wide = TorqueLimitSettings::new(&TorqueLimitParameters { motor_peak: 15_000, ..PARAMETERS }).unwrap();
         assert_eq!(narrow.unwrap().with_commanded(&PARAMETERS.commanded), wide);
+    }
+
+    #[test]
+    fn what_one_sign_leaves_narrows_that_sign_only_and_widens_nothing() {
+        let wide = limits(with(0.5, -0.5, 1.0));
+        let narrow = wide.narrowed_on_one_side(CurrentFraction::from_num(0.2), Limiting::VOLTAGE);
+        assert_eq!((narrow.positive, narrow.positive_cause), (CurrentFraction::from_num(0.2), Limiting::VOLTAGE));
+        assert_eq!((narrow.negative, narrow.negative_cause), (wide.negative, Limiting::TORQUE_NEGATIVE));
+        let narrow = wide.narrowed_on_one_side(CurrentFraction::from_num(-0.2), Limiting::VOLTAGE);
+        assert_eq!((narrow.negative, narrow.negative_cause), (CurrentFraction::from_num(-0.2), Limiting::VOLTAGE));
+        assert_eq!((narrow.positive, narrow.positive_cause), (wide.positive, Limiting::TORQUE_POSITIVE));
+        for beyond in [0.6, -0.6] {
+            assert_eq!(wide.narrowed_on_one_side(CurrentFraction::from_num(beyond), Limiting::VOLTAGE), wide);
+        }
     }
 
     #[test]

@@ -1,7 +1,8 @@
 //! The range that an axis may be commanded to (S-0-0049, S-0-0050), and an axis that is found outside it.
 //!
 //! Only a command that leads further out is an error. An axis that was outside when it was switched on, homed there, or given a narrower range,
-//! may be held where it is and may go back; on its way back the range closes behind it.
+//! may be held where it is and may go back; on its way back the range closes behind it. What takes the axis over has read its position a while ago:
+//! a load that sags inwards when its brake opens, or is halted while it turns, may be held where it was then.
 
 use crate::{Position, Velocity};
 
@@ -17,6 +18,8 @@ pub struct TravelRange {
     pub rounding: Position,
     /// So much the command of an axis that is held outside may swing: what the master reads of a standing encoder.
     pub swing: Position,
+    /// How many looks old the position may be from which a command takes the axis over.
+    pub looks_back: u16,
 }
 
 /// What the axis is told to do.
@@ -48,14 +51,39 @@ pub struct RangeMonitor {
     range: TravelRange,
     lowest: Position,
     highest: Position,
+    /// Where the axis has been in the last looks that nothing led it, and in as many before them.
+    been: [Been; 2],
+    looks: u16,
+    /// How many looks a command has led it since; until there were enough, the range does not close.
+    led: u16,
+}
+
+/// Lowest and highest position of some looks.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
+struct Been {
+    lowest: Position,
+    highest: Position,
+}
+
+impl Been {
+    const fn at(position: Position) -> Self {
+        Self { lowest: position, highest: position }
+    }
+
+    fn and(self, other: Self) -> Self {
+        Self { lowest: self.lowest.min(other.lowest), highest: self.highest.max(other.highest) }
+    }
 }
 
 impl RangeMonitor {
     /// Begins with an axis at `measured`, inside or outside.
     #[must_use]
     pub fn new(range: TravelRange, measured: Position) -> Self {
-        let mut monitor = Self { range, lowest: range.lowest, highest: range.highest };
+        let been = [Been::at(measured); 2];
+        let mut monitor = Self { range, lowest: range.lowest, highest: range.highest, been, looks: 0, led: 0 };
         monitor.stay(measured);
+        monitor.led = range.looks_back;
         monitor
     }
 
@@ -87,15 +115,22 @@ impl RangeMonitor {
     }
 
     fn stay(&mut self, measured: Position) {
-        self.highest = self.range.highest.max(measured + self.range.swing);
-        self.lowest = self.range.lowest.min(measured - self.range.swing);
+        self.led = 0;
+        let [now, _] = self.been;
+        self.been = if self.looks < self.range.looks_back {
+            self.looks = self.looks.wrapping_add(1);
+            let [_, before] = self.been;
+            [now.and(Been::at(measured)), before]
+        } else {
+            self.looks = 0;
+            [Been::at(measured), now]
+        };
+        let [now, before] = self.been;
+        let been = now.and(before);
         // A swing is no reason to leave the range from inside.
-        if measured <= self.range.highest {
-            self.highest = self.range.highest;
-        }
-        if measured >= self.range.lowest {
-            self.lowest = self.range.lowest;
-        }
+        self.highest =
+            if been.highest > self.range.highest { been.highest + self.range.swing } else { self.range.highest };
+        self.lowest = if been.lowest < self.range.lowest { been.lowest - self.range.swing } else { self.range.lowest };
     }
 
     fn follow(&mut self, setpoint: Position) -> Option<RangeEnd> {
@@ -105,8 +140,14 @@ impl RangeMonitor {
         if setpoint < self.lowest - self.range.rounding {
             return Some(RangeEnd::Lowest);
         }
+        if self.led < self.range.looks_back {
+            self.led = self.led.wrapping_add(1);
+            return None;
+        }
         self.highest = self.range.highest.max(self.highest.min(setpoint + self.range.swing));
         self.lowest = self.range.lowest.min(self.lowest.max(setpoint - self.range.swing));
+        // Led back, the axis has been nowhere else.
+        self.been = [Been::at(setpoint); 2];
         None
     }
 }
@@ -119,7 +160,8 @@ mod tests {
         Position::from_bits(bits)
     }
 
-    const RANGE: TravelRange = TravelRange { lowest: at(-1_000), highest: at(1_000), rounding: at(2), swing: at(20) };
+    const RANGE: TravelRange =
+        TravelRange { lowest: at(-1_000), highest: at(1_000), rounding: at(2), swing: at(20), looks_back: 4 };
 
     fn ends<const N: usize>(start: i64, commands: [i64; N]) -> [Option<RangeEnd>; N] {
         let mut monitor = RangeMonitor::new(RANGE, at(start));
@@ -168,7 +210,49 @@ mod tests {
         assert_eq!(monitor.look(at(3_000), Commanded::Nothing), None);
         assert_eq!(monitor.look(at(3_000), Commanded::At(at(3_000))), None);
         assert_eq!(monitor.look(at(3_000), Commanded::At(at(3_030))), Some(RangeEnd::Highest));
-        assert_eq!(monitor.look(at(500), Commanded::Nothing), None);
+        for _ in 0..10 {
+            assert_eq!(monitor.look(at(500), Commanded::Nothing), None);
+        }
         assert_eq!(monitor.look(at(500), Commanded::At(at(1_003))), Some(RangeEnd::Highest), "it has closed");
+    }
+
+    /// The end that a command passes that takes an axis over `looks` after it was at `outside`, and begins where it is.
+    fn taken_over(outside: i64, looks: u32, command: i64) -> Option<RangeEnd> {
+        let mut monitor = RangeMonitor::new(RANGE, at(0));
+        for _ in 0..50 {
+            monitor.look(at(outside), Commanded::Nothing);
+        }
+        for _ in 0..looks {
+            monitor.look(at(0), Commanded::Nothing);
+        }
+        assert_eq!(monitor.look(at(0), Commanded::At(at(0))), None);
+        monitor.look(at(0), Commanded::At(at(command)))
+    }
+
+    #[test]
+    fn an_axis_that_moves_inwards_by_itself_may_be_held_where_it_has_just_been() {
+        for looks in 0..=4 {
+            assert_eq!(taken_over(1_500, looks, 1_520), None, "{looks}");
+            assert_eq!(taken_over(1_500, looks, 1_523), Some(RangeEnd::Highest), "{looks}");
+            assert_eq!(taken_over(-1_500, looks, -1_520), None, "{looks}");
+            assert_eq!(taken_over(-1_500, looks, -1_523), Some(RangeEnd::Lowest), "{looks}");
+        }
+    }
+
+    #[test]
+    fn the_range_closes_behind_an_axis_that_was_taken_over_a_while_ago() {
+        let mut monitor = RangeMonitor::new(RANGE, at(1_500));
+        monitor.look(at(1_500), Commanded::Nothing);
+        for _ in 0..=RANGE.looks_back {
+            assert_eq!(monitor.look(at(1_200), Commanded::At(at(1_200))), None);
+        }
+        assert_eq!(monitor.look(at(1_200), Commanded::At(at(1_223))), Some(RangeEnd::Highest));
+    }
+
+    #[test]
+    fn where_the_axis_was_long_ago_is_beyond_the_range() {
+        assert_eq!(taken_over(1_500, 10, 1_003), Some(RangeEnd::Highest));
+        assert_eq!(taken_over(-1_500, 10, -1_003), Some(RangeEnd::Lowest));
+        assert_eq!(taken_over(1_500, 10, 1_002), None);
     }
 }

@@ -111,6 +111,12 @@ impl VelocityLoop {
         self.integral = 0;
     }
 
+    /// Whether the integral part pushes a shaft on that turns at this velocity.
+    #[must_use]
+    pub const fn pushes(&self, velocity: Velocity) -> bool {
+        (self.integral > 0 && velocity.to_bits() > 0) || (self.integral < 0 && velocity.to_bits() < 0)
+    }
+
     /// Starts with this current at zero velocity error: bumpless start against a known load.
     pub fn preset(&mut self, current: CurrentFraction) {
         self.integral = i64::from(current.to_bits()) << (MORE_BITS + 32);

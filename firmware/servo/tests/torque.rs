@@ -81,3 +81,23 @@ fn the_way_into_velocity_mode_keeps_the_current() {
     let step = (after.current - before.current).to_num::<f64>().abs();
     assert!(step < 0.02, "{step} of the peak current");
 }
+
+/// The current before and in the first tick of a stop, after so many ticks of a fifth of the peak current.
+fn into_a_stop(ticks: usize, sign: f64) -> [f64; 2] {
+    let mut bench = torque_bench(1.0);
+    bench.axis.command_torque(fraction(sign * 0.2));
+    let before = *bench.ticks(ticks).last().unwrap();
+    bench.axis.set_mode(Mode::Stopping);
+    [before.current, bench.tick().current].map(|current| current.to_num::<f64>() * sign)
+}
+
+#[test]
+fn a_stop_ends_the_torque_that_makes_the_shaft_faster_and_keeps_that_of_one_that_keeps_its_speed() {
+    for sign in [1.0, -1.0] {
+        let [before, after] = into_a_stop(100, sign);
+        assert!((0.19..0.21).contains(&before) && after.abs() < 0.03, "accelerating: {before}, {after}");
+        // At the velocity limit the loop gives what the friction needs, and the ramp begins there.
+        let [before, after] = into_a_stop(24_000, sign);
+        assert!((0.02..0.1).contains(&before) && (0.02..0.1).contains(&after), "held: {before}, {after}");
+    }
+}

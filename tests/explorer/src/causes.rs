@@ -79,6 +79,11 @@ impl Causes {
         self.seen.insert(cause);
     }
 
+    /// Whether the count may be another one than the drive knows of: it shows at an index pulse, and that may be far away.
+    pub(crate) fn may_have_moved_the_count(&self) -> bool {
+        self.seen.contains(&Cause::Encoder)
+    }
+
     /// Whether a diagnosis can be true of an axis.
     pub(crate) fn allow(&self, axis: &Axis, diagnosis: u16) -> bool {
         let seen = |cause| self.seen.contains(&cause);

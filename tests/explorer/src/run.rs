@@ -45,7 +45,7 @@ pub(crate) struct Run {
     pub(crate) rig: Rig,
     pub(crate) coverage: Coverage,
     pub(crate) services: Services,
-    causes: Causes,
+    pub(crate) causes: Causes,
     /// A diagnosis that nothing in this life explains.
     unexplained: Option<u16>,
     /// A fault that goes on by itself, and since when.

@@ -27,9 +27,12 @@ pub struct Dialogue {
 }
 
 impl Dialogue {
-    /// The channel begins anew, as in CP0 and CP1.
-    pub fn reset(&mut self) {
+    /// The channel begins anew, as in CP0 and CP1. The data block that was being written then: nobody has heard whether the drive took it.
+    pub fn reset(&mut self) -> Option<Idn> {
+        let written = self.pending.is_some_and(|step| step.write && step.element == Element::Data && step.end);
+        let unanswered = self.open.filter(|_| written);
         *self = Self::default();
+        unanswered
     }
 
     /// The words of a record that has reached the drive.
@@ -97,6 +100,18 @@ mod tests {
         let before = dialogue.answer(AtWords { status: 1 - handshake, info });
         assert_eq!(before, None, "not acknowledged yet");
         dialogue.answer(AtWords { status: status | handshake, info })
+    }
+
+    #[test]
+    fn a_write_that_the_channel_s_end_leaves_unanswered_is_named_once() {
+        let mut dialogue = Dialogue::default();
+        dialogue.record(MdtWords { control: 0, info: 0 });
+        say(&mut dialogue, Step::open(Idn(92)), 1, 1, 0);
+        assert_eq!(dialogue.clone().reset(), None, "nothing is under way");
+        let write = Step { element: Element::Data, write: true, end: true, info: 2_000 };
+        dialogue.record(MdtWords { control: write.control(), info: write.info });
+        assert_eq!(dialogue.reset(), Some(Idn(92)));
+        assert_eq!(dialogue.reset(), None);
     }
 
     #[test]

@@ -241,7 +241,9 @@ impl Tap for Observer {
         match scene.wire.arrived(end, bytes, &scene.settings) {
             Some(Telegram::Mst) => {
                 if scene.wire.phase == 0 {
-                    self.dialogue.reset();
+                    if let Some(idn) = self.dialogue.reset() {
+                        scene.settings.forget(idn);
+                    }
                     scene.command = None;
                     scene.homing = false;
                 }
@@ -262,8 +264,8 @@ impl Tap for Observer {
             }
             Some(Telegram::Record) => {
                 if scene.wire.phase == 1 {
-                    // Whatever comes in CP1 is where CP2 begins.
-                    self.dialogue.reset();
+                    // Whatever comes in CP1 is where CP2 begins; nothing is written in CP0.
+                    let _ = self.dialogue.reset();
                 }
                 self.dialogue.record(scene.wire.request());
                 scene.starting = self.dialogue.starts();

@@ -149,6 +149,9 @@ pub(crate) enum Command {
         #[arg(long, value_delimiter = ',', required = true, value_name = "ADDRESSES",
               value_parser = clap::value_parser!(u8).range(1..=254))]
         drives: Vec<u8>,
+        /// Where the drives run, all of them
+        #[arg(long, value_enum, default_value_t = On::Host)]
+        on: On,
         /// Unix socket to serve; it must not exist yet
         #[arg(long, value_name = "PATH")]
         chip_socket: PathBuf,

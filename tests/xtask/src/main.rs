@@ -75,7 +75,7 @@ fn run(command_line: CommandLine) -> anyhow::Result<Verdict> {
         Command::Faults { check, on: cli::On::Host } => faults::run(check),
         Command::Explore(arguments) => arguments.run(),
         Command::Scope(arguments) => scope::run(&arguments.into()),
-        Command::Ring { drives, chip_socket } => ring_server::run(&drives, &chip_socket),
+        Command::Ring { drives, on, chip_socket } => ring_server::run(&drives, on.into(), &chip_socket, installing),
         Command::Flash { probe } => flash::run(probe.as_deref(), installing),
     }
 }

@@ -3,8 +3,11 @@
 //! The dialogue is `ring::chip::socket`'s; here are the addresses, the socket's place and what the user is told.
 
 use crate::Verdict;
+use crate::firmware;
+use crate::report::data::Platform;
+use crate::setup::Installing;
 use anyhow::{Context, Result, bail};
-use bench::DriveSetup;
+use bench::{DriveSetup, Executor};
 use ring::RingConfiguration;
 use ring::chip::socket::{self, ChipServer, ServedChip};
 use ring::chip::{Alternatives, Chip, ChipMaster, SharedChip};
@@ -14,9 +17,10 @@ use std::path::Path;
 use std::rc::Rc;
 
 /// Serves the chip of a ring with these drives until interrupted.
-pub(crate) fn run(drives: &[u8], chip_socket: &Path) -> Result<Verdict> {
+pub(crate) fn run(drives: &[u8], on: Platform, chip_socket: &Path, installing: Installing) -> Result<Verdict> {
     refuse_doubles(drives)?;
-    let mut server = chip_server(drives)?;
+    let executor = firmware::executor(on, installing)?;
+    let mut server = chip_server(drives, &executor)?;
     let listener = socket::bind(chip_socket).with_context(|| {
         format!(
             "cannot serve at {}; give --chip-socket a path in a folder of yours where nothing is yet",
@@ -29,14 +33,15 @@ pub(crate) fn run(drives: &[u8], chip_socket: &Path) -> Result<Verdict> {
     }
 }
 
-/// The master's chip, with a ring of host-side drives around it; foreign software makes it the master.
-fn chip_server(drives: &[u8]) -> Result<impl ChipServer> {
+/// The master's chip, with a ring of drives around it; foreign software makes it the master.
+fn chip_server(drives: &[u8], executor: &Executor) -> Result<impl ChipServer> {
     let setups: Vec<DriveSetup> = drives.iter().copied().map(DriveSetup::new).collect();
     // Garbage in the RAM, as after power-on; the seed only makes it the same at every start.
     let chip: SharedChip = Rc::new(RefCell::new(Chip::new(Alternatives::default(), 0)));
     let configuration = RingConfiguration::new(drives.len(), BitRate::M2);
     let clock = configuration.clock.clone();
-    let (mut world, _) = bench::ring_of_drives(configuration, ChipMaster::new(chip.clone()), &setups)?;
+    let master = ChipMaster::new(chip.clone());
+    let (mut world, _) = bench::ring_of_drives_on(configuration, master, &setups, |_| executor.clone())?;
     Ok(ServedChip::new(chip, clock, move |until| {
         if let Err(error) = world.run_until(until) {
             eprintln!("error: {error}; the drives stand still from now on");
@@ -57,24 +62,45 @@ fn refuse_doubles(drives: &[u8]) -> Result<()> {
 mod tests {
     use super::*;
 
-    /// The order of sercon816.md 9 with the timing of 2 Mbit/s and 2 ms: stop, program one MDT and one AT, close the ring in CP0.
+    /// The order of sercon816.md 9 with the timing of 2 Mbit/s and 2 ms: stop, program one AT and one MDT, close the ring in CP0, and look for
+    /// drive 1 in CP1.
     const MASTER: &str = "w 01 0002\nw 01 0661\nw 02 0383\nw 0d ff0a\nw 0e 051f\nw 0f 07d0\nw 10 07d0\nw 13 0003\nw 14 0000\n\
         w 15 fffc\nw 16 000a\nw 18 0006\nw 19 001e\n\
-        W 000 0010\nW 001 0010\nW 010 5001\nW 011 0258\nW 012 0006\nW 013 0018\nW 014 8002\nW 015 0001\nW 016 0000\n\
-        W 018 1801\nW 019 0708\nW 01a 0003\nW 01b 0028\nW 01c 0000\nW 01d 8002\nW 01e 0000\nW 01f 0000\nW 028 c000\nW 029 076c\n\
-        w 0a 0000\nw 04 ffff\ncycles 20\nr 04\ntime\n";
+        W 000 0010\nW 001 0010\nW 010 1801\nW 011 0096\nW 012 0002\nW 013 0020\nW 014 0000\nW 015 8002\nW 016 0000\nW 017 0000\n\
+        W 020 5001\nW 021 0258\nW 022 0002\nW 023 0028\nW 024 8002\nW 025 0001\nW 026 0000\nW 028 c000\nW 029 076c\n\
+        w 0a 0000\nw 04 ffff\ncycles 20\nr 04\ntime\n\
+        w 0a 0001\nw 03 0100\ncycles 20\nR 010\nR 016\n";
 
     #[test]
     fn a_foreign_master_finds_the_ring_of_our_drives_closed() {
-        let mut server = chip_server(&[1, 2, 3]).unwrap();
+        finds_the_ring_closed(&Executor::Host);
+    }
+
+    #[test]
+    #[ignore = "needs QEMU and the ELF: cargo xtask test"]
+    fn a_foreign_master_finds_the_ring_of_flashed_elves_closed() {
+        let path = |name: &str| {
+            std::env::var_os(name)
+                .unwrap_or_else(|| panic!("{name} is not set: run `cargo xtask test`, which builds the ELF"))
+                .into()
+        };
+        finds_the_ring_closed(&Executor::Qemu(bench::Elves { product: path("PRODUCT_ELF"), bus: path("BUS_PLUGIN") }));
+    }
+
+    fn finds_the_ring_closed(executor: &Executor) {
+        let mut server = chip_server(&[1, 2, 3], executor).unwrap();
         let mut output = Vec::new();
         socket::serve(&mut MASTER.as_bytes(), &mut output, &mut server).unwrap();
         let output = String::from_utf8(output).unwrap();
         let told: Vec<&str> = output.lines().filter(|line| *line != "ok").collect();
-        let [status, time] = told[..] else { panic!("two answers expected: {told:?}") };
-        let status = u16::from_str_radix(status, 16).unwrap();
+        let [status, time, header, drive_status] = told[..] else { panic!("four answers expected: {told:?}") };
+        let [status, header, drive_status] =
+            [status, header, drive_status].map(|word| u16::from_str_radix(word, 16).unwrap());
         assert_eq!(status & 0x0382, 0, "fibre break or lost MST: {status:04x}");
         assert_eq!(time, "40000000");
+        // A ring of drives that sleep is closed as well: their chips repeat.
+        assert_eq!(header, 0x1801 | 1 << 10, "the AT of drive 1");
+        assert_eq!(drive_status & 0xC000, 0, "no torque in CP1: {drive_status:04x}");
     }
 
     #[test]

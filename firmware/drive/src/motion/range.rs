@@ -22,8 +22,9 @@ impl<B: Bus + Clone, H: Hardware> Motion<B, H> {
         let output = &self.output;
         let commanded = match self.axis.mode() {
             _ if !self.machine.state().is_in_operation() => Commanded::Nothing,
-            Mode::Off | Mode::Stopping | Mode::Braking => Commanded::Nothing,
-            Mode::Position | Mode::Halt | Mode::Travel => {
+            // A stop leads nowhere, and a place is held where the axis has come to.
+            Mode::Off | Mode::Stopping | Mode::Braking | Mode::Halt => Commanded::Nothing,
+            Mode::Position | Mode::Travel => {
                 Commanded::At(measured + (output.position_command - self.encoder.position()))
             }
             Mode::Velocity => Commanded::Turn(output.velocity_command),

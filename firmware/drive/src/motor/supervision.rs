@@ -78,6 +78,10 @@ pub(crate) struct Surroundings {
     pub(crate) index: Option<u32>,
 }
 
+/// So much more than flows the loops may ask for at the voltage limit: a sixteenth of the peak current, within which the current loop stays at
+/// that limit.
+const REACH: i16 = i16::MAX / 16;
+
 impl Motor {
     /// Looks at everything once.
     pub(crate) fn supervise(&mut self, surroundings: &Surroundings) -> Findings {
@@ -88,6 +92,7 @@ impl Motor {
         self.watch_temperatures(&mut findings);
         self.watch_loads(&mut findings);
         self.weakening_limit = None;
+        self.within_reach = None;
         self.combine_limits();
         self.limiting = Limiting::empty();
         if self.bridge_on {
@@ -114,18 +119,40 @@ impl Motor {
         let (direct, quadrature) = (coarse(readings.direct_voltage), coarse(readings.quadrature_voltage));
         let longest = coarse(self.bus_scale.longest());
         let squared = direct.wrapping_mul(direct).wrapping_add(quadrature.wrapping_mul(quadrature));
-        if squared.wrapping_mul(17) > longest.wrapping_mul(longest).wrapping_mul(16) {
+        let saturated = squared.wrapping_mul(17) > longest.wrapping_mul(longest).wrapping_mul(16);
+        if saturated {
             self.limiting |= Limiting::VOLTAGE;
         }
+        self.keep_within_reach(saturated);
         self.watch_current(findings);
+    }
+
+    /// A motor that is too fast for the bus gets less current than the loops ask for. They are held near what flows: what they would pile up
+    /// beyond it would go on pushing when they are told to brake.
+    fn keep_within_reach(&mut self, saturated: bool) {
+        let was_saturated = core::mem::replace(&mut self.saturated, saturated);
+        let (commanded, flowing) = (self.commanded.to_bits(), self.measured.torque_current.to_bits());
+        // One look alone is a current that is on its way.
+        if !(saturated && was_saturated && self.is_turning()) || commanded == 0 {
+            return;
+        }
+        let reach =
+            if commanded > 0 { flowing.max(0).saturating_add(REACH) } else { flowing.min(0).saturating_sub(REACH) };
+        let reach = CurrentFraction::from_bits(reach);
+        self.within_reach = Some(reach);
+        self.limits = self.limits.narrowed_on_one_side(reach, Limiting::VOLTAGE);
+    }
+
+    /// Half of the voltage that there is goes into the rotation.
+    fn is_turning(&self) -> bool {
+        self.induced > self.bus_scale.longest() >> 1
     }
 
     /// All the voltage there is, little of it for the rotation, and still the current does not follow: a converter that has stopped, a sensor
     /// without supply, or a phase that is open. Without this the loop would push ever more current that it does not see.
     fn watch_current(&mut self, findings: &mut Findings) {
         let deviation = i32::from(self.commanded.to_bits()).abs_diff(i32::from(self.measured.torque_current.to_bits()));
-        let turning = self.induced > self.bus_scale.longest() >> 1;
-        let blind = deviation > BLIND_DEVIATION && self.limiting.contains(Limiting::VOLTAGE) && !turning;
+        let blind = deviation > BLIND_DEVIATION && self.limiting.contains(Limiting::VOLTAGE) && !self.is_turning();
         self.blind = if blind { self.blind.saturating_add(1) } else { 0 };
         if self.blind >= BLIND_TICKS {
             findings.add_own(Manufacturer1::CURRENT_SENSOR, true);

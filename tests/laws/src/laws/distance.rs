@@ -20,6 +20,10 @@ pub(crate) struct Distance {
     unchanged: i64,
     /// From where to where the shaft was since a homing was started, in revolutions.
     started: Option<[f64; 2]>,
+    /// Where the shaft was at the record before: a drive works with a position that it has read.
+    before: f64,
+    /// S-0-0189 of the last AT while commands were followed.
+    shown: Option<i64>,
     /// S-0-0052 at that time.
     reference: Option<i64>,
     /// Where the shaft stood when S-0-0447, or S-0-0148 where it stands, gave it S-0-0052.
@@ -55,6 +59,21 @@ impl Distance {
         Verdict::of(units.way(expected, shown).abs() <= tolerance, || {
             format!("S-0-0047 is {command}, S-0-0051 {feedback}, and S-0-0189 {shown}")
         })
+    }
+
+    /// What follows a command comes nearer or falls behind, and never changes sides by half of all numbers: a distance that has no number
+    /// stays at the last one.
+    fn goes_on(&mut self, distance: u32, scene: &Scene) -> Verdict {
+        let following = scene.is_operating() && scene.wire.asks_to_follow() && scene.wire.follows();
+        let same =
+            scene.asked_mode() == scene.actual_mode() && scene.asks_for_position() && !scene.drive_moves_the_axis();
+        let now = i64::from(distance.cast_signed());
+        if !following || !same {
+            self.shown = None;
+            return Verdict::Silent;
+        }
+        let Some(before) = self.shown.replace(now) else { return Verdict::Silent };
+        Verdict::of((now - before).abs() < 1 << 31, || format!("S-0-0189 was {before} and is {now} a cycle later"))
     }
 
     /// S-0-0447, or S-0-0148 that takes the place where the motor stands, has been executed.
@@ -108,8 +127,10 @@ impl Law for Distance {
         match event {
             Event::Record => {
                 if scene.starting.is_some_and(|idn| matches!(idn.0, 148 | 447)) && self.started.is_none() {
-                    self.started = Some([scene.sight.machine.angle; 2]);
+                    let now = scene.sight.machine.angle;
+                    self.started = Some([now.min(self.before), now.max(self.before)]);
                 }
+                self.before = scene.sight.machine.angle;
                 let command = scene.wire.command(Idn::POSITION_COMMAND);
                 self.unchanged = if command == self.command { self.unchanged + 1 } else { 0 };
                 self.command = command;
@@ -120,10 +141,13 @@ impl Law for Distance {
                 Verdict::Silent
             }
             Event::Answer => match self.arrived(scene) {
-                Verdict::Silent => scene
-                    .wire
-                    .feedback(Idn::FOLLOWING_DISTANCE)
-                    .map_or(Verdict::Silent, |distance| self.compare(distance, scene)),
+                Verdict::Silent => {
+                    let Some(distance) = scene.wire.feedback(Idn::FOLLOWING_DISTANCE) else { return Verdict::Silent };
+                    match self.compare(distance, scene) {
+                        Verdict::Broken(words) => Verdict::Broken(words),
+                        _ => self.goes_on(distance, scene),
+                    }
+                }
                 verdict => verdict,
             },
             Event::Service(Heard::Read(Idn::FOLLOWING_DISTANCE, Element::Data, words)) => match words[..] {
@@ -170,6 +194,23 @@ mod tests {
         assert_eq!(fake(-2_147_483_600, 2_147_483_600, 96).broken(), None);
         assert!(fake(1_000, 900, -100).broken().is_some());
         assert!(fake(1_000, -900, 100).broken().is_some());
+    }
+
+    #[test]
+    fn a_distance_that_has_no_number_does_not_come_back_with_the_other_sign() {
+        let after = |distance: i32| {
+            // The command turns: nothing is settled, only the distance grows.
+            let feedback = 5 - i32::MAX;
+            let mut fake = fake(0, feedback, -feedback);
+            for command in 1..20 {
+                let command = command * 1_000_000_i32;
+                fake.data = [command.to_le_bytes().to_vec(), [feedback, distance].map(i32::to_le_bytes).concat()];
+                fake.run(1, 0xE000, 0xC008);
+            }
+            fake.broken()
+        };
+        assert_eq!(after(i32::MAX), None);
+        assert!(after(i32::MIN + 5).is_some_and(|words| words.contains("a cycle later")));
     }
 
     fn homed(distance: i32, feedback: i32) -> Fake {

@@ -9,6 +9,7 @@ mod feedback;
 mod findings;
 mod following;
 mod limits;
+mod marker;
 mod nothing_moves;
 mod probes;
 mod service;
@@ -42,6 +43,7 @@ pub(crate) fn all() -> Vec<Box<dyn Law>> {
         Box::new(limits::PositionLimits::default()),
         Box::new(feedback::Feedback::default()),
         Box::new(distance::Distance::default()),
+        Box::new(marker::Marker::default()),
         Box::new(service::AtAndService::default()),
         Box::new(service::Acknowledged::default()),
         Box::new(service::Protected::default()),

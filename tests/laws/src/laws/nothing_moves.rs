@@ -66,7 +66,12 @@ impl NothingMoves {
             }
             (Some(3 | 4 | 11 | 12), Some(command), followed) => {
                 let Some(feedback) = scene.position_feedback() else { return };
-                let way = sense * units.way(feedback, command) / units.increments;
+                let increments = units.way(feedback, command);
+                // The shaft is so far behind that nobody can tell in which turn of the data.
+                if units.is_modulo && increments.abs() > units.modulo / 4.0 {
+                    return;
+                }
+                let way = sense * increments / units.increments;
                 // What turns already, after a cycle without a command, needs a way to come back.
                 let going = machine.velocity / TAU * CATCHING_UP;
                 let (low, high) = (way.min(going).min(0.0), way.max(going).max(0.0));

@@ -1,4 +1,4 @@
-//! A stop never makes the shaft faster, and it stands when the deceleration says so.
+//! A stop never makes the shaft faster nor turns it back, and it stands when the deceleration says so.
 
 use ring::Nanoseconds;
 use ring::ident::Idn;
@@ -19,6 +19,8 @@ const LASTING: Nanoseconds = Nanoseconds::from_millis(1);
 const STANDSTILL: (f64, f64) = (1.0, 0.02);
 /// Margin of the time to standstill: a share, and milliseconds for filters and the end of the loops' settling.
 const MARGIN: (f64, f64) = (0.2, 100.0);
+/// A loop that overshoots its standstill comes back so far: revolutions, and seconds of the speed that the stop began with.
+const BACK: (f64, f64) = (0.005, 2e-3);
 /// After a change of the load the shaft may do what it must for so long.
 const RECOVERY: Nanoseconds = Nanoseconds::from_millis(300);
 
@@ -43,6 +45,9 @@ struct Running {
     deadline: Option<Nanoseconds>,
     faster: Option<Nanoseconds>,
     stood: bool,
+    /// The way that the shaft turned when the stop began, 1 or -1, and how far it has come that way, in revolutions.
+    direction: f64,
+    furthest: f64,
 }
 
 impl Stop {
@@ -70,8 +75,19 @@ impl Stop {
         let lag = if scene.machine.mechanics.load.is_some() { ELASTIC_LAG } else { LOOP_LAG };
         let tolerance = OVERSHOOT.0 * speed + OVERSHOOT.1 + acceleration * lag;
         let effect = scene.now + effect;
-        let (begun, faster, stood) = (scene.now, None, false);
-        self.running = Some(Running { cause, begun, effect, speed, tolerance, deadline, faster, stood });
+        let direction = velocity.signum();
+        self.running = Some(Running {
+            cause,
+            begun: scene.now,
+            effect,
+            speed,
+            tolerance,
+            deadline,
+            faster: None,
+            stood: false,
+            direction,
+            furthest: scene.sight.machine.angle * direction,
+        });
     }
 
     fn watch(&mut self, scene: &Scene) -> Verdict {
@@ -82,7 +98,9 @@ impl Stop {
         let Some(running) = &mut self.running else { return Verdict::Silent };
         let machine = &scene.sight.machine;
         let speed = machine.velocity.abs();
+        let way = machine.angle * running.direction;
         if scene.now <= running.effect {
+            running.furthest = way;
             running.speed = running.speed.max(speed);
             return Verdict::Silent;
         }
@@ -95,6 +113,7 @@ impl Stop {
             running.speed = running.speed.max(speed);
             running.faster = None;
             running.deadline = None;
+            running.furthest = way;
             return Verdict::Silent;
         }
         let driving = machine.torque * machine.velocity > 0.0;
@@ -110,6 +129,17 @@ impl Stop {
             }
         } else {
             running.faster = None;
+        }
+        // What a load turns back, or a shaft that unwinds, is not the drive's doing.
+        if !driving || way > running.furthest {
+            running.furthest = running.furthest.max(way);
+        }
+        let back = running.furthest - way;
+        if driving && back > BACK.0 + BACK.1 * running.speed / core::f64::consts::TAU {
+            let (cause, begun) = (running.cause, running.begun);
+            return Verdict::Broken(format!(
+                "stopped by {cause} at {begun}, the shaft is turned back by {back:.4} revolutions"
+            ));
         }
         running.stood |= speed < STANDSTILL.0 + STANDSTILL.1 * running.speed;
         if let Some(deadline) = &mut running.deadline {
@@ -127,7 +157,7 @@ impl Stop {
 
 impl Law for Stop {
     fn sentence(&self) -> &'static str {
-        "a stop never makes the shaft faster, and it stands when the deceleration says so"
+        "a stop never makes the shaft faster nor turns it back, and it stands when the deceleration says so"
     }
 
     fn judge(&mut self, event: &Event<'_>, scene: &Scene) -> Verdict {
@@ -219,6 +249,24 @@ mod tests {
             }
             assert!(fake.broken().is_some_and(|words| words.contains("rpm, the shaft has")), "{control:x} {status:x}");
         }
+    }
+
+    #[test]
+    fn a_stop_that_comes_back_breaks_it() {
+        let stopped = |back: f64, motor: f64| {
+            let mut fake = at_speed(20.0);
+            for _ in 0..25 {
+                fake.turning(0xC000, 0xC000, -400.0, torque(-60.0));
+            }
+            fake.sight.machine.velocity = -back;
+            for _ in 0..20 {
+                fake.turning(0xC000, 0xC000, 0.0, torque(motor));
+            }
+            fake.broken()
+        };
+        assert_eq!(stopped(1.0, -60.0), None, "0.04 rad come back");
+        assert!(stopped(5.0, -60.0).is_some_and(|words| words.contains("turned back")), "0.2 rad come back");
+        assert_eq!(stopped(5.0, 60.0), None, "a load does it");
     }
 
     #[test]

@@ -36,11 +36,13 @@ struct Fall {
     way: f64,
     /// The torque went before the brake could hold.
     at_once: bool,
+    /// An AT that shows why may be still to come.
+    soon: bool,
 }
 
 impl Fall {
     fn allowed(&self) -> f64 {
-        if self.at_once { MARGIN.0 * self.way + MARGIN.1 } else { MARGIN.1 }
+        if self.at_once || self.soon { MARGIN.0 * self.way + MARGIN.1 } else { MARGIN.1 }
     }
 }
 
@@ -79,7 +81,7 @@ impl Vertical {
             || !scene.sight.safe_torque
             || !scene.sight.main_power
             || scene.deceived;
-        Some(Fall { since: scene.now, from: machine.angle, direction, way: wound * way / TAU, at_once })
+        Some(Fall { since: scene.now, from: machine.angle, direction, way: wound * way / TAU, at_once, soon: true })
     }
 }
 
@@ -91,8 +93,8 @@ impl Law for Vertical {
     fn judge(&mut self, event: &Event<'_>, scene: &Scene) -> Verdict {
         if let Some(fall) = &mut self.fall {
             // The error is shown, or the ring is seen to be lost, after the torque has gone.
-            let soon = scene.now.saturating_sub(fall.since) <= scene.cycles(SHOWN_AFTER, 0);
-            fall.at_once |= soon && (scene.wire.has_error() || !scene.is_operating());
+            fall.soon = scene.now.saturating_sub(fall.since) <= scene.cycles(SHOWN_AFTER, 0);
+            fall.at_once |= fall.soon && (scene.wire.has_error() || !scene.is_operating());
         }
         let Event::Look = event else { return Verdict::Silent };
         if scene.before.bridge && !scene.sight.bridge {
