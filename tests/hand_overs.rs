@@ -599,7 +599,7 @@ fn shortly_before_sending(turning: &mut Turning, gain: u16, sent: usize) -> u32 
     *turning.elf.on_stop.borrow_mut() = Some(Box::new(move |guest, stopped| {
         let now = link(guest)?[sent];
         if *count.get_or_insert(now) != now {
-            tell.set(last.iter().rev().take(2).last().copied());
+            tell.set(last.iter().nth_back(1).or(last.first()).copied());
             return Ok(());
         }
         match stopped.exception.checked_sub(FIRST) {
