@@ -334,7 +334,7 @@ fn t4_at_every_instruction_of_the_handler_of_t3_and_t3_at_every_instruction_of_t
         turning.turn(1_000);
         turning.elf.guest.borrow_mut().watch_accesses(&[RELOAD]);
         let quiet_since = turning.bench.world.now();
-        turning.bench.run(Nanoseconds::from_millis(300));
+        turning.bench.run(Nanoseconds::from_millis(100));
         let quiet = greatest_trim(&turning, quiet_since);
         let from = turning.watch_lines();
         let event = if held == INT0 { turning.t3.1 } else { turning.t4.1 };
@@ -503,7 +503,7 @@ fn trips_while_switching_on(trip: Trip) {
             Ok(())
         }));
         turning.bench.world.ring_mut().master_mut().hold_switches(Some(0));
-        turning.bench.run(Nanoseconds::from_millis(12));
+        turning.bench.run(Nanoseconds::from_millis(6));
         let before = turning.elf.guest.borrow().measurements().watched.len();
         turning.elf.guest.borrow_mut().stop_at(StopAt { address: first, behind: step }).unwrap();
         turning.bench.world.ring_mut().master_mut().hold_switches(Some(FOLLOW));
@@ -533,7 +533,6 @@ fn trips_while_switching_on(trip: Trip) {
         }
         motor_side_restored(&mut turning);
         *turning.elf.on_stop.borrow_mut() = None;
-        turning.bench.run(Nanoseconds::from_millis(4));
         turning.bench.world.ring_mut().master_mut().hold_switches(Some(0));
         turning.bench.run(Nanoseconds::from_millis(6));
         if turning.bench.status() & 0x2000 != 0 {
