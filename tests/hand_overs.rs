@@ -9,7 +9,7 @@ use bench::DriveSetup;
 use emulator::{EmulatorError, Guest, Hold, StopAt, Stopped, Watched};
 use ring::Nanoseconds;
 use ring::chip::{Alternatives, InterruptOutput};
-use ring::ident::Idn;
+use ring::ident::{Idn, Value};
 use ring::service_client::Request;
 use std::cell::{Cell, RefCell};
 use std::collections::BTreeSet;
@@ -334,7 +334,7 @@ fn t4_at_every_instruction_of_the_handler_of_t3_and_t3_at_every_instruction_of_t
         turning.turn(1_000);
         turning.elf.guest.borrow_mut().watch_accesses(&[RELOAD]);
         let quiet_since = turning.bench.world.now();
-        turning.bench.run(Nanoseconds::from_millis(300));
+        turning.bench.run(Nanoseconds::from_millis(100));
         let quiet = greatest_trim(&turning, quiet_since);
         let from = turning.watch_lines();
         let event = if held == INT0 { turning.t3.1 } else { turning.t4.1 };
@@ -494,7 +494,7 @@ fn trips_while_switching_on(trip: Trip) {
                 Trip::CurrentLoop => {
                     motor_side.borrow_mut().machine().fail_current_sensor(0, Some(4_095), stopped.now.0);
                     for order in &orders {
-                        guest.write_memory(*order, 1)?;
+                        guest.write_memory(*order, &[1])?;
                     }
                     guest.hold(Hold::Interrupt(ADC));
                 }
@@ -503,7 +503,7 @@ fn trips_while_switching_on(trip: Trip) {
             Ok(())
         }));
         turning.bench.world.ring_mut().master_mut().hold_switches(Some(0));
-        turning.bench.run(Nanoseconds::from_millis(12));
+        turning.bench.run(Nanoseconds::from_millis(6));
         let before = turning.elf.guest.borrow().measurements().watched.len();
         turning.elf.guest.borrow_mut().stop_at(StopAt { address: first, behind: step }).unwrap();
         turning.bench.world.ring_mut().master_mut().hold_switches(Some(FOLLOW));
@@ -533,7 +533,6 @@ fn trips_while_switching_on(trip: Trip) {
         }
         motor_side_restored(&mut turning);
         *turning.elf.on_stop.borrow_mut() = None;
-        turning.bench.run(Nanoseconds::from_millis(4));
         turning.bench.world.ring_mut().master_mut().hold_switches(Some(0));
         turning.bench.run(Nanoseconds::from_millis(6));
         if turning.bench.status() & 0x2000 != 0 {
@@ -562,4 +561,140 @@ fn motor_side_restored(turning: &mut Turning) {
 fn a_trip_at_every_instruction_of_switching_on_wins_once_the_last_one_has_been_acknowledged() {
     trips_while_switching_on(Trip::Break);
     trips_while_switching_on(Trip::CurrentLoop);
+}
+
+/// The service channel, on a vector of CAN1: it hands settings over.
+const SERVICE_CHANNEL: u8 = 22;
+
+/// What the task of the service channel has written into the link, instruction by instruction, while it handed settings over.
+#[derive(Debug, Default)]
+struct Handed {
+    /// Words, in their order.
+    writes: Vec<usize>,
+    /// The current loop came in between so often.
+    interrupted: u32,
+    /// Words of the message in use that have changed.
+    torn: Vec<usize>,
+}
+
+/// Writes S-0-0106, and gives the link before and behind it.
+fn write_gain(turning: &mut Turning, gain: u16) -> [Vec<u32>; 2] {
+    let words = |turning: &Turning| link(&mut turning.elf.guest.borrow_mut()).unwrap();
+    let before = words(turning);
+    turning.bench.write(106, Value::Word(gain)).unwrap();
+    turning.bench.run(Nanoseconds::from_millis(5));
+    [before, words(turning)]
+}
+
+/// An instruction of the task of the service channel, up to 100 before it sends settings; `sent` is the word that counts them.
+fn shortly_before_sending(turning: &mut Turning, gain: u16, sent: usize) -> u32 {
+    const STRIDE: u32 = 50;
+    let handler = turning.elf.guest.borrow_mut().handler_of(SERVICE_CHANNEL).unwrap();
+    let entry = StopAt { address: handler, behind: 0 };
+    let found: Rc<Cell<Option<u32>>> = Rc::default();
+    let tell = Rc::clone(&found);
+    let mut last: Vec<u32> = Vec::new();
+    let mut count = None;
+    *turning.elf.on_stop.borrow_mut() = Some(Box::new(move |guest, stopped| {
+        let now = link(guest)?[sent];
+        if *count.get_or_insert(now) != now {
+            tell.set(last.iter().nth_back(1).or(last.first()).copied());
+            return Ok(());
+        }
+        match stopped.exception.checked_sub(FIRST) {
+            Some(interrupt) if interrupt == u16::from(SERVICE_CHANNEL) => last.push(stopped.pc),
+            Some(_) => {}
+            None => {
+                last.clear();
+                return guest.stop_at(entry);
+            }
+        }
+        guest.stop_at(StopAt { address: StopAt::HERE, behind: STRIDE })
+    }));
+    turning.elf.guest.borrow_mut().stop_at(entry).unwrap();
+    write_gain(turning, gain);
+    *turning.elf.on_stop.borrow_mut() = None;
+    found.get().expect("settings are handed over by the service channel")
+}
+
+/// Writes S-0-0106, and stops the task of the service channel at each instruction from `from` to that which sends. From the first word of `message` on,
+/// the current loop comes at each of them; `in_use` are the words of the message in use.
+fn hand_settings_over(
+    turning: &mut Turning,
+    gain: u16,
+    (from, sent): (u32, usize),
+    [in_use, message]: [&[usize]; 2],
+) -> Handed {
+    let handed: Rc<RefCell<Handed>> = Rc::default();
+    let seen = Rc::clone(&handed);
+    let begin = StopAt { address: from, behind: 0 };
+    let (in_use, message) = (in_use.to_vec(), message.to_vec());
+    // The link one instruction before, if that was one of the task's.
+    let mut before: Option<Vec<u32>> = None;
+    let mut first: Option<Vec<u32>> = None;
+    *turning.elf.on_stop.borrow_mut() = Some(Box::new(move |guest, stopped| {
+        let handed = &mut *seen.borrow_mut();
+        if stopped.exception != FIRST + u16::from(SERVICE_CHANNEL) {
+            before = None;
+            // The same instruction may have been executed for something else.
+            let over = stopped.exception == 0;
+            return guest.stop_at(if over { begin } else { StopAt { address: StopAt::HERE, behind: 1 } });
+        }
+        let now = link(guest)?;
+        if let Some(before) = &before {
+            handed.writes.extend((0..now.len()).filter(|word| now[*word] != before[*word]));
+        }
+        let first = first.get_or_insert_with(|| now.clone());
+        let changed =
+            |words: &[usize]| words.iter().copied().filter(|word| now[*word] != first[*word]).collect::<Vec<_>>();
+        handed.torn.extend(changed(&in_use));
+        if changed(&message).is_empty() {
+            before = Some(now.clone());
+        } else {
+            handed.interrupted += 1;
+            guest.hold(Hold::Interrupt(ADC));
+            before = None;
+        }
+        if now[sent] != first[sent] { Ok(()) } else { guest.stop_at(StopAt { address: StopAt::HERE, behind: 1 }) }
+    }));
+    turning.elf.guest.borrow_mut().stop_at(begin).unwrap();
+    write_gain(turning, gain);
+    *turning.elf.on_stop.borrow_mut() = None;
+    handed.take()
+}
+
+#[test]
+#[ignore = "needs QEMU and the ELF: cargo xtask test"]
+fn settings_are_handed_over_whole_whatever_instruction_the_current_loop_comes_at() {
+    let mut turning = Turning::new(DriveSetup::new(ADDRESS), 0.0, vec![]);
+    let gain = turning.bench.number(106) as u16;
+    // Steps that change what the current loop reckons with.
+    let links = [64, 128].map(|more| write_gain(&mut turning, gain + more));
+    let [[first, second], [third, fourth]] = &links;
+    let counts = |word: &usize| {
+        let values = [first, second, third, fourth].map(|words| words[*word]);
+        values == [values[0], values[0] + 1, values[0] + 1, values[0] + 2]
+    };
+    let counters: Vec<usize> = (0..first.len()).filter(counts).collect();
+    let [sent] = counters[..] else { panic!("one word counts the messages: {counters:?}") };
+    let place = (shortly_before_sending(&mut turning, gain + 192, sent), sent);
+
+    let messages = [256, 320].map(|more| hand_settings_over(&mut turning, gain + more, place, [&[], &[]]).writes);
+    // A word that keeps its value is not seen to be written.
+    println!("words of two messages, word {sent} counts them, from {:08x} on: {messages:?}", place.0);
+    let [even, odd] = messages.each_ref().map(|words| {
+        let (last, message) = words.split_last().expect("words are handed over");
+        assert_eq!(*last, sent, "the message is filled before it is sent");
+        assert!(!message.is_empty() && !message.contains(last));
+        message
+    });
+    assert!(even.iter().all(|word| !odd.contains(word)), "the message in use is filled: {even:?}, {odd:?}");
+    for (more, in_use, message) in [(384, odd, even), (448, even, odd)] {
+        let handed = hand_settings_over(&mut turning, gain + more, place, [in_use, message]);
+        println!("the current loop came at {} instructions of it", handed.interrupted);
+        assert!(handed.torn.is_empty(), "{:?}", handed.torn);
+        assert!(handed.interrupted >= 5, "{}", handed.interrupted);
+    }
+    assert_eq!(turning.bench.number(106) as u16, gain + 448);
+    assert_eq!(turning.bench.number(11), 0);
 }

@@ -12,7 +12,7 @@ const LINES: [InterruptPin; 2] = [InterruptPin::Int0, InterruptPin::Int1];
 fn t4_through_all_tasks(turning: &mut Turning) {
     let (register, _) = turning.t4;
     let t4 = turning.bench.drive.chip.borrow_mut().read_register(Nanoseconds::ZERO, register);
-    for earlier in (0..130).map(|step| 4 * step).chain([0]) {
+    for earlier in (0..65).map(|step| 8 * step).chain([0]) {
         let now = turning.bench.world.now();
         turning.bench.drive.chip.borrow_mut().write_register(now, register, t4 - earlier);
         turning.bench.run(Nanoseconds::from_millis(2));
@@ -52,7 +52,7 @@ fn latches_the_true_position(output: InterruptOutput, routing: RoutingSense) -> 
          {held_up} behind it at most",
         edge.line
     );
-    assert!(positions >= 130 && more >= 130, "{what}: {positions}, {more}");
+    assert!(positions >= 65 && more >= 65, "{what}: {positions}, {more}");
     assert!(quiet.abs() < 0.5, "{what}: {quiet} counts");
     assert!(ringing.abs() < 0.5, "{what}: {ringing} counts on a line that rings");
     // Or nothing was held up: 5 us are 44 counts.

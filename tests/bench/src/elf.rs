@@ -46,13 +46,13 @@ impl Elf {
         const END_OF_CONVERSION: u8 = 18;
         let guest = &mut *self.guest.borrow_mut();
         let stop = StopAt { address: guest.handler_of(END_OF_CONVERSION)?, behind: 0 };
-        let mut spans = spans.to_vec().into_iter();
+        let mut spans = VecDeque::from(spans.to_vec());
         *self.on_stop.borrow_mut() = Some(Box::new(move |guest, stopped| {
-            match spans.next() {
+            match spans.pop_front() {
                 Some(span) => guest.hold(Hold::Until(stopped.now + span)),
                 None => return Ok(()),
             }
-            if spans.len() == 0 {
+            if spans.is_empty() {
                 done();
                 return Ok(());
             }
@@ -132,7 +132,8 @@ impl Lines {
 
     /// Lets happen what is due.
     pub(crate) fn advance(&mut self, now: Nanoseconds) {
-        while let Some((_, line)) = self.toggles.pop_front_if(|(time, _)| *time <= now) {
+        let due = self.toggles.partition_point(|(time, _)| *time <= now);
+        for (_, line) in self.toggles.drain(..due) {
             let turned = &mut self.turned[usize::from(line == InterruptPin::Int1)];
             *turned = !*turned;
         }

@@ -118,6 +118,13 @@ impl Fault {
         )
     }
 
+    /// When it is found depends on where the shaft is (the next index pulse, up to 100 ms away), or on when the noise of a standing axis makes the loops
+    /// ask for current. Such a time lies within the bounds of its row, and says no more.
+    #[must_use]
+    pub const fn is_found_by_chance(self) -> bool {
+        matches!(self, Self::EncoderSlip | Self::ConvertersStuck)
+    }
+
     /// Friction comes with the fault.
     const fn has_friction(self) -> bool {
         matches!(self, Self::AxisBlocked | Self::Overload | Self::MainsFailure)

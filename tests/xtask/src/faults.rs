@@ -50,21 +50,22 @@ pub(crate) fn compare(installing: Installing) -> Result<Verdict> {
     let cells: Vec<Cell> = expected.iter().map(|expected| expected.cell).collect();
     let host = fault_matrix::run_all(&cells, &Executor::Host)?;
     let (mut different, total) = (0, cells.len());
-    // A cell at a time: the flashed ELF is slow, and whoever waits for it sees what it has come to.
+    // Some at a time: the flashed ELF is slow, and whoever waits for it sees what it has come to.
     let both = cells.chunks(AT_ONCE).zip(expected.chunks(AT_ONCE).zip(host.chunks(AT_ONCE)));
     for (number, (cells, (expected, host))) in both.enumerate() {
         let elf = fault_matrix::run_all(cells, &executor)?;
         for (cell, (expected, (host, elf))) in cells.iter().zip(expected.iter().zip(host.iter().zip(&elf))) {
-            if let Some(line) =
-                expected.contradiction(elf).or_else(|| Some(format!("{cell}: {}", difference(host, elf)?)))
+            if let Some(line) = expected
+                .contradiction_on_the_elf(elf)
+                .or_else(|| Some(format!("{cell}: {}", difference(cell.fault, host, elf)?)))
             {
                 different += 1;
                 println!("{line}");
             }
         }
-        eprintln!("{} of {} cells", number * AT_ONCE + cells.len(), total);
+        eprintln!("{} of {total} cells", number * AT_ONCE + cells.len());
     }
-    println!("{different} of {} cells are different on the flashed ELF", total);
+    println!("{different} of {total} cells are different on the flashed ELF");
     Ok(if different == 0 { Verdict::Passed } else { Verdict::Failed })
 }
 

@@ -7,7 +7,7 @@
 //!
 //! The instruction that was left begins again alone in its block. An access that it has already made is not made a second time.
 
-use crate::machine::machine;
+use crate::machine::{Raised, machine};
 
 /// An instruction of a block, as it was translated: a number, which QEMU hands to the callback in the place of a pointer. So there is nothing
 /// to fetch from memory before each of 10^8 instructions.
@@ -92,7 +92,7 @@ pub(crate) struct Made {
     pub(crate) address: u32,
     pub(crate) value: u32,
     /// Interrupts that it raised, for [`crate::machine::Machine::pend`].
-    pub(crate) raised: Option<[u32; 6]>,
+    pub(crate) raised: Option<Raised>,
 }
 
 /// An instruction that begins again.
@@ -131,6 +131,15 @@ struct Stop {
     behind: u32,
     /// It has come past the address: every instruction is alone until the stop.
     near: bool,
+}
+
+impl Stop {
+    /// May it be in a block of so many instructions?
+    #[inline]
+    const fn lies_in(&self, pc: u32, count: u64) -> bool {
+        const LONGEST: u64 = 4;
+        self.near || (self.at.wrapping_sub(pc) as u64) < LONGEST * count
+    }
 }
 
 /// No instruction is at an odd address.
@@ -184,7 +193,7 @@ impl Blocks {
     #[inline]
     pub(crate) fn stops(&mut self) -> bool {
         let comes = self.stop.near || self.stop.at == self.current.pc();
-        comes && self.count_down()
+        comes && self.current.is_alone() && self.count_down()
     }
 
     #[cold]
@@ -205,7 +214,8 @@ impl Blocks {
         }
         self.made = None;
         let count = this.count();
-        if (self.stop.near || self.stop.at == this.pc()) && count > 1 {
+        // QEMU 7.2 has the registers in memory at the beginning of a block only: it is left there, and not at the instruction to stop before.
+        if this.index() == 0 && count > 1 && self.stop.lies_in(this.pc(), count) {
             machine().leave_block(at_host);
         }
         if this.index() == 0 && count > 1 && self.ticks + count > self.deadline {
@@ -225,7 +235,7 @@ impl Blocks {
     /// The instruction is executed and takes a tick.
     #[inline]
     pub(crate) fn go_on(&mut self) {
-        let far = self.ticks + self.near < self.deadline && !self.stop.near && self.stop.at != self.current.pc();
+        let far = self.ticks + self.near < self.deadline && !self.stop.near;
         if self.current.is_alone() && far && self.proven.0 == TO_PROVE && self.whole {
             machine().set_one_instruction(false);
         }
