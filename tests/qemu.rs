@@ -3,8 +3,9 @@
 //! `cargo xtask test` builds the ELF and runs these.
 
 use crate::common::{real_recording, tight_ring};
+use crate::elf::on_qemu;
 use bench::report::Platform;
-use bench::{DriveSetup, Elves, Executor, ReplayOptions, demo, replay, ring_of_drives_on};
+use bench::{DriveSetup, ReplayOptions, demo, replay, ring_of_drives_on};
 use conformance::{Configuration, Slave, walk};
 use ring::master::ScriptedMaster;
 use ring::tester::Plan;
@@ -12,13 +13,6 @@ use ring::wire::BitRate;
 use ring::{Nanoseconds, RingConfiguration, Tester};
 use sercos::Phase;
 use sercos::dictionary::DICTIONARY;
-
-const REASON: &str = "is not set: run `cargo xtask test`, which builds the ELF and runs the tests in QEMU";
-
-fn on_qemu() -> Executor {
-    let path = |name: &str| std::env::var_os(name).unwrap_or_else(|| panic!("{name} {REASON}")).into();
-    Executor::Qemu(Elves { product: path("PRODUCT_ELF"), bus: path("BUS_PLUGIN") })
-}
 
 #[test]
 #[ignore = "needs QEMU and the ELF: cargo xtask test"]

@@ -3,14 +3,19 @@
 //! One program, because each would be linked with everything for itself.
 
 mod blocked;
+mod bridge_and_brake;
 mod commissioning;
 mod common;
 mod coordinates;
 mod demo;
+#[path = "common/elf.rs"]
+mod elf;
 mod faults;
 mod following;
 mod functions;
+mod hand_overs;
 mod last_metre;
+mod latches;
 mod laws;
 #[path = "common/led.rs"]
 mod led;

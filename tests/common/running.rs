@@ -1,6 +1,6 @@
 //! One drive on a ring with the scripted master, running or about to, and what a test asks of it.
 
-use bench::{DriveHandle, DriveSetup, World, parameters_of, product, ring_of_drives};
+use bench::{DriveHandle, DriveSetup, Executor, World, parameters_of, product, ring_of_drives_on};
 use plant::ReferenceAxis;
 use ring::chip::Alternatives;
 use ring::fibre::{Effect, Fault, TelegramKind};
@@ -31,8 +31,14 @@ pub(crate) struct Bench {
 impl Bench {
     /// A drive before its run-up.
     pub(crate) fn new(setup: DriveSetup, script: MasterScript) -> Self {
+        Self::on(Executor::Host, setup, script)
+    }
+
+    /// The same, and where it runs.
+    pub(crate) fn on(executor: Executor, setup: DriveSetup, script: MasterScript) -> Self {
         let configuration = RingConfiguration::new(1, BitRate::M2);
-        let (world, mut handles) = ring_of_drives(configuration, ScriptedMaster::new(script), &[setup]).unwrap();
+        let master = ScriptedMaster::new(script);
+        let (world, mut handles) = ring_of_drives_on(configuration, master, &[setup], |_| executor.clone()).unwrap();
         Self { world, drive: handles.remove(0) }
     }
 
@@ -58,6 +64,11 @@ impl Bench {
     /// A vertical axis with its brake and its commutation angle, and these data blocks written besides, before its run-up; it is to be held at
     /// zero velocity.
     pub(crate) fn vertical(parameters: Vec<(Idn, Value)>) -> Self {
+        Self::vertical_on(Executor::Host, parameters)
+    }
+
+    /// The same, and where it runs.
+    pub(crate) fn vertical_on(executor: Executor, parameters: Vec<(Idn, Value)>) -> Self {
         let axis = ReferenceAxis::vertical();
         let encoder = axis.machine.encoder;
         let angle = (encoder.electrical_zero * f64::from(axis.machine.windings.pole_pairs)).fract() * 36_000.0;
@@ -71,7 +82,7 @@ impl Bench {
             .with_all(parameters);
         let motion = Motion::new(1_000_000, |_| CommandValues::default());
         let script = MasterScript { motion: Some(motion), stops_at_refusals: false, ..MasterScript::new(vec![drive]) };
-        Self::new(DriveSetup { axis, ..DriveSetup::new(ADDRESS) }, script)
+        Self::on(executor, DriveSetup { axis, ..DriveSetup::new(ADDRESS) }, script)
     }
 
     pub(crate) fn run(&mut self, span: Nanoseconds) {

@@ -28,7 +28,7 @@ fn whenever_a_reset_comes_during_the_start_nothing_is_switched_on_and_the_drive_
 #[ignore = "needs QEMU and the ELF: cargo xtask test"]
 fn a_fault_before_the_clocks_run_is_recorded_too() {
     let mut rig = Rig::new(Axis::Horizontal);
-    Mistake::Undefined.plant(rig.qemu.borrow_mut().guest_mut(), &rig.functions, "main").unwrap();
+    Mistake::Undefined.plant(&mut rig.qemu.borrow_mut().guest_mut(), &rig.functions, "main").unwrap();
     // The statics are set up at 16 MHz before.
     rig.run_ms(9);
     let incidents = rig.qemu.borrow_mut().guest_mut().incidents().to_vec();

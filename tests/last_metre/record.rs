@@ -125,7 +125,7 @@ fn after_three_crashes_in_a_row_the_drive_stays_out_of_the_ring_until_the_next_r
     };
     for crash in 1..=3 {
         rig.run_ms(15);
-        Mistake::Undefined.plant(rig.qemu.borrow_mut().guest_mut(), &rig.functions, "CAN2_TX").unwrap();
+        Mistake::Undefined.plant(&mut rig.qemu.borrow_mut().guest_mut(), &rig.functions, "CAN2_TX").unwrap();
         rig.run_ms(1);
         assert_eq!(resets(&rig), crash);
     }

@@ -212,9 +212,9 @@ impl Rig {
             let qemu = &mut *self.qemu.borrow_mut();
             match event {
                 Event::Mistake(mistake, function) => {
-                    mistake.plant(qemu.guest_mut(), &self.functions, function).unwrap();
+                    mistake.plant(&mut qemu.guest_mut(), &self.functions, function).unwrap();
                 }
-                Event::IdleHangs => Mistake::hang_idle(qemu.guest_mut(), &self.functions).unwrap(),
+                Event::IdleHangs => Mistake::hang_idle(&mut qemu.guest_mut(), &self.functions).unwrap(),
                 Event::CrystalFails => qemu.fail_crystal(now).unwrap(),
                 Event::Reset(reset) => qemu.reset(now, reset).unwrap(),
             }

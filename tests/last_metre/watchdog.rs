@@ -58,7 +58,7 @@ fn started() -> Rig {
 fn a_task_of_the_cycle_that_hangs_ends_the_program_within_a_millisecond_and_is_named() {
     for (handler, task) in OF_THE_CYCLE {
         let mut rig = started();
-        Mistake::Hang.plant(rig.qemu.borrow_mut().guest_mut(), &rig.functions, handler).unwrap();
+        Mistake::Hang.plant(&mut rig.qemu.borrow_mut().guest_mut(), &rig.functions, handler).unwrap();
         let (whats, line) = bitten(&mut rig, task);
         assert_eq!(whats, STOPPED, "{task}");
         assert!(line.contains(&format!("control stopped in {task}, pc 080")), "{task}: {line}");
@@ -70,14 +70,14 @@ fn a_task_of_the_cycle_that_hangs_ends_the_program_within_a_millisecond_and_is_n
 fn another_task_that_hangs_is_bitten_by_the_watchdog() {
     for handler in ["CAN1_RX1", "CAN1_SCE"] {
         let mut rig = started();
-        Mistake::Hang.plant(rig.qemu.borrow_mut().guest_mut(), &rig.functions, handler).unwrap();
+        Mistake::Hang.plant(&mut rig.qemu.borrow_mut().guest_mut(), &rig.functions, handler).unwrap();
         let (whats, line) = bitten(&mut rig, handler);
         assert_eq!(whats, BITTEN, "{handler}");
         assert!(line.contains("watchdog: a task did not end"), "{handler}: {line}");
         assert!(rig.log().iter().any(|line| line.contains("started by Watchdog")), "{handler}");
     }
     let mut rig = started();
-    Mistake::hang_idle(rig.qemu.borrow_mut().guest_mut(), &rig.functions).unwrap();
+    Mistake::hang_idle(&mut rig.qemu.borrow_mut().guest_mut(), &rig.functions).unwrap();
     let (whats, line) = bitten(&mut rig, "idle");
     assert_eq!(whats, BITTEN);
     assert!(line.contains("watchdog: a task did not end"), "{line}");
@@ -88,7 +88,7 @@ fn another_task_that_hangs_is_bitten_by_the_watchdog() {
 fn a_task_that_is_started_and_does_nothing_is_bitten_by_the_watchdog_and_named() {
     for (handler, bit) in STARTED {
         let mut rig = started();
-        Mistake::Silence.plant(rig.qemu.borrow_mut().guest_mut(), &rig.functions, handler).unwrap();
+        Mistake::Silence.plant(&mut rig.qemu.borrow_mut().guest_mut(), &rig.functions, handler).unwrap();
         let (whats, line) = bitten(&mut rig, handler);
         assert_eq!(whats, BITTEN, "{handler}");
         assert!(line.contains(&format!("watchdog: tasks {bit:02x}H")), "{handler}: {line}");
@@ -100,7 +100,7 @@ fn a_task_that_is_started_and_does_nothing_is_bitten_by_the_watchdog_and_named()
 fn loops_that_fall_silent_end_the_program_within_a_millisecond() {
     for handler in ["ADC", "CAN2_TX"] {
         let mut rig = started();
-        Mistake::Silence.plant(rig.qemu.borrow_mut().guest_mut(), &rig.functions, handler).unwrap();
+        Mistake::Silence.plant(&mut rig.qemu.borrow_mut().guest_mut(), &rig.functions, handler).unwrap();
         let (whats, line) = bitten(&mut rig, handler);
         assert_eq!(whats, STOPPED, "{handler}");
         assert!(line.contains("control stopped in "), "{handler}: {line}");
@@ -113,7 +113,7 @@ fn where_not_even_the_fault_handler_runs_the_watchdog_of_the_loops_resets_and_br
     let mut rig = Rig::in_state(Axis::Vertical, State::Standstill);
     let begun = rig.world.now();
     for handler in ["HardFault", "ADC"] {
-        Mistake::Hang.plant(rig.qemu.borrow_mut().guest_mut(), &rig.functions, handler).unwrap();
+        Mistake::Hang.plant(&mut rig.qemu.borrow_mut().guest_mut(), &rig.functions, handler).unwrap();
     }
     rig.run_ms(3);
     let incidents = rig.qemu.borrow_mut().guest_mut().incidents().to_vec();
@@ -137,7 +137,7 @@ fn the_watchdog_is_fed_every_8_ms_and_bites_100_ms_after_that() {
         let before = rig.qemu.borrow_mut().guest_mut().incidents().len();
         rig.run(Nanoseconds(step * 2_100_000 + 30_000_000));
         let hangs = rig.world.now();
-        Mistake::hang_idle(rig.qemu.borrow_mut().guest_mut(), &rig.functions).unwrap();
+        Mistake::hang_idle(&mut rig.qemu.borrow_mut().guest_mut(), &rig.functions).unwrap();
         rig.run_ms(130);
         let incidents = rig.qemu.borrow_mut().guest_mut().incidents().to_vec();
         let [reset] = incidents[before..] else { panic!("one reset expected: {incidents:?}") };

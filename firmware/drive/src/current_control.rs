@@ -55,6 +55,7 @@ impl<P: PowerStage> CurrentControl<P> {
         let count = stage.encoder_count();
         for first in [true, false] {
             set(&link.report.cycle(first).count, count);
+            set(&link.report.cycle(first).count_before, count);
         }
         Self {
             stage,
@@ -79,8 +80,8 @@ impl<P: PowerStage> CurrentControl<P> {
     pub fn current_loop(&mut self) -> Work {
         let cycle = self.stage.begin();
         let count = self.stage.encoder_count();
-        let moved = count.wrapping_sub(self.count).cast_signed();
-        self.count = count;
+        let before = core::mem::replace(&mut self.count, count);
+        let moved = count.wrapping_sub(before).cast_signed();
         if cycle.late {
             self.take_delay();
         } else {
@@ -91,6 +92,7 @@ impl<P: PowerStage> CurrentControl<P> {
         let report = link.report.cycle(cycle.first);
         self.stage.trim(get(&order.trim).cast_signed());
         set(&report.count, count);
+        set(&report.count_before, before);
         report.readings.set_angle(order.command.angle_at(count));
         let samples = self.stage.samples();
         set(&report.bus, samples.bus);

@@ -6,8 +6,9 @@
 //! * Downwards ([`Mailbox`]): the lower side fills the message that is not in use, then switches over with one store. The current loop never
 //!   sees half of it, and reads of it what it needs, where it lies.
 //! * Upwards ([`Report`]): the current loop writes words; the lower side reads each of them whole. What must belong together is written only
-//!   once in a tick ([`CycleReport`]): the first cycle's readings stand for a tick from then on, which is when the lower side is started;
-//!   the second cycle's come half a tick later, when it has long read those of the tick before.
+//!   once in a tick ([`CycleReport`]): the first cycle's readings stand for a tick from then on, which is when the lower side is started, and
+//!   with them the count of the cycle before. The second cycle's readings come half a tick later, maybe before a control loop that was held up
+//!   has begun: they are for the oscilloscope only.
 
 use core::sync::atomic::{AtomicU32, Ordering, compiler_fence};
 
@@ -142,11 +143,18 @@ pub(crate) struct CycleReport {
     pub(crate) bus: AtomicU32,
     /// Encoder count.
     pub(crate) count: AtomicU32,
+    /// Encoder count of the cycle before.
+    pub(crate) count_before: AtomicU32,
 }
 
 impl CycleReport {
     const fn new() -> Self {
-        Self { readings: SharedReadings::new(), bus: AtomicU32::new(0), count: AtomicU32::new(0) }
+        Self {
+            readings: SharedReadings::new(),
+            bus: AtomicU32::new(0),
+            count: AtomicU32::new(0),
+            count_before: AtomicU32::new(0),
+        }
     }
 }
 

@@ -6,7 +6,7 @@ use heapless::{String, Vec};
 use rtic_core::Mutex;
 use sercon816::{Bus, Slave};
 use sercos::command::{CommandAction, CommandState};
-use sercos::data_block::{Location, NeededFor};
+use sercos::data_block::{DataBlock, Location, NeededFor};
 use sercos::parameters::Parameters;
 use sercos::service::{LIVE_LIST_ENTRIES, LIVE_LONG_ENTRIES, LIVE_TEXT_BYTES, Live, ServiceError};
 use sercos::transition::{self, Capabilities, CyclicConfiguration, Invalid, InvalidData, Reason};
@@ -43,6 +43,7 @@ const PARK_AXIS: Idn = Idn::standard(139);
 const REFERENCE_DISTANCE: Idn = Idn::standard(52);
 const HOMING_PARAMETER: Idn = Idn::standard(147);
 const HOMING: Idn = Idn::standard(148);
+const PASSWORD: Idn = Idn::standard(267);
 pub(crate) const POSITIVE_STOP: Idn = Idn::standard(149);
 const PROBE_CONTROL: Idn = Idn::standard(169);
 const PROBING: Idn = Idn::standard(170);
@@ -90,6 +91,8 @@ pub(crate) enum Finding {
     Write(InvalidSetting),
     /// The same for what S-0-0128 would not let pass.
     WriteOf(Invalid),
+    /// A data block cannot have the value that was written, and what it takes.
+    Value(Idn, &'static str),
     /// S-0-0262 where it would change what the phase protects.
     LoadInOperation,
     /// The loops have not locked to the ring (S-0-0128).
@@ -469,6 +472,7 @@ where
                     None => Ok(()),
                     Some(Finding::DataBlock(invalid) | Finding::WriteOf(invalid)) => write!(text, "{invalid}"),
                     Some(Finding::Settings(setting) | Finding::Write(setting)) => write!(text, "{setting}"),
+                    Some(Finding::Value(idn, taken)) => write!(text, "{idn}: {taken}"),
                     Some(Finding::LoadInOperation) => write!(text, "S-0-0262 changes what is protected in CP4"),
                     Some(Finding::NotSynchronised) => write!(text, "the loops have not locked to the ring"),
                     Some(Finding::Homing(HomingFailure::Way(error))) => write!(text, "{error}"),
@@ -540,7 +544,7 @@ where
     }
 
     fn write_text(&mut self, idn: Idn, text: &[u8]) -> Result<(), ServiceError> {
-        if idn != Idn::standard(267) {
+        if idn != PASSWORD {
             return Err(ServiceError::IdnNotAvailable);
         }
         self.access.write(text)?;
@@ -588,10 +592,14 @@ where
             };
             self.motion.lock(|motion| motion.apply_settings(settings));
         }
-        if matches!(self.checks.finding, Some(Finding::Write(_) | Finding::WriteOf(_))) {
+        if matches!(self.checks.finding, Some(Finding::Write(_) | Finding::WriteOf(_) | Finding::Value(..))) {
             self.checks.finding = None;
         }
         Ok(())
+    }
+
+    fn not_taken(&mut self, block: &DataBlock) {
+        self.checks.finding = Some(Finding::Value(block.idn, what_it_takes(block)));
     }
 
     fn command(
@@ -698,6 +706,17 @@ where
 
     fn phase(&self) -> Phase {
         self.phases.current()
+    }
+}
+
+/// What a data block takes that has refused a value, for P-0-0003.
+fn what_it_takes(block: &DataBlock) -> &'static str {
+    match (block.location, block.fixed_bytes()) {
+        (Location::Command, _) => "a command takes 3 to start and 0 to cancel",
+        (_, None) if block.idn == PASSWORD => "no password, or not the one in force",
+        (_, None) if block.is_text() => "a text that is too long, too short or none",
+        (_, None) => "a list that is too long, or an entry that it cannot have",
+        _ => "a value that it does not have",
     }
 }
 

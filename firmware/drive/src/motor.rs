@@ -207,9 +207,9 @@ impl Motor {
     /// The encoder counts half a tick before this tick, and with which it began. At 8 kHz there is only the second.
     #[inline]
     pub(crate) fn take_counts(&mut self) -> [u32; 2] {
-        let report = &self.link.report;
-        self.count = get(&report.cycle(true).count);
-        [get(&report.cycle(!READ_TWICE).count), self.count]
+        let first = self.link.report.cycle(true);
+        self.count = get(&first.count);
+        [if READ_TWICE { get(&first.count_before) } else { self.count }, self.count]
     }
 
     /// What a count is multiplied with to count in the direction of positive current.
@@ -466,8 +466,11 @@ mod tests {
                 let velocity = Velocity::from_bits((per_tick / increments * 2_f64.powi(36)).round() as i32);
                 for tick in 1..50_i32 {
                     let count = |half_ticks: i32| moved.wrapping_mul(half_ticks).cast_unsigned();
-                    set(&link.report.cycle(false).count, count(2 * tick - 1));
+                    set(&link.report.cycle(true).count_before, count(2 * tick - 1));
                     set(&link.report.cycle(true).count, count(2 * tick));
+                    // The tick may be so late that its second cycle has been.
+                    set(&link.report.cycle(false).count_before, count(2 * tick));
+                    set(&link.report.cycle(false).count, count(2 * tick + 1));
                     let [before, now] = motor.take_counts();
                     let direction = motor.direction();
                     let position = encoder.update(before.wrapping_mul(direction), now.wrapping_mul(direction));

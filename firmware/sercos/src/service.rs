@@ -120,6 +120,9 @@ pub trait Live {
     /// The drive cannot work with the parameters as they are now: the server gives a parameter its old value back.
     fn written(&mut self, idn: Idn, parameters: &mut Parameters) -> Result<(), ServiceError>;
 
+    /// Told after a write whose value the data block cannot have ([`ServiceError::InvalidData`]), unless [`Live::written`] has said so.
+    fn not_taken(&mut self, block: &DataBlock);
+
     /// Does what the master wants of a command, and says how far the command is now (the answer to
     /// [`CommandAction::Cancel`] only matters if it is an error).
     ///
@@ -419,32 +422,15 @@ impl Server {
         let idn = block.idn;
         let value = if block.fixed_bytes().is_some() { transfer::written_value(&self.staging) } else { 0 };
         parameters::check_limits(block, value)?;
-        if let Some(error) = live.refuses(idn, value, parameters) {
+        let before = parameters.save(idn);
+        if let Err(error) = self.take(block, value, parameters, live) {
+            if error == ServiceError::InvalidData {
+                live.not_taken(block);
+            }
             return Err(error);
         }
-        let before = parameters.save(idn);
-        match (block.location, block.fixed_bytes()) {
-            (Location::Command, _) => {
-                let value = (value & 0xFFFF) as u16;
-                return self.commands.write(idn, value, |action| live.command(idn, action, parameters));
-            }
-            (Location::Dictionary(_), _) => return Err(ServiceError::ReadOnly(Element::Data)),
-            (Location::Live, Some(_)) => live.write(idn, value),
-            (Location::Live, None) if block.is_text() => {
-                live.write_text(idn, &transfer::written_bytes(&self.staging))?;
-            }
-            (Location::Live, None) => return Err(ServiceError::ReadOnly(Element::Data)),
-            (Location::Parameter, Some(_)) => parameters.set(idn, value)?,
-            (Location::Parameter, None) => match list_kind(block) {
-                ListKind::Text => parameters.set_text(idn, &transfer::written_bytes(&self.staging))?,
-                ListKind::Idns => {
-                    let mut entries: Vec<Idn, LIST_ENTRIES> = Vec::new();
-                    transfer::fill(&mut entries, self.staging.iter().skip(2).map(|&raw| Idn(raw)));
-                    parameters.set_list(idn, &entries)?;
-                }
-                ListKind::Words => parameters.set_words(idn, self.staging.get(2..).unwrap_or(&[]))?,
-                ListKind::Longs => parameters.set_longs(idn, &transfer::written_longs(&self.staging))?,
-            },
+        if block.location == Location::Command {
+            return Ok(());
         }
         if let Err(error) = live.written(idn, parameters) {
             parameters.restore(idn, before);
@@ -452,6 +438,44 @@ impl Server {
         }
         parameters.mark_written(idn);
         Ok(())
+    }
+
+    /// Puts what was written where it belongs.
+    fn take(
+        &mut self,
+        block: &DataBlock,
+        value: u64,
+        parameters: &mut Parameters,
+        live: &mut impl Live,
+    ) -> Result<(), ServiceError> {
+        let idn = block.idn;
+        if let Some(error) = live.refuses(idn, value, parameters) {
+            return Err(error);
+        }
+        match (block.location, block.fixed_bytes()) {
+            (Location::Command, _) => {
+                let value = (value & 0xFFFF) as u16;
+                self.commands.write(idn, value, |action| live.command(idn, action, parameters))
+            }
+            (Location::Dictionary(_), _) => Err(ServiceError::ReadOnly(Element::Data)),
+            (Location::Live, Some(_)) => {
+                live.write(idn, value);
+                Ok(())
+            }
+            (Location::Live, None) if block.is_text() => live.write_text(idn, &transfer::written_bytes(&self.staging)),
+            (Location::Live, None) => Err(ServiceError::ReadOnly(Element::Data)),
+            (Location::Parameter, Some(_)) => parameters.set(idn, value),
+            (Location::Parameter, None) => match list_kind(block) {
+                ListKind::Text => parameters.set_text(idn, &transfer::written_bytes(&self.staging)),
+                ListKind::Idns => {
+                    let mut entries: Vec<Idn, LIST_ENTRIES> = Vec::new();
+                    transfer::fill(&mut entries, self.staging.iter().skip(2).map(|&raw| Idn(raw)));
+                    parameters.set_list(idn, &entries)
+                }
+                ListKind::Words => parameters.set_words(idn, self.staging.get(2..).unwrap_or(&[])),
+                ListKind::Longs => parameters.set_longs(idn, &transfer::written_longs(&self.staging)),
+            },
+        }
     }
 
     /// The data status: the command acknowledgement, 0 for everything else (sercos2.md 3.6).

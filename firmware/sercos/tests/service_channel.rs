@@ -269,6 +269,8 @@ fn wrong_values_are_refused_and_change_nothing() {
     refused(slave, s(301), &[4000], 0x1001);
     refused(slave, s(301), &[11], 0x7008);
     refused(slave, Idn::RESET_CLASS_1_DIAGNOSTIC, &[2], 0x7008);
+    let told = [Idn::AT_LIST, Idn::MDT_LIST, s(26), s(27), s(329), s(301), Idn::RESET_CLASS_1_DIAGNOSTIC];
+    assert_eq!(slave.drive.not_taken, told, "the drive hears of each 7008H, to give its reason");
     slave.drive.refusal = Some(ServiceError::ProtectedBySettings);
     refused(slave, s(32), &[3], 0x700C);
     refused(slave, s(47), &[3, 0], 0x700C);

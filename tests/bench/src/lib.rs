@@ -9,6 +9,7 @@
 mod axis;
 mod crashing;
 pub mod demo;
+mod elf;
 pub mod executor;
 pub mod host_drive;
 pub mod measure;
@@ -25,6 +26,7 @@ pub mod world;
 pub use axis::{parameters_of, product};
 pub use crashing::{Crashing, crashing_drive};
 pub use demo::{DemoError, demo, demo_on};
+pub use elf::{Elf, LineEdge, Lines, OnStop, Tape};
 pub use executor::{Elves, Executor};
 pub use host_drive::{HostDrive, Latency};
 pub use motor_side::Amplifier;

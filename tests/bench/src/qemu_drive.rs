@@ -1,10 +1,13 @@
 //! The flashed ELF in QEMU, as a processor of the world: its external bus is the chip's, its motor side is simulated.
 
-use emulator::{DigitalInputs, EmulatorError, Environment, Guest, GuestConfiguration, IndexEdge, Reset};
+use std::cell::RefMut;
+
+use emulator::{DigitalInputs, EmulatorError, Environment, Guest, GuestConfiguration, IndexEdge, Reset, Stopped};
 use ring::Nanoseconds;
 use ring::chip::SharedChip;
 use ring::wire::BitRate;
 
+use crate::elf::{Elf, LineEdge, Tape};
 use crate::executor::{Elves, SharedMeasurements};
 use crate::motor_side::SharedMotorSide;
 use crate::observer::{BusObserver, INTERRUPT_STATUS};
@@ -16,7 +19,7 @@ const REGISTERS: u32 = 0x1000;
 /// A drive that runs in QEMU.
 pub struct QemuDrive {
     address: u8,
-    guest: Guest,
+    elf: Elf,
     environment: QemuEnvironment,
 }
 
@@ -48,7 +51,9 @@ impl QemuDrive {
         measurements: SharedMeasurements,
     ) -> Self {
         motor_side.borrow_mut().leave_breaks();
+        let elf = Elf::new(guest);
         let environment = QemuEnvironment {
+            elf: elf.clone(),
             chip: chip.clone(),
             motor_side: motor_side.clone(),
             address,
@@ -56,7 +61,7 @@ impl QemuDrive {
             chip_runs: false,
             observer: BusObserver::new(measurements),
         };
-        Self { address, guest, environment }
+        Self { address, elf, environment }
     }
 
     /// Resets the processor; `now` is the world's time.
@@ -64,7 +69,7 @@ impl QemuDrive {
     /// # Errors
     /// QEMU does not come up again.
     pub fn reset(&mut self, now: Nanoseconds, reset: Reset) -> Result<(), EmulatorError> {
-        self.guest.reset(&mut self.environment, now, reset)
+        self.elf.guest.borrow_mut().reset(&mut self.environment, now, reset)
     }
 
     /// Stops its crystal; `now` is the world's time.
@@ -72,19 +77,26 @@ impl QemuDrive {
     /// # Errors
     /// What the models refuse.
     pub fn fail_crystal(&mut self, now: Nanoseconds) -> Result<(), EmulatorError> {
-        self.guest.fail_crystal(&mut self.environment, now)
+        self.elf.guest.borrow_mut().fail_crystal(&mut self.environment, now)
     }
 
     /// The running product, to trace it.
-    pub fn guest_mut(&mut self) -> &mut Guest {
-        &mut self.guest
+    pub fn guest_mut(&mut self) -> RefMut<'_, Guest> {
+        self.elf.guest.borrow_mut()
+    }
+
+    /// For whoever tests it.
+    #[must_use]
+    pub fn elf(&self) -> Elf {
+        self.elf.clone()
     }
 }
 
 impl Processor for QemuDrive {
     fn next_event(&self) -> Option<Nanoseconds> {
         let inputs = self.environment.motor_side.borrow().changed_inputs();
-        self.guest.next_event().into_iter().chain(inputs).min()
+        let lines = self.elf.lines.borrow().next();
+        self.elf.guest.borrow().next_event().into_iter().chain(inputs).chain(lines).min()
     }
 
     fn run(&mut self, now: Nanoseconds, horizon: &dyn Fn() -> Nanoseconds) -> Result<(), ProcessorError> {
@@ -94,15 +106,18 @@ impl Processor for QemuDrive {
         }
         self.environment.note_edges();
         self.environment.motor_side.borrow_mut().take_inputs();
-        let due = self.guest.next_event().is_some_and(|time| time <= now);
+        self.elf.lines.borrow_mut().advance(now);
+        let lines = self.elf.lines.borrow().next();
+        let guest = &mut *self.elf.guest.borrow_mut();
+        let due = guest.next_event().is_some_and(|time| time <= now);
         // The horizon is worked out only when the guest is going to be let loose.
-        let until = if due { horizon() } else { now };
+        let until = if due { horizon().min(lines.unwrap_or(Nanoseconds(u64::MAX))) } else { now };
         let address = self.address;
-        self.guest
+        guest
             .run(&mut self.environment, now, until)
             .map_err(|error| ProcessorError::Stuck { address, cause: error.to_string() })?;
-        self.environment.observer.traced(self.guest.measurements().trace);
-        for line in self.guest.take_log() {
+        self.environment.observer.traced(guest.measurements().trace);
+        for line in guest.take_log() {
             self.environment.observer.log(format!("{:>14}  {:<5} {}", line.time.to_string(), line.level, line.text));
         }
         Ok(())
@@ -111,6 +126,7 @@ impl Processor for QemuDrive {
 
 /// What stands around the processor.
 struct QemuEnvironment {
+    elf: Elf,
     chip: SharedChip,
     motor_side: SharedMotorSide,
     address: u8,
@@ -126,12 +142,25 @@ impl QemuEnvironment {
         if chip.has_pin_edges() {
             for edge in chip.pin_edges() {
                 self.observer.edge(&edge, chip);
+                self.elf.lines.borrow_mut().edge(edge.time, edge.pin);
+                if let Some(edges) = &mut self.elf.tape.borrow_mut().edges {
+                    let status = chip.read_register(edge.time, INTERRUPT_STATUS);
+                    let count = self.motor_side.borrow_mut().machine().encoder_count(edge.time.0);
+                    edges.push(LineEdge { time: edge.time, line: edge.pin, level: edge.level, status, count });
+                }
             }
         }
     }
 }
 
 impl Environment for QemuEnvironment {
+    fn stopped(&mut self, guest: &mut Guest, stopped: Stopped) -> Result<(), EmulatorError> {
+        match &mut *self.elf.on_stop.borrow_mut() {
+            Some(on_stop) => on_stop(guest, stopped),
+            None => Ok(()),
+        }
+    }
+
     fn external_read(&mut self, now: Nanoseconds, byte_offset: u32) -> u16 {
         let word = word_of(byte_offset);
         let chip = &mut *self.chip.borrow_mut();
@@ -168,7 +197,7 @@ impl Environment for QemuEnvironment {
 
     fn interrupt_pins(&self) -> (bool, bool) {
         let pins = self.chip.borrow().interrupt_pins();
-        (pins.int0, pins.int1)
+        self.elf.lines.borrow().levels((pins.int0, pins.int1))
     }
 
     fn encoder_count(&mut self, now: Nanoseconds) -> u32 {
@@ -209,6 +238,7 @@ impl Environment for QemuEnvironment {
     }
 
     fn set_bridge(&mut self, at: Nanoseconds, on: bool, _dead_time_ns: u32) {
+        Tape::note(&mut self.elf.tape.borrow_mut().bridge, at, on);
         self.motor_side.borrow_mut().switch_bridge(on, at);
     }
 
@@ -217,6 +247,7 @@ impl Environment for QemuEnvironment {
     }
 
     fn set_brake(&mut self, at: Nanoseconds, energised: bool) {
+        Tape::note(&mut self.elf.tape.borrow_mut().coil, at, energised);
         self.motor_side.borrow_mut().switch_brake(energised, at);
     }
 

@@ -13,6 +13,7 @@ use ring::{Master, Nanoseconds, Ring, RingConfiguration};
 use sercon816::layout::MST_ERRORS;
 use sercon816::{Block, MasterClock, Transceiver};
 
+use crate::elf::Elf;
 use crate::executor::{Executor, SharedMeasurements};
 use crate::host_drive::{HostDrive, Latency};
 use crate::motor_side::{MotorSideState, SharedMotorSide};
@@ -65,6 +66,8 @@ pub struct DriveHandle {
     pub motor_side: SharedMotorSide,
     /// What is measured on it.
     pub measurements: SharedMeasurements,
+    /// Its processor, where that runs in QEMU.
+    pub elf: Option<Elf>,
     /// Who watches whether it keeps the laws of the axis.
     pub laws: SharedObserver,
 }
@@ -148,17 +151,21 @@ pub fn ring_of_drives_on<M: Master>(
         let (chip, motor_side) = station(setup, bit_rate, &clock);
         let identity = identity(setup.address, bit_rate)?;
         let measurements = SharedMeasurements::default();
+        let mut elf = None;
         let processor: Box<dyn Processor> = match executor(setup.address) {
             Executor::Host => {
                 Box::new(HostDrive::start(&chip, &clock, &motor_side, identity, setup.latency, measurements.clone())?)
             }
             Executor::Qemu(elves) => {
-                Box::new(QemuDrive::start(&elves, &chip, &motor_side, setup.address, bit_rate, measurements.clone())?)
+                let drive =
+                    QemuDrive::start(&elves, &chip, &motor_side, setup.address, bit_rate, measurements.clone())?;
+                elf = Some(drive.elf());
+                Box::new(drive)
             }
         };
         let laws = observer(setup);
         stations.push(Inhabited { processor, motor_side: motor_side.clone(), laws: laws.clone() });
-        handles.push(DriveHandle { address: setup.address, chip: chip.clone(), motor_side, measurements, laws });
+        handles.push(DriveHandle { address: setup.address, chip: chip.clone(), motor_side, measurements, elf, laws });
         chips.push(chip);
     }
     let ring = Ring::new(configuration, master, chips);

@@ -129,7 +129,7 @@ pub fn traced(elves: &Elves, listing: Listing, progress: &mut dyn FnMut(&Progres
     if let Some(error) = world.ring().master().report().error.clone() {
         return Err(error.into());
     }
-    let stack = stack_use(drive.borrow_mut().guest_mut(), statics)?;
+    let stack = stack_use(&mut drive.borrow_mut().guest_mut(), statics)?;
     Ok(Traced { activations, window: WINDOW, cycles: WINDOW.0 / CYCLE.0, stack })
 }
 

@@ -1,6 +1,6 @@
 //! Checks what the binary has set up: clock tree, pins, external bus, interrupts.
 
-use crate::peripherals::encoder_counters::TIM2;
+use crate::peripherals::encoder_counters::{TIM2, TIM3, TIM4, TIM8, TIM9};
 use crate::peripherals::gpio::Port;
 use crate::wiring::{ExpectedPin, expected_pins, pin_name};
 use crate::{EmulatorError, Guest};
@@ -153,6 +153,15 @@ fn timers(guest: &Guest, findings: &mut Findings) {
     let tim2 = peripherals.counters.timer(TIM2);
     let running = tim2.is_enabled() && tim2.counts_encoder();
     findings.check("TIM2 counts the encoder", true, running, bool::to_string);
+    // Tracks and marks are latched together only behind equal filters: 8 samples at 84 MHz.
+    for (name, number, channels) in
+        [("TIM2", TIM2, 4), ("TIM3", TIM3, 3), ("TIM4", TIM4, 3), ("TIM8", TIM8, 3), ("TIM9", TIM9, 2)]
+    {
+        for channel in 1..=channels {
+            let filter = peripherals.counters.timer(number).filter_of(channel).0;
+            findings.check(format!("filter of {name}_CH{channel}, ns"), 95, filter, u64::to_string);
+        }
+    }
 }
 
 fn controller(guest: &mut Guest, findings: &mut Findings) -> Result<(), EmulatorError> {

@@ -2,6 +2,8 @@
 
 use ring::Nanoseconds;
 
+use crate::{EmulatorError, Guest};
+
 /// Digital inputs of the power stage and the machine; `true` is the level 1.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct DigitalInputs {
@@ -30,6 +32,40 @@ pub struct IndexEdge {
     pub count: u32,
 }
 
+/// Where [`Guest::stop_at`] stops the product, once.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct StopAt {
+    /// Address of an instruction; [`StopAt::HERE`]: that before which the product stands stopped.
+    pub address: u32,
+    /// So many executed instructions behind it, whatever they belong to.
+    pub behind: u32,
+}
+
+impl StopAt {
+    /// See [`StopAt::address`].
+    pub const HERE: u32 = 0;
+}
+
+/// For how long a product that has stopped is held, see [`Guest::hold`].
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Hold {
+    /// To this instant.
+    Until(Nanoseconds),
+    /// Until a pin or a peripheral raises this interrupt of the NVIC.
+    Interrupt(u8),
+}
+
+/// The product has come to a [`StopAt`].
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Stopped {
+    /// When.
+    pub now: Nanoseconds,
+    /// The instruction that is executed next.
+    pub pc: u32,
+    /// Number of the exception that is being served; 0: none.
+    pub exception: u16,
+}
+
 /// The world as the pins of the processor see it.
 ///
 /// `now` is the processor's own time of the access; the world has been advanced to it before.
@@ -44,6 +80,14 @@ pub trait Environment {
     /// world's next event (the horizon given to [`crate::Guest::run`]). Lets an answer carry values that the processor is going to read.
     fn external_peek(&self, _byte_offset: u32) -> Option<u16> {
         None
+    }
+
+    /// The product has stopped, see [`Guest::stop_at`]. What is changed at the pins now, it sees behind the instruction that is next.
+    ///
+    /// # Errors
+    /// The end of QEMU.
+    fn stopped(&mut self, _guest: &mut Guest, _stopped: Stopped) -> Result<(), EmulatorError> {
+        Ok(())
     }
 
     /// Electrical levels of INT0 and INT1 of the SERCON816.

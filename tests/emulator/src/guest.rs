@@ -7,17 +7,17 @@ use std::collections::VecDeque;
 use std::ffi::OsString;
 use std::path::{Path, PathBuf};
 
-use object::{Object, ObjectSection};
+use object::{Object, ObjectSection, ObjectSymbol};
 use ring::Nanoseconds;
 
 use crate::clock::TickClock;
 use crate::log::{Log, LogLine};
-use crate::measure::{Measurements, Probe, Trigger};
+use crate::measure::{Measurements, Probe, Trigger, Watched};
 use crate::peripherals::{Access, Peripherals};
 use crate::prefetch::{Foretold, Place, Prefetch};
 use crate::qemu::Qemu;
 use crate::trace::{self, TraceSink};
-use crate::{EmulatorError, Environment};
+use crate::{EmulatorError, Environment, Hold, StopAt, Stopped};
 use emulator_link::protocol::trace::FILE;
 use emulator_link::protocol::{VERSION, command, fault, header, message, post, prefetched, resume};
 
@@ -110,6 +110,9 @@ pub struct Guest {
     /// Ticks of the last event of the current segment, for the instruction count.
     counted: u32,
     switches_set: bool,
+    symbols: Vec<Symbol>,
+    held: Option<Hold>,
+    watched_addresses: Vec<u32>,
     /// The next event, once worked out between two runs.
     next: Cell<Option<Nanoseconds>>,
     survival: survival::Survival,
@@ -144,6 +147,9 @@ impl Guest {
             measurements: Measurements::default(),
             counted: 0,
             switches_set: false,
+            symbols: symbols_of(configuration, &product)?,
+            held: None,
+            watched_addresses: Vec::new(),
             next: Cell::new(None),
             survival: survival::Survival::default(),
         };
@@ -175,13 +181,16 @@ impl Guest {
         if self.stands_still() {
             return self.peripherals.watchdog.expires();
         }
-        let guest = match self.posted.front() {
-            Some(first) => self.clock.time_of(first.ticks),
-            None => self.question_time(),
+        let guest = match (self.posted.front(), self.held) {
+            (Some(first), _) => Some(self.clock.time_of(first.ticks)),
+            (None, Some(Hold::Until(end))) => Some(end),
+            // Peripherals or pins will move.
+            (None, Some(Hold::Interrupt(_))) => None,
+            (None, None) => Some(self.question_time()),
         };
-        let next = self.peripherals.next_event().map_or(guest, |peripherals| peripherals.min(guest));
-        self.next.set(Some(next));
-        Some(next)
+        let next = self.peripherals.next_event().into_iter().chain(guest).min();
+        self.next.set(next);
+        next
     }
 
     /// Does what is due at `now` and, if that answers the guest's question, lets the guest run until it asks again: at `horizon` at the latest.
@@ -215,6 +224,9 @@ impl Guest {
             self.clock.pass(first.ticks);
             self.carry_out(environment, first, time)?;
         }
+        if let Some(hold) = self.held {
+            return self.hold_on(environment, hold, now);
+        }
         let time = self.question_time();
         if time > now {
             return Ok(());
@@ -232,12 +244,49 @@ impl Guest {
         let value = self.answer(environment, time)?;
         self.fetch_log(time)?;
         // Time goes on, if only by so little that no event of the peripherals is passed over.
-        let horizon = horizon.max(time + Nanoseconds(1));
+        let mut horizon = horizon.max(time + Nanoseconds(1));
+        if self.question.kind == message::STOPPED {
+            self.stopped(environment, time)?;
+            if self.held.is_some() {
+                return Ok(());
+            }
+            // The horizon is from before whatever has been done to the world.
+            horizon = time + Nanoseconds(1);
+        }
         if self.sleeps_on(horizon) {
             return Ok(());
         }
         self.resume(environment, value, time, horizon)?;
         self.receive()
+    }
+
+    /// Lets go of a product that is held, once it is time.
+    fn hold_on<E: Environment + ?Sized>(
+        &mut self,
+        environment: &mut E,
+        hold: Hold,
+        now: Nanoseconds,
+    ) -> Result<(), EmulatorError> {
+        let over = match hold {
+            Hold::Until(end) => end <= now,
+            Hold::Interrupt(interrupt) => self.peripherals.has_raised(interrupt),
+        };
+        if !over {
+            return Ok(());
+        }
+        self.held = None;
+        self.clock.settle(now);
+        self.resume(environment, 0, now, now + Nanoseconds(1))?;
+        self.receive()
+    }
+
+    /// Tells the environment that the product has stopped, which may hold it or name the next stop.
+    fn stopped<E: Environment + ?Sized>(&mut self, environment: &mut E, now: Nanoseconds) -> Result<(), EmulatorError> {
+        const INTERRUPT_STATE: u32 = 0xE000_ED04;
+        let pc = self.question.pc;
+        let exception = (self.read_memory(INTERRUPT_STATE, 1)?[0] & 0x1FF) as u16;
+        environment.stopped(self, Stopped { now, pc, exception })?;
+        self.sample(environment, now)
     }
 
     /// A processor that waits for an interrupt and gets none need not be asked: it goes on waiting, without an exchange.
@@ -274,6 +323,51 @@ impl Guest {
     /// Log lines since last asked.
     pub fn take_log(&mut self) -> Vec<LogLine> {
         std::mem::take(&mut self.lines)
+    }
+
+    /// Stops the product once, before an instruction that it comes to: [`Environment::stopped`] is called then. To be called while the product waits
+    /// for an answer; a stop that it has not come to yet is forgotten.
+    ///
+    /// # Errors
+    /// The end of QEMU.
+    pub fn stop_at(&mut self, stop: StopAt) -> Result<(), EmulatorError> {
+        self.ask(&[command::STOP_AT, stop.address, stop.behind], 0)
+    }
+
+    /// Lets the product, which has just stopped, stand before its instruction, as behind a bus that does not answer. What interrupts it then comes
+    /// behind that instruction, if its priority allows it.
+    pub const fn hold(&mut self, hold: Hold) {
+        self.held = Some(hold);
+    }
+
+    /// From now on [`Measurements::watched`] tells of the accesses to these addresses.
+    pub fn watch_accesses(&mut self, addresses: &[u32]) {
+        self.watched_addresses.extend_from_slice(addresses);
+    }
+
+    fn watch(&mut self, access: Access, value: u32, writes: bool) {
+        if self.watched_addresses.contains(&access.address) {
+            let Access { now, address, pc, .. } = access;
+            self.measurements.watched.push(Watched { time: now, address, value, pc, writes });
+        }
+    }
+
+    /// Address and bytes of a static or a function of the product: `board::bridge::TRIPPED`. Of several that are named so, the first.
+    #[must_use]
+    pub fn symbol(&self, path: &str) -> Option<(u32, u32)> {
+        let mangled: String = path.split("::").map(|part| format!("{}{part}", part.len())).collect();
+        let found = self.symbols.iter().find(|symbol| symbol.name.contains(&mangled))?;
+        Some((found.address, found.bytes))
+    }
+
+    /// The handler of an interrupt of the NVIC, as the product's vector says.
+    ///
+    /// # Errors
+    /// The end of QEMU.
+    pub fn handler_of(&mut self, interrupt: u8) -> Result<u32, EmulatorError> {
+        const VECTORS: u32 = 0x0800_0000;
+        const FIRST_INTERRUPT: u32 = 16;
+        Ok(self.read_memory(VECTORS + 4 * (FIRST_INTERRUPT + u32::from(interrupt)), 1)?[0] & !1)
     }
 
     /// From now on the bus inside QEMU writes down what the product executes, while it waits for an answer.
@@ -359,6 +453,7 @@ impl Guest {
         }
         self.survival.log_is_up = true;
         self.measurements.trace.fold(time, posted.address, posted.value, posted.pc);
+        self.watch(access, posted.value, posted.kind & post::SERVED == 0);
         if posted.kind & post::SERVED != 0 {
             self.measurements.prefetched_reads += 1;
             self.prefetch.pass(Place::Read { pc: posted.pc, address: posted.address }, posted.ticks);
@@ -393,6 +488,7 @@ impl Guest {
         self.prefetch.pass(Place::Read { pc: question.pc, address: question.address }, question.ticks);
         let value = self.peripherals.read(environment, access)?;
         self.measurements.trace.fold(time, question.address, value, question.pc);
+        self.watch(access, value, false);
         self.happened(Trigger::Read(question.address), time);
         self.sample(environment, time)?;
         Ok(value)
@@ -518,6 +614,29 @@ impl Guest {
         self.lines.extend(lines);
         Ok(())
     }
+}
+
+/// A name of the product's.
+#[derive(Debug)]
+struct Symbol {
+    name: String,
+    address: u32,
+    bytes: u32,
+}
+
+fn symbols_of(configuration: &GuestConfiguration, elf: &[u8]) -> Result<Vec<Symbol>, EmulatorError> {
+    let broken = |what: String| EmulatorError::Elf { path: configuration.product.clone(), what };
+    let file = object::File::parse(elf).map_err(|error| broken(error.to_string()))?;
+    let named = file.symbols().filter(|symbol| symbol.size() > 0);
+    Ok(named
+        .filter_map(|symbol| {
+            Some(Symbol {
+                name: symbol.name().ok()?.to_owned(),
+                address: symbol.address() as u32 & !u32::from(symbol.kind() == object::SymbolKind::Text),
+                bytes: symbol.size() as u32,
+            })
+        })
+        .collect())
 }
 
 fn read_elf(path: &Path) -> Result<Vec<u8>, EmulatorError> {

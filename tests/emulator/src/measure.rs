@@ -105,6 +105,23 @@ pub struct Measurements {
     pub trace: Trace,
     /// Latencies asked for.
     pub probes: Vec<Probe>,
+    /// Accesses asked for, in their order.
+    pub watched: Vec<Watched>,
+}
+
+/// An access of the product.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Watched {
+    /// When.
+    pub time: Nanoseconds,
+    /// Where to, or from.
+    pub address: u32,
+    /// What.
+    pub value: u32,
+    /// By which instruction.
+    pub pc: u32,
+    /// A write, otherwise a read.
+    pub writes: bool,
 }
 
 /// Every access of the product, its time to the nanosecond, its value and its instruction, folded into one number: two runs with the same

@@ -8,7 +8,7 @@ use std::time::{Duration, Instant};
 
 use crate::program::{Nothing, Program};
 use crate::quiet::Quiet;
-use emulator::{EmulatorError, Guest, GuestConfiguration, Trace};
+use emulator::{EmulatorError, Guest, GuestConfiguration, StopAt, Trace};
 use ring::Nanoseconds;
 
 const START: u32 = 0x0800_0200;
@@ -289,6 +289,33 @@ fn an_instruction_of_several_accesses_makes_each_of_them_once() {
     assert!(turns > 300, "{measured:?}");
     assert!(measured.trace.accesses == measured.writes, "{measured:?}");
     assert!(measured.instructions.abs_diff(2 * turns) <= 8, "{measured:?}");
+}
+
+#[test]
+#[ignore = "needs QEMU and the bus: cargo xtask test"]
+fn a_stop_before_any_instruction_of_a_block_changes_nothing_of_what_the_product_does() {
+    const REGISTER: u32 = 0x4002_3830;
+    let folder = tempfile::tempdir().unwrap();
+    let product = Program::new(START)
+        // movs r0, #0; ldr r4, [pc, #12]; again: three times adds r0, #1; str r0, [r4]; b again
+        .code(START, &[0x2000, 0x4c03, 0x3001, 0x3001, 0x3001, 0x6020, 0xe7fa, 0xbf00])
+        .word(START + 16, REGISTER);
+    let mut guest = Guest::start(&configuration(product.write(folder.path()))).unwrap();
+    guest.watch_accesses(&[REGISTER]);
+    run(&mut guest, 10).unwrap();
+    for turn in 0..60 {
+        // Of the loop's five instructions, and of those behind them.
+        guest.stop_at(StopAt { address: START + 4 + 2 * (turn % 5), behind: turn % 3 }).unwrap();
+        for _ in 0..4 {
+            let now = guest.next_event().unwrap();
+            guest.run(&mut Nothing, now, now + Nanoseconds::from_microseconds(2)).unwrap();
+        }
+    }
+    let written: Vec<u32> = guest.measurements().watched.iter().map(|access| access.value).collect();
+    assert!(written.len() > 100, "{}", written.len());
+    for (turn, value) in (1..).zip(&written) {
+        assert_eq!(*value, 3 * turn);
+    }
 }
 
 /// What the release ELF does in its first 30 ms.

@@ -1,5 +1,6 @@
 //! One cell of the matrix: bring the drive into its state, break something, look.
 
+use bench::Executor;
 use ring::Nanoseconds;
 use ring::ident::Idn;
 use ring::service_client::status;
@@ -34,17 +35,17 @@ struct Seen {
     status: Option<u16>,
 }
 
-/// Runs a cell.
+/// Runs a cell with the portable tasks on this computer, or with the flashed ELF in QEMU.
 ///
 /// # Errors
 /// The drive does not come into the state, does not answer afterwards, or breaks a law of the axis.
-pub fn run(cell: Cell) -> Result<Outcome, MatrixError> {
-    outcome(cell).map_err(|error| MatrixError::In { cell: cell.to_string(), error: Box::new(error) })
+pub fn run(cell: Cell, executor: &Executor) -> Result<Outcome, MatrixError> {
+    outcome(cell, executor).map_err(|error| MatrixError::In { cell: cell.to_string(), error: Box::new(error) })
 }
 
-fn outcome(cell: Cell) -> Result<Outcome, MatrixError> {
+fn outcome(cell: Cell, executor: &Executor) -> Result<Outcome, MatrixError> {
     let Cell { fault, state, mode } = cell;
-    let mut rig = Rig::new(cell.to_string(), fault, state, mode)?;
+    let mut rig = Rig::new(cell.to_string(), (fault, state, mode), executor)?;
     let had_torque = rig.bridge_is_on();
     fault.inject(&mut rig)?;
     let seen = watch(&mut rig, fault, had_torque)?;

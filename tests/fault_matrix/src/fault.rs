@@ -118,6 +118,13 @@ impl Fault {
         )
     }
 
+    /// When it is found depends on where the shaft is (the next index pulse, up to 100 ms away), or on when the noise of a standing axis makes the loops
+    /// ask for current. Such a time lies within the bounds of its row, and says no more.
+    #[must_use]
+    pub const fn is_found_by_chance(self) -> bool {
+        matches!(self, Self::EncoderSlip | Self::ConvertersStuck)
+    }
+
     /// Friction comes with the fault.
     const fn has_friction(self) -> bool {
         matches!(self, Self::AxisBlocked | Self::Overload | Self::MainsFailure)
@@ -242,8 +249,8 @@ impl Fault {
             Self::TwoMdtsLost => rig.disturb(TelegramKind::Mdt, 2, Effect::Drop)?,
             Self::FibreBroken => rig.darken(100)?,
             Self::PhaseRegression => rig.disturb(TelegramKind::Mst, 1, Effect::Phase(2))?,
-            Self::OneLateCycle => rig.motor_side().borrow_mut().delay_cycles(1),
-            Self::LateCycles => rig.motor_side().borrow_mut().delay_cycles(4),
+            Self::OneLateCycle => rig.delay_cycles(1)?,
+            Self::LateCycles => rig.delay_cycles(4)?,
             Self::BrakeStuckClosed => rig.break_brake(Some(BrakeFailure::StuckEngaged)),
             // Built so from the beginning, see `prepare`.
             Self::BrakeOpensLate => {}

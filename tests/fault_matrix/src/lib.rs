@@ -8,6 +8,7 @@
 
 mod all;
 mod cell;
+mod difference;
 mod expected;
 mod fault;
 mod outcome;
@@ -17,6 +18,7 @@ mod target;
 
 pub use all::run_all;
 pub use cell::{Cell, run};
+pub use difference::difference;
 pub use expected::{Expected, cells};
 pub use fault::Fault;
 pub use outcome::{Afterwards, Outcome, Reaction};

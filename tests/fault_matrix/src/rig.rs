@@ -1,7 +1,7 @@
 //! One drive on a ring, brought into a state.
 
 use bench::motor_side::SharedMotorSide;
-use bench::{DriveHandle, DriveSetup, ProcessorError, World, parameters_of, product, ring_of_drives};
+use bench::{DriveHandle, DriveSetup, Executor, ProcessorError, World, parameters_of, product, ring_of_drives_on};
 use plant::ReferenceAxis;
 use ring::fibre::Fault as RingFault;
 use ring::ident::{Idn, Value};
@@ -154,7 +154,11 @@ pub(crate) struct Rig {
 
 impl Rig {
     /// A drive in CP4, in the state.
-    pub(crate) fn new(name: String, fault: Fault, state: State, mode: Mode) -> Result<Self, MatrixError> {
+    pub(crate) fn new(
+        name: String,
+        (fault, state, mode): (Fault, State, Mode),
+        executor: &Executor,
+    ) -> Result<Self, MatrixError> {
         let mut axis = if fault.needs_brake() { ReferenceAxis::vertical() } else { ReferenceAxis::catalogue() };
         fault.prepare(&mut axis);
         let vertical = fault.needs_brake();
@@ -178,7 +182,8 @@ impl Rig {
         let motion = (state != State::Off).then(|| motion(mode, state, fault.driving()));
         let script = MasterScript { motion, stops_at_refusals: false, ..MasterScript::new(vec![script]) };
         let configuration = RingConfiguration::new(1, BitRate::M2);
-        let (world, mut handles) = ring_of_drives(configuration, ScriptedMaster::new(script), &[setup])?;
+        let (world, mut handles) =
+            ring_of_drives_on(configuration, ScriptedMaster::new(script), &[setup], |_| executor.clone())?;
         let mut rig = Self { world, drive: handles.remove(0), mode, vertical, name };
         fault.begin(&rig);
         rig.reach(state)?;
@@ -380,6 +385,17 @@ impl Target for Rig {
 
     fn take_bit_15_away(&mut self) {
         self.master_mut().hold_switches(Some(control::ENABLE | control::NO_HALT));
+    }
+
+    /// In QEMU the handler is held at its first instruction: past the valley behind the middle of the samples.
+    fn delay_cycles(&self, cycles: u32) -> Result<(), MatrixError> {
+        const LATE: Nanoseconds = Nanoseconds::from_microseconds(32);
+        let motor_side = self.drive.motor_side.clone();
+        motor_side.borrow_mut().delay_cycles(cycles);
+        let Some(elf) = &self.drive.elf else { return Ok(()) };
+        let spans = vec![LATE; cycles as usize];
+        let held = elf.hold_cycles(&spans, move || motor_side.borrow_mut().delay_cycles(0));
+        Ok(held.map_err(|error| ProcessorError::Stuck { address: ADDRESS, cause: error.to_string() })?)
     }
 
     fn next_cycles(&self) -> u64 {

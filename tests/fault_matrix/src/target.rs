@@ -47,6 +47,15 @@ pub trait Target {
         self.machine(|machine, now| machine.fail_brake(failure, now));
     }
 
+    /// So many of the next cycles of the current loop come too late.
+    ///
+    /// # Errors
+    /// The processor can not go on.
+    fn delay_cycles(&self, cycles: u32) -> Result<(), MatrixError> {
+        self.motor_side().borrow_mut().delay_cycles(cycles);
+        Ok(())
+    }
+
     /// These telegrams are changed in so many of the next cycles. Returns when the first of them begins.
     ///
     /// # Errors

@@ -1,13 +1,48 @@
 //! Every cell of the matrix, against what the drive has to do.
 
-use fault_matrix::{Cell, cells, run_all};
+use bench::{Elves, Executor};
+use fault_matrix::{Cell, Fault, Mode, State, cells, difference, run_all};
 
 #[test]
 fn the_drive_does_what_the_matrix_asks_in_every_state_and_mode() {
     let expected = cells();
     let places: Vec<Cell> = expected.iter().map(|expected| expected.cell).collect();
-    let outcomes = run_all(&places).unwrap();
+    let outcomes = run_all(&places, &Executor::Host).unwrap();
     let wrong: Vec<String> =
         expected.iter().zip(&outcomes).filter_map(|(expected, outcome)| expected.contradiction(outcome)).collect();
     assert!(wrong.is_empty(), "{} of {}:\n{}", wrong.len(), places.len(), wrong.join("\n"));
+}
+
+/// One cell of each kind of hardware that a fault takes part in; `cargo xtask faults --on qemu` runs all.
+const SAMPLE: [(Fault, State, Mode); 10] = [
+    (Fault::Overcurrent, State::AtSpeed, Mode::Velocity),
+    (Fault::ConvertersStuck, State::SwitchingOn, Mode::PositionWithoutLag),
+    (Fault::Overvoltage, State::AtSpeed, Mode::Torque),
+    (Fault::MainPowerLost, State::AtSpeed, Mode::Velocity),
+    (Fault::GateDriver, State::Halted, Mode::Position),
+    (Fault::EncoderFrozen, State::AtSpeed, Mode::Velocity),
+    (Fault::TemperatureSensorBroken, State::AtSpeed, Mode::Velocity),
+    (Fault::SafeTorqueOff, State::AtSpeed, Mode::Velocity),
+    (Fault::LateCycles, State::AtSpeed, Mode::Velocity),
+    (Fault::BrakeStuckOpen, State::Stopping, Mode::PositionWithoutLag),
+];
+
+#[test]
+#[ignore = "needs QEMU and the ELF: cargo xtask test"]
+fn the_flashed_elf_does_about_a_fault_of_every_kind_of_hardware_what_the_portable_drive_does() {
+    let path = |name: &str| {
+        std::env::var_os(name).unwrap_or_else(|| panic!("{name} is not set: run `cargo xtask test`")).into()
+    };
+    let elf = Executor::Qemu(Elves { product: path("PRODUCT_ELF"), bus: path("BUS_PLUGIN") });
+    let known: Vec<Cell> = cells().iter().map(|expected| expected.cell).collect();
+    let sample: Vec<Cell> = SAMPLE.into_iter().map(|(fault, state, mode)| Cell { fault, state, mode }).collect();
+    for cell in &sample {
+        assert!(known.contains(cell), "{cell} is no cell of the matrix");
+    }
+    let (on_host, on_elf) = (run_all(&sample, &Executor::Host).unwrap(), run_all(&sample, &elf).unwrap());
+    let compared = sample.iter().zip(on_host.iter().zip(&on_elf));
+    let different: Vec<String> = compared
+        .filter_map(|(cell, (host, elf))| Some(format!("{cell}: {}", difference(cell.fault, host, elf)?)))
+        .collect();
+    assert!(different.is_empty(), "{}", different.join("\n"));
 }

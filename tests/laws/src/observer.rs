@@ -121,6 +121,16 @@ impl Observer {
         self.laws.iter().map(|(law, armed)| Coverage { law: law.sentence(), armed: *armed })
     }
 
+    /// Takes a law away, for a test that turns what the law knows round and looks at the matter itself: the sentence of [`Coverage`].
+    ///
+    /// # Panics
+    /// When there is no such law.
+    pub fn dismiss(&mut self, law: &str) {
+        let before = self.laws.len();
+        self.laws.retain(|(known, _)| known.sentence() != law);
+        assert_eq!(self.laws.len() + 1, before, "no law says: {law}");
+    }
+
     /// When the axis wants to be looked at again.
     #[must_use]
     pub fn next_look(&self) -> Nanoseconds {

@@ -123,6 +123,9 @@ pub(crate) enum Command {
         /// Write nothing: fail if the page is not what the drive does
         #[arg(long)]
         check: bool,
+        /// Where every cell is run: `qemu` writes nothing, and fails where the release ELF does otherwise than the portable crates
+        #[arg(long, value_enum, default_value_t = On::Host, conflicts_with = "check")]
+        on: On,
     },
     /// Let random axes live random lives, and hold them to the laws of the axis
     ///

@@ -70,7 +70,10 @@ fn what_is_acknowledged_in_operation_is_in_effect_and_what_is_refused_has_change
             if answer.is_err() {
                 assert_eq!(rig.parameters, before, "{what}");
             }
-            if answer == Err(0x7008) && !rig.finding().is_empty() {
+            if answer == Err(0x7008) {
+                assert!(rig.finding().starts_with(|first| first == 'S' || first == 'P'), "{what}: {}", rig.finding());
+            }
+            if answer == Err(0x7008) && !matches!(rig.checks.finding, Some(Finding::Value(..))) {
                 refused.insert(block.idn.to_string());
                 if !block.restricted {
                     untold.insert(block.idn.to_string());
@@ -80,6 +83,23 @@ fn what_is_acknowledged_in_operation_is_in_effect_and_what_is_refused_has_change
     }
     assert!(untold.is_empty(), "the table does not say that values of {untold:?} may be refused");
     assert!(["S-0-0193", "S-0-0201", "P-0-0105"].iter().all(|&idn| refused.contains(idn)), "{refused:?}");
+}
+
+#[test]
+fn a_value_that_a_data_block_cannot_have_is_told_until_a_write_succeeds() {
+    let mut rig = Rig::in_cp4(&[]);
+    for (idn, words, told) in [
+        (S(26), &[2, 2, 2][..], "S-0-0026: a list that is too long, or an entry that it cannot have"),
+        (S(329), &[2, 2, 16], "S-0-0329: a list that is too long, or an entry that it cannot have"),
+        (S(99), &[2], "S-0-0099: a command takes 3 to start and 0 to cancel"),
+        (S(267), &[1, 1, 0x41], "S-0-0267: no password, or not the one in force"),
+        (S(301), &[11], "S-0-0301: a value that it does not have"),
+    ] {
+        assert_eq!(rig.write(idn, words), Err(0x7008), "{idn}");
+        assert_eq!(rig.finding(), told);
+    }
+    rig.write(S(92), &[200]).unwrap();
+    assert_eq!(rig.finding(), "");
 }
 
 #[test]

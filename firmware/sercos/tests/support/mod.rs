@@ -4,7 +4,7 @@
 
 use heapless::{String, Vec};
 use sercos::command::{CommandAction, CommandState};
-use sercos::data_block::NeededFor;
+use sercos::data_block::{DataBlock, NeededFor};
 use sercos::dictionary;
 use sercos::duration::BitRate;
 use sercos::parameters::Parameters;
@@ -28,6 +28,8 @@ pub(crate) struct Drive {
     pub(crate) refusal: Option<ServiceError>,
     /// What the drive says of parameters that have been written.
     pub(crate) after: Option<ServiceError>,
+    /// Whose values the server has not taken.
+    pub(crate) not_taken: std::vec::Vec<Idn>,
     pub(crate) locked: bool,
     pub(crate) written_text: std::vec::Vec<u8>,
     pub(crate) synchronised: bool,
@@ -82,6 +84,10 @@ impl Live for Drive {
             self.machine.withdraw();
         }
         self.after.map_or(Ok(()), Err)
+    }
+
+    fn not_taken(&mut self, block: &DataBlock) {
+        self.not_taken.push(block.idn);
     }
 
     fn command(
@@ -176,6 +182,7 @@ impl Slave {
                 invalid_cp4: std::vec::Vec::new(),
                 refusal: None,
                 after: None,
+                not_taken: std::vec::Vec::new(),
                 locked: false,
                 written_text: std::vec::Vec::new(),
                 synchronised: true,

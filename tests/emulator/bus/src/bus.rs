@@ -86,9 +86,20 @@ impl Bus {
                 self.fail(&format!("QEMU executes {:08x} out of turn; use QEMU 7.2, 10.0 or 11.1", this.pc()))
             }
         }
+        if self.blocks.stops() {
+            self.stop();
+        }
         if self.trace.is_some() {
             self.write_down(|trace| trace.instruction(this));
         }
+    }
+
+    /// Stops before the current instruction, which has taken its tick: what is pended now comes behind it.
+    #[cold]
+    fn stop(&mut self) {
+        const INSTRUCTION: u64 = 1;
+        self.exchange(message::STOPPED, self.blocks.ticks - INSTRUCTION, Question::NONE, Lock::Free);
+        self.blocks.ticks = INSTRUCTION;
     }
 
     /// Writes into the trace, if there is one.
@@ -248,6 +259,10 @@ impl Bus {
                     if let Err(error) = ended {
                         self.trace_fails(&error);
                     }
+                    self.answer(0);
+                }
+                command::STOP_AT => {
+                    self.blocks.stop_at(self.incoming[1], self.incoming[2]);
                     self.answer(0);
                 }
                 unknown => self.fail(&format!("the emulator gives command {unknown}, which the bus does not know")),

@@ -24,6 +24,8 @@ pub mod message {
     pub const RESET: u32 = 8;
     /// There is no going on; the payload says why, as text of four bytes a word, zeros behind it.
     pub const FAILED: u32 = 7;
+    /// The instruction of [`super::command::STOP_AT`] is about to be executed.
+    pub const STOPPED: u32 = 16;
 }
 
 /// Word positions in the header of a message from the bus.
@@ -86,6 +88,9 @@ pub mod command {
     pub const WRITE_MEMORY: u32 = 3;
     /// Begin (1) or end (0) a trace, see [`super::trace`]. Answered with an empty memory message. Only the bus inside QEMU knows it.
     pub const TRACE: u32 = 4;
+    /// Stop once before an instruction: that at this address (0: the current one), or so many executed ones behind it (second word). Answered with
+    /// an empty memory message.
+    pub const STOP_AT: u32 = 16;
     /// The handlers of the faults, of NMI and of unbound interrupts are entered (1), or each of them ends the run with a fault message (0, as at the start).
     /// Answered with an empty memory message.
     pub const FAULTS_RUN_ON: u32 = 5;

@@ -11,13 +11,13 @@ use crate::{Environment, IndexEdge};
 /// TIM2.
 pub(crate) const TIM2: usize = 0;
 /// TIM3: latches the index.
-const TIM3: usize = 1;
+pub(crate) const TIM3: usize = 1;
 /// TIM4: latches probe 1.
-const TIM4: usize = 2;
+pub(crate) const TIM4: usize = 2;
 /// TIM8: latches probe 2.
 pub(crate) const TIM8: usize = 3;
 /// TIM9: times of INT0 and INT1.
-const TIM9: usize = 4;
+pub(crate) const TIM9: usize = 4;
 
 /// Offset of SR.
 const STATUS: u32 = 0x10;
@@ -165,7 +165,7 @@ impl EncoderCounters {
     /// The status of a counter that captures only: edges come from the world, which stops at each of them.
     pub(crate) fn peek_captured(&self, number: usize, offset: u32) -> Option<u32> {
         let timer = &self.timers[number];
-        (offset == STATUS && timer.counts_encoder()).then(|| timer.status())
+        (offset == STATUS && timer.counts_encoder() && !timer.filters()).then(|| timer.status())
     }
 
     /// The count of a timer at an instant before its next event.

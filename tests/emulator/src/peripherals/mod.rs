@@ -7,6 +7,7 @@ mod centred_counter;
 pub(crate) mod clocks;
 pub(crate) mod encoder_counters;
 pub(crate) mod gpio;
+mod input_filter;
 pub(crate) mod interrupts;
 mod map;
 pub(crate) mod others;
@@ -270,6 +271,12 @@ impl Peripherals {
     pub(crate) fn take_interrupts(&mut self) -> (u128, u128) {
         self.update_lines();
         (std::mem::take(&mut self.edges), self.lines)
+    }
+
+    /// Has an interrupt line of the NVIC had an edge since last asked?
+    pub(crate) fn has_raised(&mut self, interrupt: u8) -> bool {
+        self.update_lines();
+        self.edges & 1 << interrupt != 0
     }
 
     /// Does an interrupt wait to be taken, by its edge or by its level?

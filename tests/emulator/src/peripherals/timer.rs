@@ -5,6 +5,7 @@
 
 use ring::Nanoseconds;
 
+use super::input_filter::{self, InputFilter, PinEdge};
 use crate::clock::{clocks_at, time_of_clocks};
 
 const CR1: u32 = 0x00;
@@ -46,6 +47,7 @@ pub(crate) struct Timer {
     capture_modes: [u32; 2],
     capture_enable: u32,
     capture: [u32; 4],
+    inputs: [InputFilter; 4],
     option: u32,
     prescaler: u32,
     prescaler_in_force: u32,
@@ -75,6 +77,7 @@ impl Timer {
             capture_modes: [0; 2],
             capture_enable: 0,
             capture: [0; 4],
+            inputs: [InputFilter::default(); 4],
             option: 0,
             prescaler: 0,
             prescaler_in_force: 0,
@@ -134,6 +137,9 @@ impl Timer {
 
     /// Lets the counter wrap as often as it did until `now`.
     pub(crate) fn advance(&mut self, now: Nanoseconds) {
+        if self.filters() {
+            self.pass_filters(now);
+        }
         while self.runs() && self.time_of(self.next_wrap()) <= now {
             let wrap = self.next_wrap();
             self.zero_at = wrap;
@@ -159,17 +165,44 @@ impl Timer {
         }
     }
 
-    /// The pin of channel 1 to 4 changed its level. It feeds the channel itself and the other one of its pair (CCxS = 1, CCxS = 2).
+    /// The pin of channel 1 to 4 changed its level. Behind its filter it feeds the channel itself and the other one of its pair (CCxS = 1, CCxS = 2).
     pub(crate) fn capture_edge(&mut self, channel: u8, rises: bool, now: Nanoseconds, encoder: u32) {
+        self.pass_filters(now);
+        self.inputs[usize::from(channel - 1)].take(PinEdge { at: now, rises, position: encoder });
+        self.pass_filters(now);
+    }
+
+    /// An edge is still in a filter: the status may change by itself.
+    pub(crate) fn filters(&self) -> bool {
+        self.inputs.iter().any(InputFilter::waits)
+    }
+
+    /// Length of the filter behind the pin of channel 1 to 4.
+    pub(crate) fn filter_of(&self, channel: u8) -> Nanoseconds {
         let input = usize::from(channel - 1);
+        let code = self.capture_modes[input / 2] >> (8 * (input % 2) + 4);
+        input_filter::length(code, self.control >> 8, self.clock_hz)
+    }
+
+    /// Captures what has stood for long enough.
+    fn pass_filters(&mut self, now: Nanoseconds) {
+        for channel in 1..=4 {
+            let length = self.filter_of(channel);
+            if let Some(edge) = self.inputs[usize::from(channel - 1)].passed(length, now) {
+                self.capture(usize::from(channel - 1), edge);
+            }
+        }
+    }
+
+    fn capture(&mut self, input: usize, edge: PinEdge) {
         for (index, selected) in [(input, 1), (input ^ 1, 2)] {
             let polarity = self.capture_enable >> (4 * index);
             let selection = self.capture_modes[index / 2] >> (8 * (index % 2)) & 3;
             let (enabled, inverted, both) = (polarity & 1 != 0, polarity & 2 != 0, polarity & 0xA == 0xA);
-            if !enabled || selection != selected || !(both || rises != inverted) {
+            if !enabled || selection != selected || !(both || edge.rises != inverted) {
                 continue;
             }
-            self.capture[index] = self.count(now, encoder);
+            self.capture[index] = self.count(edge.at, edge.position);
             let flag = 2 << index;
             if self.status & flag != 0 {
                 self.status |= flag << 8;
@@ -181,6 +214,9 @@ impl Timer {
     pub(crate) fn read(&mut self, offset: u32, now: Nanoseconds, encoder: u32) -> Option<u32> {
         if !self.has(offset) {
             return None;
+        }
+        if self.filters() {
+            self.pass_filters(now);
         }
         Some(match offset {
             CR1 => self.control,
@@ -387,15 +423,31 @@ mod tests {
             timer.write(offset, value, START, 500).unwrap().unwrap();
         }
         assert_eq!(timer.count(START, 500), 0, "started at 0");
-        timer.capture_edge(3, false, START, 700);
-        assert_eq!(timer.read(CCR1 + 8, START, 900), Some(200));
-        timer.capture_edge(3, true, START, 701);
-        timer.capture_edge(4, true, START, 702);
-        assert_eq!(timer.read(CCR1 + 8, START, 900), Some(201));
-        assert_eq!(timer.read(CCR4, START, 900), Some(202));
-        timer.capture_edge(3, true, START, 800);
-        timer.capture_edge(3, true, START, 801);
-        assert_eq!(timer.read(SR, START, 0), Some(0x0808), "flag and overcapture");
+        // 8 samples at 16 MHz.
+        let later = |microseconds| START + Nanoseconds::from_microseconds(microseconds);
+        timer.capture_edge(3, false, later(0), 700);
+        assert_eq!(timer.read(CCR1 + 8, later(0), 900), Some(0), "in the filter");
+        assert_eq!(timer.read(CCR1 + 8, later(1), 900), Some(200));
+        timer.capture_edge(3, true, later(2), 701);
+        timer.capture_edge(4, true, later(2), 702);
+        assert_eq!(timer.read(CCR1 + 8, later(3), 900), Some(201));
+        assert_eq!(timer.read(CCR4, later(3), 900), Some(202));
+        timer.capture_edge(3, true, later(4), 800);
+        timer.capture_edge(3, false, later(5), 801);
+        assert_eq!(timer.read(SR, later(6), 0), Some(0x0808), "flag and overcapture");
+    }
+
+    #[test]
+    fn a_spike_shorter_than_the_filter_captures_nothing_and_without_a_filter_it_does() {
+        for (modes, captured) in [(0x3131, 0), (0x0101, 20)] {
+            let mut timer = Timer::new(32, 4);
+            for (offset, value) in [(CCMR2, modes), (CCER, 0xBB00), (SMCR, 3), (CNT, 0), (CR1, 1)] {
+                timer.write(offset, value, START, 0).unwrap().unwrap();
+            }
+            timer.capture_edge(3, false, START, 10);
+            timer.capture_edge(3, true, START + Nanoseconds(400), 20);
+            assert_eq!(timer.read(CCR1 + 8, START + Nanoseconds(2_000), 0), Some(captured));
+        }
     }
 
     #[test]

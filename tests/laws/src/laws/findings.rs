@@ -13,28 +13,6 @@ const FAILED: u16 = 0xF;
 /// The error whose reason P-0-0003 tells.
 const INVALID: u16 = 0x7008;
 
-/// Lists and texts are refused without a reason (known, see docs/laws.md).
-const LISTS: [Idn; 10] =
-    [Idn(16), Idn(24), Idn(26), Idn(27), Idn(141), Idn(142), Idn(267), Idn(328), Idn(329), Idn(0x8000 | 7)];
-
-/// S-0-0025. What is written in them is no value: a word that is none of theirs is refused without a reason.
-const COMMANDS: [Idn; 14] = [
-    Idn(99),
-    Idn(127),
-    Idn(128),
-    Idn(139),
-    Idn(148),
-    Idn(149),
-    Idn(170),
-    Idn(191),
-    Idn(262),
-    Idn(447),
-    Idn(0x8000 | 220),
-    Idn(0x8000 | 224),
-    Idn(0x8000 | 225),
-    Idn(0x8000 | 226),
-];
-
 /// Remembers how the last check, homing or write has ended.
 #[derive(Default)]
 pub(crate) struct Findings {
@@ -64,11 +42,7 @@ impl Law for Findings {
             Event::Service(Heard::Opened(idn, EXECUTED)) if self.started == Some(*idn) => self.success = Some(true),
             Event::Service(Heard::Opened(idn, FAILED)) if self.started == Some(*idn) => self.success = Some(false),
             Event::Service(Heard::Refused(idn, step, INVALID)) if step.write && step.element == Element::Data => {
-                *self = Self {
-                    started: None,
-                    success: (!LISTS.contains(idn) && !COMMANDS.contains(idn)).then_some(false),
-                    tried: Some(*idn),
-                };
+                *self = Self { started: None, success: Some(false), tried: Some(*idn) };
             }
             // A command that is refused for another reason may have one of its own.
             Event::Service(Heard::Refused(_, step, _)) if step.write && step.element == Element::Data => {
