@@ -132,6 +132,7 @@ fn after_three_crashes_in_a_row_the_drive_stays_out_of_the_ring_until_the_next_r
     rig.run_ms(30);
     assert_eq!(resets(&rig), 3, "it neither runs on nor bites");
     told(&rig, "3 crashes in a row: out of the ring");
+    assert!(rig.log().last().is_some_and(|line| line.contains("out of the ring")), "it went on: {:#?}", rig.log());
     let now = rig.world.now();
     rig.qemu.borrow_mut().reset(now, Reset::Pin).unwrap();
     rig.run_ms(20);
