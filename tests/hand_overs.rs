@@ -485,7 +485,7 @@ fn trips_while_switching_on(turning: &mut Turning, trip: Trip) {
                 Trip::CurrentLoop => {
                     motor_side.borrow_mut().machine().fail_current_sensor(0, Some(4_095), stopped.now.0);
                     for order in &orders {
-                        guest.write_memory(*order, 1)?;
+                        guest.write_memory(*order, &[1])?;
                     }
                     guest.hold(Hold::Interrupt(ADC));
                 }

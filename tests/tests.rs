@@ -14,6 +14,7 @@ mod faults;
 mod following;
 mod functions;
 mod hand_overs;
+mod last_metre;
 mod latches;
 mod laws;
 #[path = "common/led.rs"]

@@ -9,10 +9,15 @@ use crate::pins;
 
 const COIL: u32 = pins::BRAKE_COIL.mask();
 
+/// Address of BSRR of the coil's port, for handlers that have no stack.
+pub const BSRR: u32 = 0x4002_0818;
+/// What takes the current off the coil there.
+pub const APPLY: u32 = COIL << 16;
+
 /// Takes the current off the coil: for fault and panic handlers, which own nothing.
 pub fn apply() {
     // SAFETY: a single store that can only apply the brake; right at any time, whoever owns the port.
-    unsafe { (*pac::GPIOC::ptr()).bsrr().write(|w| w.bits(COIL << 16)) };
+    unsafe { (*pac::GPIOC::ptr()).bsrr().write(|w| w.bits(APPLY)) };
 }
 
 /// The output to the coil.

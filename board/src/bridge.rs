@@ -27,6 +27,8 @@
 //! The break has no interrupt: it needs nobody to switch off, its flag stays until it is acknowledged, and the control loop looks at the
 //! outputs in every tick. A power stage that is not ready yet when the drive starts is a break like any other.
 //!
+//! A failed crystal breaks it as well, see [`crate::clocks`].
+//!
 //! Debugger: TIM1 runs on while the core is halted. Do not halt with torque on; the break input stays in force.
 
 use core::sync::atomic::{AtomicBool, Ordering};
@@ -74,7 +76,7 @@ pub const LARGEST_TRIM: i32 = 255;
 /// Lock level 2 (RM0090 17.4.18): after the first write nothing that could turn a safe state into a short circuit can be changed before the
 /// next reset: dead time, break, polarities, idle levels, OSSI, OSSR. Level 3 would only add the modes of the compare channels.
 /// BKP = 0: active low. AOE = 0: nothing but software switches on again. OSSI, OSSR: off is driven low, not left floating.
-const OFF: u32 = {
+pub const OFF: u32 = {
     const LOCK_LEVEL_2: u32 = 0b10 << 8;
     const OSSI: u32 = 1 << 10;
     const OSSR: u32 = 1 << 11;
@@ -93,6 +95,9 @@ const BIF: u32 = 1 << 7;
 ///
 /// Sequentially consistent, because the order towards the stores to BDTR matters.
 static TRIPPED: AtomicBool = AtomicBool::new(false);
+
+/// Address of BDTR, for handlers that have no stack.
+pub const BDTR: u32 = 0x4001_0044;
 
 /// Switches all six outputs off from wherever the program has come to a standstill: for fault and panic handlers, which own nothing.
 pub fn off() {

@@ -2,7 +2,7 @@
 
 use drive::{Cycle, PowerStage, Samples};
 
-use crate::{bridge::Modulator, current_sense::CurrentSense, encoder};
+use crate::{bridge::Modulator, current_sense::CurrentSense, encoder, loop_watchdog};
 
 /// Modulation, converters, and a view of the encoder's counter; owned by the current loop.
 #[derive(Debug)]
@@ -46,5 +46,10 @@ impl PowerStage for Inverter {
     #[inline(always)]
     fn switch_off(&mut self) {
         self.modulator.switch_off();
+    }
+
+    #[inline(always)]
+    fn is_alive(&mut self) {
+        loop_watchdog::feed();
     }
 }

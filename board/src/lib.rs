@@ -21,6 +21,9 @@
 //! | [`MotorSide`], [`Inverter`] | - | the above, as `drive` sees them |
 //! | [`timestamp`] | TIM5 | microseconds for logs |
 //! | [`switches`] | GPIO | drive address and baud rate |
+//! | [`crash`] | RAM | the record of a crash, kept over the reset |
+//! | [`stack_guard`] | MPU | stops a stack before it reaches the statics |
+//! | `loop_watchdog` | WWDG | ends a program whose loops do not run |
 //! | [`watchdog`] | IWDG | resets the drive when a task stops making progress |
 #![no_std]
 #![deny(unsafe_op_in_unsafe_fn)]
@@ -39,6 +42,7 @@ pub mod brake_coil;
 pub mod bridge;
 pub mod chip_control;
 pub mod clocks;
+pub mod crash;
 pub mod current_sense;
 pub mod dead_time;
 pub mod edge_time;
@@ -48,9 +52,11 @@ pub mod inputs;
 pub mod interrupt_pins;
 mod inverter;
 pub mod loop_phase;
+mod loop_watchdog;
 pub mod marks;
 mod motor_side;
 pub mod pins;
+pub mod stack_guard;
 pub mod switches;
 pub mod timestamp;
 pub mod watchdog;
@@ -77,7 +83,7 @@ pub struct Board {
     pub int1: interrupt_pins::InterruptPin,
     /// Microseconds since start.
     pub timestamp: timestamp::Timestamp,
-    /// Not yet running: [`watchdog::Watchdog::start`] it when the tasks run.
+    /// Both watchdogs, not yet running: [`watchdog::Watchdog::start`] them when the tasks run.
     pub watchdog: watchdog::Watchdog,
     /// What the operator set on the address and baud rate switches.
     pub settings: switches::Settings,
@@ -109,7 +115,7 @@ impl Board {
         );
         // Behind the converters and TIM9: its first trigger finds them waiting.
         let (bridge, modulator) = bridge::start(peripherals.TIM1, &mut rcc);
-        let watchdog = watchdog::Watchdog::new(peripherals.IWDG, &mut rcc);
+        let watchdog = watchdog::Watchdog::new(peripherals.IWDG, peripherals.WWDG, &mut rcc);
         let motor_side = MotorSide {
             encoder,
             marks,

@@ -3,13 +3,16 @@
 //! The bridge is off and the brake holds through a reset and after it (see [`crate::pins`]), and the SERCON816 is reset with us, so a hung drive
 //! leaves the ring and lets the motor coast within the period of the watchdog.
 //!
-//! What it is fed on ([`Progress`]): `idle` runs, so no task hangs or storms; the control loop has ticked; and no bus task
-//! that was started is still waiting to begin, which would mean that its interrupt was lost.
+//! What it is fed on ([`Progress`]): `idle` runs, so no task hangs or storms; the control loop has ticked, which every second current loop starts; the
+//! supervision has run; and no task that was started is still waiting to begin, which would mean that its interrupt was lost. Which of them kept it from
+//! being fed is left for the record of the reset ([`crate::crash`]).
 
-use core::sync::atomic::{AtomicU8, AtomicU32, Ordering};
+use core::sync::atomic::{AtomicBool, AtomicU8, AtomicU32, Ordering};
 
-use drive::ResetCause;
+use drive::{ResetCause, Work};
 use stm32f4xx_hal::{pac, rcc::Rcc};
+
+use crate::{crash, loop_watchdog};
 
 /// Ticks of the LSI oscillator (32 kHz, 17 to 47 kHz over all parts) divided by four: 100 ms, at least 68 and at most 188 ms.
 const RELOAD: u16 = 800 - 1;
@@ -22,13 +25,14 @@ const TICKS_PER_FEEDING: u32 = 64;
 pub struct Progress {
     ticks: AtomicU32,
     started: AtomicU8,
+    supervised: AtomicBool,
 }
 
 impl Progress {
     /// Nothing done, nothing asked for.
     #[must_use]
     pub const fn new() -> Self {
-        Self { ticks: AtomicU32::new(0), started: AtomicU8::new(0) }
+        Self { ticks: AtomicU32::new(0), started: AtomicU8::new(0), supervised: AtomicBool::new(false) }
     }
 
     /// The control loop ran.
@@ -50,6 +54,18 @@ impl Progress {
     pub fn begun(&self, tasks: u8) {
         self.started.fetch_and(!tasks, Ordering::Relaxed);
     }
+
+    /// The supervision ran.
+    #[inline(always)]
+    pub fn supervised(&self) {
+        self.supervised.store(true, Ordering::Relaxed);
+    }
+
+    /// Tasks that have not begun, or that should have run and did not.
+    fn silent(&self) -> u8 {
+        let supervision = if self.supervised.load(Ordering::Relaxed) { 0 } else { Work::SUPERVISION.bits() };
+        self.started.load(Ordering::Relaxed) | supervision
+    }
 }
 
 impl Default for Progress {
@@ -62,6 +78,7 @@ impl Default for Progress {
 #[derive(Debug)]
 pub struct Watchdog {
     watchdog: pac::IWDG,
+    of_loops: pac::WWDG,
     reset_cause: ResetCause,
     running: bool,
     fed_at: u32,
@@ -69,10 +86,11 @@ pub struct Watchdog {
 
 impl Watchdog {
     /// Takes the watchdog over, and the record of the last reset with it.
-    pub(crate) fn new(watchdog: pac::IWDG, rcc: &mut Rcc) -> Self {
+    pub(crate) fn new(watchdog: pac::IWDG, of_loops: pac::WWDG, rcc: &mut Rcc) -> Self {
         let reset_cause = cause_in(&rcc.csr().read());
         rcc.csr().modify(|_, w| w.rmvf().clear());
-        Self { watchdog, reset_cause, running: false, fed_at: 0 }
+        loop_watchdog::enable(rcc);
+        Self { watchdog, of_loops, reset_cause, running: false, fed_at: 0 }
     }
 
     /// What the last reset was for; the watchdog, if something in the drive had hung.
@@ -81,7 +99,7 @@ impl Watchdog {
         self.reset_cause
     }
 
-    /// Starts the watchdog and returns `true`; with a debugger attached leaves it off, as a halted core would be reset.
+    /// Starts this watchdog and that of the loops and returns `true`; with a debugger attached leaves it off, as a halted core would be reset.
     pub fn start(&mut self) -> bool {
         if !self.running && !cortex_m::peripheral::DCB::is_debugger_attached() {
             // Starting first switches the oscillator on, without which the registers would not take a value.
@@ -89,6 +107,7 @@ impl Watchdog {
             self.watchdog.kr().write(|w| w.key().unlock());
             self.watchdog.pr().write(|w| w.pr().divide_by4());
             self.watchdog.rlr().write(|w| w.rl().set(RELOAD));
+            loop_watchdog::start(&self.of_loops);
             self.running = true;
         }
         self.running
@@ -100,9 +119,15 @@ impl Watchdog {
     pub fn feed(&mut self, progress: &Progress) -> bool {
         let ticks = progress.ticks.load(Ordering::Relaxed);
         let due = ticks.wrapping_sub(self.fed_at) >= TICKS_PER_FEEDING;
-        if !due || progress.started.load(Ordering::Relaxed) != 0 {
+        let silent = progress.silent();
+        if !due || silent != 0 {
+            if due {
+                crash::suspect(silent.into());
+            }
             return false;
         }
+        crash::suspect(0);
+        progress.supervised.store(false, Ordering::Relaxed);
         self.fed_at = ticks;
         if self.running {
             self.watchdog.kr().write(|w| w.key().feed());

@@ -27,7 +27,6 @@
 mod fault;
 
 use defmt_rtt as _;
-use panic_probe as _;
 
 defmt::timestamp!("{=u32:us}", board::timestamp::microseconds());
 
@@ -39,8 +38,12 @@ mod app {
     use board::pac::Interrupt;
     use board::watchdog::{Progress, Watchdog};
     use board::{Inverter, MotorSide, chip_control, switches};
+    use drive::crash::{CrashRecord, MOST_CRASHES_IN_A_ROW};
     use drive::{Communication, CurrentControl, CurrentLink, Drive, DriveAddress};
-    use drive::{Identity, Interrupts, Motion, ResetCause, Scope, Work};
+    use drive::{Identity, Interrupts, Motion, Scope, Work};
+
+    /// After 10 s (feedings are 8 ms apart) crashes until here are none in a row with one that comes.
+    const FEEDINGS_UNTIL_WELL: u16 = 1_250;
 
     /// What the tasks report to the watchdog.
     static PROGRESS: Progress = Progress::new();
@@ -69,10 +72,16 @@ mod app {
     /// Takes about 2 ms, nearly all of it the start of the chip. In that time the ring is open at this station.
     #[init(local = [scope: Scope = Scope::new()])]
     fn init(context: init::Context) -> (Shared, Local) {
+        board::stack_guard::start(&context.core.MPU);
         let Board { bus, motor_side, inverter, int0, int1, mut watchdog, settings, .. } = Board::new(context.device);
-        match watchdog.reset_cause() {
-            ResetCause::Watchdog => defmt::error!("restarted by the watchdog"),
-            cause => defmt::info!("started by {}", cause),
+        defmt::info!("started by {}", watchdog.reset_cause());
+        let crash = board::crash::last(watchdog.reset_cause());
+        if let Some(record) = &crash {
+            told(record);
+        }
+        if crash.is_some_and(|record| !record.told && record.in_a_row >= MOST_CRASHES_IN_A_ROW) {
+            defmt::error!("{=u8} crashes in a row: out of the ring until the next reset", MOST_CRASHES_IN_A_ROW);
+            remain_a_repeater()
         }
         let Some(identity) = identity(&settings) else {
             defmt::error!("{=u8} on the address switches is no drive address", settings.address);
@@ -86,6 +95,9 @@ mod app {
                 remain_a_repeater()
             }
         };
+        if let Some(record) = crash {
+            communication.note_crash(record, task(record.exception));
+        }
         if let Err(error) = communication.start(&mut interrupts, &mut motion) {
             defmt::error!("ring controller: {}", error);
             remain_a_repeater()
@@ -105,8 +117,13 @@ mod app {
     fn idle(mut context: idle::Context) -> ! {
         let mut state = None;
         let mut class_1 = None;
+        let mut feedings = 0_u16;
         loop {
             if context.local.watchdog.feed(&PROGRESS) {
+                feedings = feedings.saturating_add(1);
+                if feedings == FEEDINGS_UNTIL_WELL {
+                    board::crash::well();
+                }
                 let now = context.shared.motion.lock(Motion::snapshot);
                 if state.replace(now.state) != Some(now.state) {
                     defmt::info!("{}", now.state);
@@ -194,6 +211,7 @@ mod app {
     #[task(binds = CAN2_RX0, priority = 4, shared = [motion])]
     fn supervision(mut context: supervision::Context) {
         PROGRESS.begun(Work::SUPERVISION.bits());
+        PROGRESS.supervised();
         start(context.shared.motion.lock(Motion::supervise));
     }
 
@@ -247,6 +265,34 @@ mod app {
             master_clock: chip_control::MASTER_CLOCK,
             transceiver: chip_control::TRANSCEIVER,
         })
+    }
+
+    /// Logs the last crash; one that has been told of was news at an earlier start.
+    fn told(record: &CrashRecord) {
+        let crash = record.told_of(task(record.exception));
+        if record.told {
+            defmt::info!("before: {}, {=u32} crashes", defmt::Display2Format(&crash), record.count);
+        } else {
+            defmt::error!("{}, {=u32} crashes", defmt::Display2Format(&crash), record.count);
+        }
+    }
+
+    /// The task that is bound to an exception.
+    fn task(exception: u16) -> &'static str {
+        const FIRST_INTERRUPT: u16 = 16;
+        let Some(number) = exception.checked_sub(FIRST_INTERRUPT) else { return "idle or init" };
+        let tasks = [
+            (Interrupt::ADC, "current_loop"),
+            (Interrupt::EXTI3, "chip_interrupt_0"),
+            (Interrupt::EXTI2, "chip_interrupt_1"),
+            (Interrupt::CAN1_TX, "command_valid"),
+            (Interrupt::CAN1_RX0, "capture_feedback"),
+            (Interrupt::CAN2_TX, "control_loop"),
+            (Interrupt::CAN2_RX0, "supervision"),
+            (Interrupt::CAN1_RX1, "phase_change"),
+            (Interrupt::CAN1_SCE, "service_channel"),
+        ];
+        tasks.iter().find(|(vector, _)| *vector as u16 == number).map_or("an unbound interrupt", |(_, name)| *name)
     }
 
     /// For want of a drive: the bridge is off and stays off, the brake holds, and the chip repeats what it receives, as after its reset, so

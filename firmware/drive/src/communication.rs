@@ -14,6 +14,7 @@ use sercos::{Idn, Phase, PhaseMachine};
 use crate::access::Access;
 use crate::announcement::Announcement;
 use crate::commissioning::Commissioning;
+use crate::crash::{CrashRecord, LastCrash};
 use crate::diagnosis::of_phase_error;
 use crate::error_memory::{ErrorMemory, ErrorRecord};
 use crate::hardware::Hardware;
@@ -72,6 +73,7 @@ pub struct Communication<B> {
     access: Access,
     rescaling: Rescaling,
     errors: ErrorMemory,
+    crash: Option<LastCrash>,
     announcement: Announcement,
 }
 
@@ -91,6 +93,7 @@ impl<B: Bus + Clone> Communication<B> {
             commissioning: Commissioning::default(),
             access: Access::default(),
             errors: ErrorMemory::new(),
+            crash: None,
             announcement: Announcement::default(),
         }
     }
@@ -115,6 +118,14 @@ impl<B: Bus + Clone> Communication<B> {
         motion.enter_phase(Phase::Cp0);
         interrupts.enable();
         Ok(())
+    }
+
+    /// How the program ended last, in the task of this name; before it starts. One that no start has told of comes into the error memory.
+    pub fn note_crash(&mut self, record: CrashRecord, task: &'static str) {
+        if !record.told {
+            self.errors.add(ErrorRecord { number: record.cause.diagnosis().number, seconds: 0 });
+        }
+        self.crash = Some((record, task));
     }
 
     /// The slave's phase.
@@ -189,6 +200,7 @@ impl<B: Bus + Clone> Communication<B> {
             access: &mut self.access,
             rescaling: &mut self.rescaling,
             errors: &self.errors,
+            crash: self.crash.as_ref(),
             settings_changed: false,
         };
         // The motion side also starts this task for other news than the lock that S-0-0128 waits for.

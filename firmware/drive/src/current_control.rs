@@ -31,6 +31,7 @@ pub struct CurrentControl<P: 'static> {
     protection: Protection,
     frequency: PwmFrequency,
     settings_read: u32,
+    orders_seen: u32,
     count: u32,
     control: Control,
     was_late: bool,
@@ -64,6 +65,7 @@ impl<P: PowerStage> CurrentControl<P> {
             protection: settings.protection,
             frequency: settings.frequency,
             settings_read: link.settings.sent(),
+            orders_seen: link.order.sent(),
             count,
             control: Control::Resting,
             was_late: false,
@@ -101,6 +103,7 @@ impl<P: PowerStage> CurrentControl<P> {
         }
         if !cycle.first || FREQUENCY.cycles_per_tick() < 2 {
             self.take_settings();
+            self.tell_life();
             let [heat_sink, motor] = self.stage.temperatures();
             set(&link.report.temperatures, heat_sink | motor << 16);
         }
@@ -168,6 +171,16 @@ impl<P: PowerStage> CurrentControl<P> {
         self.was_late = true;
         let report = &self.link.report;
         report.tell(&report.late, get(&report.late).wrapping_add(1));
+    }
+
+    /// No order without a control loop, and no call of this without a current loop.
+    #[inline]
+    fn tell_life(&mut self) {
+        let orders = self.link.order.sent();
+        if orders != self.orders_seen {
+            self.orders_seen = orders;
+            self.stage.is_alive();
+        }
     }
 
     #[inline]

@@ -115,7 +115,7 @@ bitflags! {
 
 macro_rules! diagnoses {
     ($($name:ident = $number:literal $text:literal, $german:literal, $cause:literal, $remedy:literal;)+) => {
-        $(const $name: Diagnosis = Diagnosis {
+        $(pub(crate) const $name: Diagnosis = Diagnosis {
             number: $number,
             text: $text,
             german: $german,
@@ -276,6 +276,24 @@ diagnoses! {
     COMMAND_JUMP = 0xF11B "Position command jumped", "Lagesollwert springt",
         "S-0-0047 with S-0-0048 stepped further than S-0-0091 and a quarter more make in a cycle S-0-0001.",
         "Check the control's path and its cycle against S-0-0001, S-0-0091, and the position scaling; then S-0-0099.";
+    FIRMWARE_FAULT = 0xF120 "Firmware fault, restarted", "Firmwarefehler, neu gestartet",
+        "The processor met an instruction, an address or an interrupt that the program must not have.",
+        "Run up again. Report P-0-0012 and P-0-0013 with the firmware's version: this must not happen.";
+    FIRMWARE_PANIC = 0xF121 "Firmware panic, restarted", "Firmware-Abbruch, neu gestartet",
+        "The program found something that it rules out; P-0-0012 names file and line.",
+        "Run up again. Report P-0-0012 and P-0-0013 with the firmware's version: this must not happen.";
+    STACK_OVERFLOW = 0xF122 "Stack overflow, restarted", "Stapelueberlauf, neu gestartet",
+        "The stack reached its guard; nothing was overwritten.",
+        "Run up again. Report P-0-0012 and P-0-0013 with the firmware's version: this must not happen.";
+    CLOCK_FAILED = 0xF123 "Crystal failed, restarted", "Quarz ausgefallen, neu gestartet",
+        "The crystal stopped; the hardware switched the bridge off. The drive starts again when the crystal does.",
+        "Have the board's crystal replaced; look for moisture, shock and strong fields near it.";
+    WATCHDOG_RESET = 0xF124 "Watchdog, restarted", "Watchdog, neu gestartet",
+        "A task did not end, did not begin or fell silent; P-0-0012 says what is known.",
+        "Run up again. Report P-0-0012 and P-0-0013 with the firmware's version: this must not happen.";
+    CONTROL_STOPPED = 0xF125 "Control loop stopped, restarted", "Regelung blieb stehen, neu gestartet",
+        "Current loop or control loop did not run for a millisecond; P-0-0012 names the task that ran instead.",
+        "Run up again. Report P-0-0012 and P-0-0013 with the firmware's version: this must not happen.";
 }
 
 const PHASES: [&Diagnosis; 4] = [&PHASE_0, &PHASE_1, &PHASE_2, &PHASE_3];
@@ -426,6 +444,7 @@ fn state(now: &Circumstances) -> &'static Diagnosis {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::crash::CrashCause;
 
     #[test]
     fn numbers_ascend_and_every_text_fits_and_says_something() {
@@ -455,7 +474,17 @@ mod tests {
             PhaseError::NotReady { to: Phase::Cp3 },
             PhaseError::UninitialisedMode { selected: 3 },
         ];
+        let of_crashes = [
+            CrashCause::Fault,
+            CrashCause::Panic,
+            CrashCause::StackOverflow,
+            CrashCause::Clock,
+            CrashCause::Unbound,
+            CrashCause::Watchdog,
+            CrashCause::ControlStopped,
+        ];
         let errors = shown.chain(of_phases.into_iter().map(of_phase_error));
+        let errors = errors.chain(of_crashes.into_iter().map(CrashCause::diagnosis));
         let errors: std::collections::BTreeSet<u16> = errors.map(|diagnosis| diagnosis.number).collect();
         let table = DIAGNOSES.iter().filter(|diagnosis| diagnosis.severity() == Severity::Error);
         assert_eq!(errors, table.map(|diagnosis| diagnosis.number).collect());

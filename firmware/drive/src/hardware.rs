@@ -81,6 +81,10 @@ pub trait PowerStage {
 
     /// Switches all six transistors off, at once.
     fn switch_off(&mut self);
+
+    /// The current loop runs, and has a new order of the control loop: once in a loop tick, while both are well. A board that does not hear it for some
+    /// ticks ends the program.
+    fn is_alive(&mut self);
 }
 
 /// Which cycle of the current loop this is.

@@ -31,6 +31,7 @@ mod bits;
 mod commissioning;
 mod communication;
 mod coordinates;
+pub mod crash;
 mod current_control;
 mod diagnosis;
 mod error_memory;

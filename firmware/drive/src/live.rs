@@ -17,6 +17,7 @@ use crate::access::Access;
 use crate::bits::{Source, enable_bit};
 use crate::commissioning::{self, COMPUTE_GAINS, Commissioning, Finding as CommissioningFinding, is_identification};
 use crate::communication::seconds;
+use crate::crash::LastCrash;
 use crate::diagnosis::{Diagnosis, diagnose};
 use crate::error_memory::ErrorMemory;
 use crate::hardware::{Hardware, LOOP_PERIOD_MICROSECONDS};
@@ -55,6 +56,7 @@ const SET_ABSOLUTE_POSITION: Idn = Idn::standard(447);
 const ERROR_TIMES: Idn = Idn::product(4);
 const OPERATING_TIME: Idn = Idn::product(6);
 const RESET_CAUSE: Idn = Idn::product(9);
+const CRASH_RECORD: Idn = Idn::product(13);
 const APPLICATION_WORD: Idn = Idn::product(19);
 const COMMUTATION_ANGLE: Idn = Idn::product(118);
 const PHASE_ERROR_HISTOGRAM: Idn = Idn::product(152);
@@ -114,6 +116,8 @@ pub(crate) struct Context<'a, B, M> {
     pub(crate) access: &'a mut Access,
     pub(crate) rescaling: &'a mut Rescaling,
     pub(crate) errors: &'a ErrorMemory,
+    /// P-0-0012, P-0-0013.
+    pub(crate) crash: Option<&'a LastCrash>,
     /// A parameter of the loops has changed before they have begun to work with it; they get it once the step is released.
     pub(crate) settings_changed: bool,
 }
@@ -478,6 +482,11 @@ where
                 };
                 None
             }
+            (true, 12) => {
+                // Longer than the longest crash; a test looks.
+                let _ = self.crash.map_or(Ok(()), |(record, task)| write!(text, "{}", record.told_of(task)));
+                None
+            }
             (true, 10) => Some(self.diagnosis().cause),
             (true, 11) => Some(self.diagnosis().remedy),
             (true, 228) => {
@@ -506,6 +515,7 @@ where
     fn read_longs(&mut self, idn: Idn, list: &mut Vec<u32, LIVE_LONG_ENTRIES>) {
         match idn {
             ERROR_TIMES => fill(list, self.errors.newest_first().map(|error| error.seconds)),
+            CRASH_RECORD => fill(list, self.crash.iter().flat_map(|(record, _)| record.shown())),
             PHASE_ERROR_HISTOGRAM => {
                 let histogram = self.motion.lock(|motion| motion.phase_error_histogram());
                 fill(list, histogram.into_iter());

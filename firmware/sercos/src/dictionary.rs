@@ -92,6 +92,7 @@ const IDNS: u32 = 0x0055_0001;
 const HEXES: u32 = 0x0035_0001;
 const NUMBERS: u32 = 0x0015_0001;
 const LONGS: u32 = 0x0016_0001;
+const HEX_LONGS: u32 = 0x0036_0001;
 const SIGNED_LONGS: u32 = 0x0026_0001;
 const COMMAND: u32 = 0x0009_0001;
 
@@ -678,6 +679,10 @@ dictionary! {
     P 10 "Cause of the diagnostic message" [""] TEXT/0 written NEVER () = 0 => Live;
     /// What to do about the error in S-0-0095; empty for a state that needs nothing.
     P 11 "Remedy for the diagnostic message" [""] TEXT/0 written NEVER () = 0 => Live;
+    /// How the program ended last since the supply came on, and where, in plain words; empty when it did not. Numbers F120H to F125H of S-0-0375.
+    P 12 "Last crash" [""] TEXT/0 written NEVER () = 0 => Live;
+    /// P-0-0012 for the maker: cause (1 fault, 2 panic, 3 stack, 4 crystal, 5 unbound interrupt, 6 watchdog, 7 control stopped) in bits 6 to 0, exception from bit 16 up; crashes since the supply came on; pc, lr, sp, xPSR, r0 to r12; CFSR, HFSR, MMFAR, BFAR; line of a panic or tasks that did not begin; end of the file's name. Empty without a crash.
+    P 13 "Record of the last crash" [""] HEX_LONGS/0 written NEVER () = 0 => Live;
     /// A word of the control's own choice that comes back in the AT. Real-time and signal bits can set its bits.
     P 19 "Application word" [""] U16/0 written ALWAYS (0 to 65_535) = 0 => Live, in_at, bit_target, restricted;
     /// Phase current at full deflection of the current sensors, 1 to 8 times S-0-0110.

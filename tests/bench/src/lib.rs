@@ -7,6 +7,7 @@
 #![forbid(unsafe_code)]
 
 mod axis;
+mod crashing;
 pub mod demo;
 mod elf;
 pub mod executor;
@@ -23,13 +24,15 @@ pub mod traced;
 pub mod world;
 
 pub use axis::{parameters_of, product};
+pub use crashing::{Crashing, crashing_drive};
 pub use demo::{DemoError, demo, demo_on};
 pub use elf::{Elf, LineEdge, Lines, OnStop, Tape};
 pub use executor::{Elves, Executor};
 pub use host_drive::{HostDrive, Latency};
 pub use motor_side::Amplifier;
 pub use processor::{Processor, ProcessorError};
+pub use qemu_drive::QemuDrive;
 pub use replay::{ReplayError, ReplayOptions, replay};
 pub use ring_of_drives::{DriveHandle, DriveSetup, ring_of_drives, ring_of_drives_on};
-pub use traced::{TraceError, Traced, traced};
+pub use traced::{StackUse, TraceError, Traced, traced};
 pub use world::{Inhabited, World};

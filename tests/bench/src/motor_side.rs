@@ -46,6 +46,8 @@ pub struct MotorSideState {
     index_seen: u32,
     probes: [[Option<u32>; 2]; 2],
     timer: ModulationTimer,
+    /// When the bridge was last switched off while it was on, and the coil's current.
+    off: [Option<Nanoseconds>; 2],
     /// The next cycles come too late for their compare values.
     late_cycles: u32,
 }
@@ -121,6 +123,7 @@ impl MotorSideState {
             index_seen: 0,
             probes: [[None; 2]; 2],
             timer: ModulationTimer { peak: 0, period: PERIOD, next_period: PERIOD, first: false, tick: 0, clock_ppm },
+            off: [None; 2],
             late_cycles: 0,
         }
     }
@@ -256,8 +259,21 @@ impl MotorSideState {
         due
     }
 
+    /// When the bridge was switched off last.
+    pub fn bridge_off_at(&self) -> Option<Nanoseconds> {
+        self.off[0]
+    }
+
+    /// When the coil of the brake lost its current last.
+    pub fn brake_off_at(&self) -> Option<Nanoseconds> {
+        self.off[1]
+    }
+
     /// Switches the bridge from `at` on.
     pub fn switch_bridge(&mut self, on: bool, at: Nanoseconds) {
+        if self.bridge_on && !on {
+            self.off[0] = Some(at);
+        }
         self.bridge_on = on;
         let switches = self.bridge_is_on();
         self.machine.set_bridge(switches, at.0);
@@ -271,6 +287,9 @@ impl MotorSideState {
     /// Current through the brake's coil from `at` on.
     pub fn switch_brake(&mut self, open: bool, at: Nanoseconds) {
         if open != self.brake_open {
+            if !open {
+                self.off[1] = Some(at);
+            }
             self.brake_open = open;
             self.machine.set_brake(open, at.0);
         }
@@ -454,4 +473,7 @@ impl PowerStage for SimulatedStage {
         let now = state.clock.get();
         state.trip(now);
     }
+
+    /// Host-side tasks do not hang.
+    fn is_alive(&mut self) {}
 }

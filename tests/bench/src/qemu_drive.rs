@@ -2,7 +2,7 @@
 
 use std::cell::RefMut;
 
-use emulator::{DigitalInputs, EmulatorError, Environment, Guest, GuestConfiguration, IndexEdge, Stopped};
+use emulator::{DigitalInputs, EmulatorError, Environment, Guest, GuestConfiguration, IndexEdge, Reset, Stopped};
 use ring::Nanoseconds;
 use ring::chip::SharedChip;
 use ring::wire::BitRate;
@@ -58,9 +58,26 @@ impl QemuDrive {
             motor_side: motor_side.clone(),
             address,
             bit_rate,
+            chip_runs: false,
             observer: BusObserver::new(measurements),
         };
         Self { address, elf, environment }
+    }
+
+    /// Resets the processor; `now` is the world's time.
+    ///
+    /// # Errors
+    /// QEMU does not come up again.
+    pub fn reset(&mut self, now: Nanoseconds, reset: Reset) -> Result<(), EmulatorError> {
+        self.elf.guest.borrow_mut().reset(&mut self.environment, now, reset)
+    }
+
+    /// Stops its crystal; `now` is the world's time.
+    ///
+    /// # Errors
+    /// What the models refuse.
+    pub fn fail_crystal(&mut self, now: Nanoseconds) -> Result<(), EmulatorError> {
+        self.elf.guest.borrow_mut().fail_crystal(&mut self.environment, now)
     }
 
     /// The running product, to trace it.
@@ -114,6 +131,8 @@ struct QemuEnvironment {
     motor_side: SharedMotorSide,
     address: u8,
     bit_rate: BitRate,
+    /// The chip has left its reset once.
+    chip_runs: bool,
     observer: BusObserver,
 }
 
@@ -209,6 +228,12 @@ impl Environment for QemuEnvironment {
             (3, 4) => machine.temperature_samples(at.0)[1],
             // Nothing is connected to the others.
             _ => 0,
+        }
+    }
+
+    fn set_chip_reset(&mut self, now: Nanoseconds, held: bool) {
+        if std::mem::replace(&mut self.chip_runs, !held) && held {
+            self.chip.borrow_mut().pulse_reset(now);
         }
     }
 

@@ -3,21 +3,22 @@
 use std::cell::RefCell;
 use std::rc::Rc;
 
-use emulator::{Activations, EmulatorError, Listing};
+use emulator::{Activations, EmulatorError, Functions, Guest, Listing};
 use plant::ReferenceAxis;
 use ring::ident::{Idn, Value};
 use ring::master::{Activity, CommandValues, DriveScript, MasterError, MasterScript, Motion, ScriptedMaster, Telegram};
 use ring::service_client::Request;
 use ring::wire::BitRate;
-use ring::{Nanoseconds, Ring, RingConfiguration};
+use ring::{Nanoseconds, RingConfiguration};
 
 use crate::axis::parameters_of;
-use crate::executor::{Elves, SharedMeasurements};
-use crate::processor::{Processor, ProcessorError};
+use crate::crashing::watched;
+use crate::executor::Elves;
+use crate::processor::ProcessorError;
 use crate::qemu_drive::QemuDrive;
 use crate::report::Progress;
-use crate::ring_of_drives::{DriveSetup, observer, station};
-use crate::world::{Inhabited, World};
+use crate::ring_of_drives::DriveSetup;
+use crate::world::World;
 
 /// What came of it.
 #[derive(Clone, Debug)]
@@ -28,7 +29,24 @@ pub struct Traced {
     pub window: Nanoseconds,
     /// Communication cycles in that time.
     pub cycles: u64,
+    /// From the start to the end of that time.
+    pub stack: StackUse,
 }
+
+/// The stack as a run has found it.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct StackUse {
+    /// Bytes that were written to at least once.
+    pub used: u32,
+    /// Bytes from the stack's first down to the guard.
+    pub room: u32,
+    /// Bytes of the guard below it, as the memory protection unit has it.
+    pub guard: u32,
+}
+
+/// Words that no stack holds in a row.
+const PAINT: u32 = 0xA5C3_1E87;
+const END_OF_RAM: u32 = 0x2002_0000;
 
 /// Why there are no counts.
 #[derive(Debug, thiserror::Error)]
@@ -77,6 +95,13 @@ const READ: [u16; 5] = [104, 47, 30, 17, 326];
 /// The ring did not come up, or QEMU did not trace.
 pub fn traced(elves: &Elves, listing: Listing, progress: &mut dyn FnMut(&Progress)) -> Result<Traced, TraceError> {
     let (mut world, drive) = world(elves)?;
+    let statics = Functions::read(&elves.product)?.data("__sheap").ok_or_else(|| EmulatorError::Elf {
+        path: elves.product.clone(),
+        what: "no symbol __sheap: where do its statics end?".into(),
+    })?;
+    // The product has not executed an instruction yet.
+    let paint = vec![PAINT; ((END_OF_RAM - statics) / 4) as usize];
+    drive.borrow_mut().guest_mut().write_memory(statics, &paint)?;
     let following = run_until(&mut world, progress, "follow", |world| {
         matches!(world.ring().master().state().activity, Activity::Moving { .. })
     })?;
@@ -104,7 +129,17 @@ pub fn traced(elves: &Elves, listing: Listing, progress: &mut dyn FnMut(&Progres
     if let Some(error) = world.ring().master().report().error.clone() {
         return Err(error.into());
     }
-    Ok(Traced { activations, window: WINDOW, cycles: WINDOW.0 / CYCLE.0 })
+    let stack = stack_use(&mut drive.borrow_mut().guest_mut(), statics)?;
+    Ok(Traced { activations, window: WINDOW, cycles: WINDOW.0 / CYCLE.0, stack })
+}
+
+fn stack_use(guest: &mut Guest, statics: u32) -> Result<StackUse, EmulatorError> {
+    const REGION_BASE: u32 = 0xE000_ED9C;
+    let [base, attributes] = guest.read_memory(REGION_BASE, 2)?[..] else { unreachable!("two words were asked for") };
+    let guard = if attributes & 1 == 0 { 0 } else { 2 << (attributes >> 1 & 0x1F) };
+    let memory = guest.read_memory(statics, ((END_OF_RAM - statics) / 4) as usize)?;
+    let untouched = memory.iter().take_while(|word| **word == PAINT).count() as u32;
+    Ok(StackUse { used: END_OF_RAM - statics - 4 * untouched, room: END_OF_RAM - (base & !0x1F) - guard, guard })
 }
 
 fn run_until(
@@ -132,29 +167,12 @@ fn run_until(
     Ok(world.now())
 }
 
-/// A drive of which a second hand asks for traces.
-struct Held(Rc<RefCell<QemuDrive>>);
-
-impl Processor for Held {
-    fn next_event(&self) -> Option<Nanoseconds> {
-        self.0.borrow().next_event()
-    }
-
-    fn run(&mut self, now: Nanoseconds, horizon: &dyn Fn() -> Nanoseconds) -> Result<(), ProcessorError> {
-        self.0.borrow_mut().run(now, horizon)
-    }
-}
-
 fn world(elves: &Elves) -> Result<(World<ScriptedMaster>, Rc<RefCell<QemuDrive>>), TraceError> {
     let bit_rate = BitRate::M4;
     let configuration = RingConfiguration::new(1, bit_rate);
     let setup = DriveSetup::new(ADDRESS);
-    let (chip, motor_side) = station(&setup, bit_rate, &configuration.clock);
-    let drive = QemuDrive::start(elves, &chip, &motor_side, ADDRESS, bit_rate, SharedMeasurements::default())?;
-    let drive = Rc::new(RefCell::new(drive));
-    let inhabited = Inhabited { processor: Box::new(Held(drive.clone())), motor_side, laws: observer(&setup) };
-    let ring = Ring::new(configuration, ScriptedMaster::new(script(bit_rate)), vec![chip]);
-    Ok((World::new(ring, vec![inhabited]), drive))
+    let (world, _, drive) = watched(configuration, ScriptedMaster::new(script(bit_rate)), &setup, elves)?;
+    Ok((world, drive))
 }
 
 fn script(bit_rate: BitRate) -> MasterScript {

@@ -84,9 +84,19 @@ pub enum EmulatorError {
         /// Registers and fault status.
         report: String,
     },
+    /// The product resets itself.
+    #[error("{time}: the product resets itself (SYSRESETREQ), pc {pc:#010x}")]
+    SoftwareReset {
+        /// When.
+        time: Nanoseconds,
+        /// Where in the product.
+        pc: u32,
+    },
     /// The watchdog was not fed.
-    #[error("{time}: the independent watchdog reset the processor")]
+    #[error("{time}: the {name} watchdog reset the processor")]
     Watchdog {
+        /// `independent` or `window`.
+        name: &'static str,
         /// When.
         time: Nanoseconds,
     },

@@ -1,5 +1,7 @@
 //! The product in QEMU, seen as one more participant of the simulation: it has a next event and is run from event to event.
 
+mod survival;
+
 use std::cell::Cell;
 use std::collections::VecDeque;
 use std::ffi::OsString;
@@ -17,7 +19,9 @@ use crate::qemu::Qemu;
 use crate::trace::{self, TraceSink};
 use crate::{EmulatorError, Environment, Hold, StopAt, Stopped};
 use emulator_link::protocol::trace::FILE;
-use emulator_link::protocol::{MEMORY_WORDS, VERSION, command, fault, header, message, post, prefetched, resume};
+use emulator_link::protocol::{VERSION, command, fault, header, message, post, prefetched, resume};
+
+pub use survival::{Incident, Reset, What};
 
 /// The emulator.
 pub const QEMU: &str = "qemu-system-arm";
@@ -87,6 +91,8 @@ struct Question {
 /// The world advances to [`Guest::next_event`] and calls [`Guest::run`], again and again; the guest never gets ahead of the world.
 #[derive(Debug)]
 pub struct Guest {
+    /// To start another QEMU after a reset.
+    configuration: GuestConfiguration,
     qemu: Qemu,
     words: Vec<u32>,
     clock: TickClock,
@@ -109,6 +115,7 @@ pub struct Guest {
     watched_addresses: Vec<u32>,
     /// The next event, once worked out between two runs.
     next: Cell<Option<Nanoseconds>>,
+    survival: survival::Survival,
 }
 
 impl Guest {
@@ -124,6 +131,7 @@ impl Guest {
         let qemu = Qemu::start(configuration)?;
         let peripherals = Peripherals::new();
         let mut guest = Self {
+            configuration: configuration.clone(),
             qemu,
             words: Vec::new(),
             clock: TickClock::new(peripherals.clock_tree().core),
@@ -143,17 +151,24 @@ impl Guest {
             held: None,
             watched_addresses: Vec::new(),
             next: Cell::new(None),
+            survival: survival::Survival::default(),
         };
-        guest.receive()?;
-        let hello = guest.question;
+        guest.greet()?;
+        Ok(guest)
+    }
+
+    /// Waits until the bus is up.
+    fn greet(&mut self) -> Result<(), EmulatorError> {
+        self.receive()?;
+        let hello = self.question;
         if hello.kind != message::HELLO || hello.address != VERSION {
             return Err(EmulatorError::Guest(format!(
                 "it speaks protocol {}, expected {VERSION}; build it and the emulator from the same sources",
                 hello.address
             )));
         }
-        guest.question.idle = false;
-        Ok(guest)
+        self.question.idle = false;
+        Ok(())
     }
 
     /// The time of the guest's oldest unanswered access, question or wake-up, or of what its peripherals do by themselves before: a write
@@ -162,6 +177,9 @@ impl Guest {
     pub fn next_event(&self) -> Option<Nanoseconds> {
         if let Some(next) = self.next.get() {
             return Some(next);
+        }
+        if self.stands_still() {
+            return self.peripherals.watchdog.expires();
         }
         let guest = match (self.posted.front(), self.held) {
             (Some(first), _) => Some(self.clock.time_of(first.ticks)),
@@ -189,6 +207,9 @@ impl Guest {
         horizon: Nanoseconds,
     ) -> Result<(), EmulatorError> {
         self.next.set(None);
+        if self.is_bitten(environment, now)? || self.stands_still() {
+            return Ok(());
+        }
         if !self.switches_set {
             self.switches_set = true;
             self.peripherals.set_switches(environment);
@@ -211,6 +232,9 @@ impl Guest {
             return Ok(());
         }
         self.clock.pass(self.question.ticks);
+        if self.question.kind == message::RESET {
+            return self.reset_by_itself(environment, time);
+        }
         if self.question.kind == message::TIMER && self.question.idle {
             // QEMU ends a WFI a few ticks late, now so, now so, as the host's threads meet: no instruction was executed in them.
             self.clock.settle(time);
@@ -268,7 +292,7 @@ impl Guest {
     /// A processor that waits for an interrupt and gets none need not be asked: it goes on waiting, without an exchange.
     fn sleeps_on(&mut self, horizon: Nanoseconds) -> bool {
         let waits = self.question.kind == message::TIMER && self.question.idle;
-        if !waits || self.peripherals.interrupts_wait() {
+        if !waits || self.peripherals.interrupts_wait() || self.survival.non_maskable {
             return false;
         }
         self.restart_ticks();
@@ -299,21 +323,6 @@ impl Guest {
     /// Log lines since last asked.
     pub fn take_log(&mut self) -> Vec<LogLine> {
         std::mem::take(&mut self.lines)
-    }
-
-    /// Reads words of the guest's memory or of its private peripheral bus (NVIC, SCB), while it waits for an answer.
-    ///
-    /// # Errors
-    /// The end of QEMU.
-    pub fn read_memory(&mut self, address: u32, words: usize) -> Result<Vec<u32>, EmulatorError> {
-        let mut memory = Vec::with_capacity(words);
-        while memory.len() < words {
-            let count = (words - memory.len()).min(MEMORY_WORDS);
-            let from = address + memory.len() as u32 * 4;
-            self.ask(&[command::READ_MEMORY, from, count as u32], count)?;
-            memory.extend_from_slice(&self.words[header::WORDS..]);
-        }
-        Ok(memory)
     }
 
     /// Stops the product once, before an instruction that it comes to: [`Environment::stopped`] is called then. To be called while the product waits
@@ -359,14 +368,6 @@ impl Guest {
         const VECTORS: u32 = 0x0800_0000;
         const FIRST_INTERRUPT: u32 = 16;
         Ok(self.read_memory(VECTORS + 4 * (FIRST_INTERRUPT + u32::from(interrupt)), 1)?[0] & !1)
-    }
-
-    /// Writes a word of the guest's memory, while it waits for an answer.
-    ///
-    /// # Errors
-    /// The end of QEMU.
-    pub fn write_memory(&mut self, address: u32, value: u32) -> Result<(), EmulatorError> {
-        self.ask(&[command::WRITE_MEMORY, address, value], 0)
     }
 
     /// From now on the bus inside QEMU writes down what the product executes, while it waits for an answer.
@@ -446,6 +447,11 @@ impl Guest {
         self.count_instructions(posted.ticks);
         self.peripherals.advance(environment, time)?;
         let access = Access { now: time, address: posted.address, width: posted.kind & 0xFF, pc: posted.pc };
+        if posted.kind & post::ENTERED != 0 {
+            self.handler_begins(time, posted.value, posted.address);
+            return Ok(());
+        }
+        self.survival.log_is_up = true;
         self.measurements.trace.fold(time, posted.address, posted.value, posted.pc);
         self.watch(access, posted.value, posted.kind & post::SERVED == 0);
         if posted.kind & post::SERVED != 0 {
@@ -477,6 +483,7 @@ impl Guest {
             return Ok(0);
         }
         self.measurements.reads += 1;
+        self.survival.log_is_up = true;
         let access = Access { now: time, address: question.address, width: question.width, pc: question.pc };
         self.prefetch.pass(Place::Read { pc: question.pc, address: question.address }, question.ticks);
         let value = self.peripherals.read(environment, access)?;
@@ -503,7 +510,8 @@ impl Guest {
         }
         // A processor that waits for an interrupt sees nothing of what happens before; one that is at work must not run past an event
         // that changes what it may read.
-        let waits = self.question.kind == message::TIMER && self.question.idle && edges == 0;
+        let waits =
+            self.question.kind == message::TIMER && self.question.idle && edges == 0 && !self.survival.non_maskable;
         let event = if waits { self.peripherals.next_interrupt() } else { self.peripherals.next_event() };
         self.wake = event.map_or(horizon, |event| event.min(horizon));
         let (clock, wake) = (self.clock, self.wake);
@@ -532,6 +540,7 @@ impl Guest {
         words[resume::READ_WAIT] = TickClock::ticks_of_cycles(read_cycles);
         words[resume::WRITE_WAIT] = TickClock::ticks_of_cycles(write_cycles);
         words[resume::POST_BOUND] = bound;
+        words[resume::NON_MASKABLE] = u32::from(std::mem::take(&mut self.survival.non_maskable));
         words[resume::PREFETCHED] = chain.len() as u32;
         for (slot, foretold) in words[resume::WORDS..].chunks_exact_mut(prefetched::WORDS).zip(&chain) {
             slot[prefetched::ADDRESS] = foretold.address;
@@ -577,6 +586,10 @@ impl Guest {
 
     fn fetch_log(&mut self, time: Nanoseconds) -> Result<(), EmulatorError> {
         let write = self.question.watched;
+        if !self.survival.log_is_up {
+            // Behind a reset the memory of the log is what it was before.
+            return Ok(());
+        }
         let Some(block) = self.log.wants(write) else {
             return Ok(());
         };
@@ -594,7 +607,7 @@ impl Guest {
         let end = write as usize;
         let fresh = if start <= end { ring[start..end].to_vec() } else { [&ring[start..], &ring[..end]].concat() };
         if let Some((address, index)) = self.log.fetched(write, &fresh) {
-            self.ask(&[command::WRITE_MEMORY, address, index], 0)?;
+            self.write_memory(address, &[index])?;
         }
         self.measurements.log_exchanges += 3;
         let lines = self.log.lines(time);

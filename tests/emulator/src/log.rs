@@ -30,6 +30,8 @@ pub(crate) struct Log {
     control_block: Option<u32>,
     read: u32,
     bytes: Vec<u8>,
+    /// The product starts again, and so do its indices.
+    restarted: bool,
 }
 
 impl Log {
@@ -40,7 +42,7 @@ impl Log {
         let control_block =
             file.symbols().find(|symbol| symbol.name() == Ok("_SEGGER_RTT")).map(|symbol| symbol.address() as u32);
         let table = Table::parse(elf).map_err(|error| broken(format!("defmt: {error}")))?;
-        Ok(Self { table, control_block, read: 0, bytes: Vec::new() })
+        Ok(Self { table, control_block, read: 0, bytes: Vec::new(), restarted: false })
     }
 
     /// Address of the write index, 0 = no log.
@@ -52,8 +54,11 @@ impl Log {
     }
 
     /// Address of the words {buffer, size} in the control block, if the write index says that there is something to fetch.
-    pub(crate) fn wants(&self, write: u32) -> Option<u32> {
+    pub(crate) fn wants(&mut self, write: u32) -> Option<u32> {
         let block = self.control_block?;
+        if std::mem::take(&mut self.restarted) {
+            self.read = 0;
+        }
         (write != self.read).then_some(block + BUFFER)
     }
 
@@ -62,6 +67,12 @@ impl Log {
         self.bytes.extend_from_slice(bytes);
         self.read = write;
         self.control_block.map(|block| (block + READ, write))
+    }
+
+    /// The product was reset: what it logs next begins at the start of its buffer.
+    pub(crate) fn restart(&mut self) {
+        self.restarted = true;
+        self.bytes.clear();
     }
 
     /// Index behind the last byte that was fetched.

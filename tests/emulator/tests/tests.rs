@@ -6,4 +6,5 @@ mod boot;
 mod bus;
 mod program;
 mod quiet;
+mod survival;
 mod trace;

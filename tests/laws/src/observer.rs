@@ -61,6 +61,12 @@ impl Observer {
         Self::with(address, machine, laws::all())
     }
 
+    /// Sees and judges nothing: for a drive whose processor is going to be taken away, of which no law holds.
+    #[must_use]
+    pub fn without_laws(address: u8, machine: MachineSettings) -> Self {
+        Self::with(address, machine, Vec::new())
+    }
+
     pub(crate) fn with(address: u8, machine: MachineSettings, laws: Vec<Box<dyn Law>>) -> Self {
         let settings = Settings::default();
         let scene = Scene {

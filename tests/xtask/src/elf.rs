@@ -4,8 +4,10 @@ mod checks;
 mod code;
 mod graph;
 mod program;
+mod stack;
 
 pub(crate) use checks::{Check, Finding, findings};
 pub(crate) use code::Flow;
 pub(crate) use graph::{Depth, Graph};
 pub(crate) use program::Program;
+pub(crate) use stack::bound;

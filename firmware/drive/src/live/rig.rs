@@ -112,6 +112,8 @@ pub(super) struct Rig {
     identity: Identity,
     access: Access,
     errors: ErrorMemory,
+    /// P-0-0012.
+    pub(super) crash: Option<LastCrash>,
 }
 
 impl Rig {
@@ -140,6 +142,7 @@ impl Rig {
             identity,
             access: Access::default(),
             errors: ErrorMemory::new(),
+            crash: None,
         };
         for phase in [0, 1, 2] {
             rig.enter(phase);
@@ -212,6 +215,7 @@ impl Rig {
             identity: &self.identity,
             access: &mut self.access,
             errors: &self.errors,
+            crash: self.crash.as_ref(),
             settings_changed: false,
         };
         let result = act(&mut self.server, &mut self.parameters, &mut context);

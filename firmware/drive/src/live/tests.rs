@@ -289,3 +289,22 @@ fn every_reason_fits_into_the_text_of_the_service_channel() {
     let text = InvalidSetting { idn: P(4_095), reason: None }.to_string();
     assert!((20..=LIVE_TEXT_BYTES).contains(&text.len()), "{text}");
 }
+
+#[test]
+fn the_last_crash_is_told_in_words_and_as_a_record_and_nothing_is_shown_without_one() {
+    use crate::crash::{CrashCause, CrashRecord};
+    let mut rig = Rig::new();
+    let show = |rig: &mut Rig| {
+        rig.step(|_, parameters, context| {
+            let (mut text, mut list) = (heapless::String::new(), heapless::Vec::new());
+            assert_eq!(context.read_text(P(12), parameters, &mut text), None);
+            context.read_longs(P(13), &mut list);
+            (text.to_string(), list.to_vec())
+        })
+    };
+    assert_eq!(show(&mut rig), (std::string::String::new(), vec![]));
+    let record = CrashRecord { pc: 0x0800_1234, lr: 0x0800_4321, ..CrashRecord::new(CrashCause::ControlStopped) };
+    rig.crash = Some((record, "supervision"));
+    let text = "control stopped in supervision, pc 08001234 lr 08004321".to_string();
+    assert_eq!(show(&mut rig), (text, record.shown().to_vec()));
+}

@@ -7,7 +7,7 @@
 //!
 //! The instruction that was left begins again alone in its block. An access that it has already made is not made a second time.
 
-use crate::machine::machine;
+use crate::machine::{Raised, machine};
 
 /// An instruction of a block, as it was translated: a number, which QEMU hands to the callback in the place of a pointer. So there is nothing
 /// to fetch from memory before each of 10^8 instructions.
@@ -92,7 +92,7 @@ pub(crate) struct Made {
     pub(crate) address: u32,
     pub(crate) value: u32,
     /// Interrupts that it raised, for [`crate::machine::Machine::pend`].
-    pub(crate) raised: Option<[u32; 6]>,
+    pub(crate) raised: Option<Raised>,
 }
 
 /// An instruction that begins again.

@@ -13,10 +13,11 @@ use emulator_link::{Page, Side};
 
 use crate::blocks::{Begin, Blocks, Instruction, Made};
 use crate::bus;
-use crate::machine::machine;
+use crate::machine::{Raised, machine};
 use crate::qemu::{Address, Opaque};
 use crate::self_test;
 use crate::trace::Trace;
+use crate::{fault, system};
 
 /// The state of the bus, used by the thread of the only processor.
 pub(crate) struct Bus {
@@ -26,6 +27,8 @@ pub(crate) struct Bus {
     /// Written only while somebody wants it: a look at this is all that it costs otherwise.
     trace: Option<Trace>,
     pub(crate) blocks: Blocks,
+    /// The handlers of faults are entered; otherwise the product ends there.
+    faults_run_on: bool,
     greeted: bool,
     outgoing: [u32; MESSAGE_WORDS],
     incoming: [u32; MESSAGE_WORDS],
@@ -37,7 +40,7 @@ pub(crate) struct Bus {
     write_wait: u64,
     post_bound: u64,
     /// Interrupts that the current access has raised and that must wait until its block is left.
-    raised: Option<[u32; 6]>,
+    raised: Option<Raised>,
 }
 
 /// Who asks: within an access QEMU's lock is held.
@@ -54,6 +57,7 @@ impl Bus {
             folder,
             trace: None,
             blocks: Blocks::new(whole_blocks),
+            faults_run_on: false,
             greeted: false,
             outgoing: [0; MESSAGE_WORDS],
             incoming: [0; MESSAGE_WORDS],
@@ -141,7 +145,27 @@ impl Bus {
         }
     }
 
-    /// The handler of the hard fault begins: the product has come to its end. Everything posted goes first.
+    /// The handler of a fault begins, or what they all come to: the run ends, or the emulator is told and the product goes on.
+    pub(crate) fn fault_begins(&mut self, exception: u32, is_vector: bool) {
+        if !self.faults_run_on {
+            match fault::record() {
+                Ok(record) => self.end_with(message::FAULT, &record),
+                Err(what) => self.fail(&what),
+            }
+        }
+        if is_vector {
+            let at = self.blocks.current.pc();
+            self.post(self.blocks.ticks - 1, at, exception, post::ENTERED, Lock::Free);
+        }
+    }
+
+    /// The product resets itself: the emulator puts another QEMU in the place of this one.
+    pub(crate) fn reset_requested(&mut self) -> ! {
+        self.exchange(message::RESET, self.blocks.ticks - 1, Question::NONE, Lock::Held);
+        self.fail("a product that has reset itself goes on")
+    }
+
+    /// The product has come to its end. Everything posted goes first.
     pub(crate) fn end_with(&mut self, kind: u32, payload: &[u32]) -> ! {
         if self.posts > 0 {
             self.exchange(message::FULL, self.blocks.ticks, Question::NONE, Lock::Free);
@@ -201,6 +225,9 @@ impl Bus {
         self.hand_over(header::WORDS + payload);
         loop {
             match self.incoming[0] {
+                command::RESUME if kind == message::RESET => {
+                    self.fail("the emulator resumes a product that has reset itself")
+                }
                 command::RESUME => return self.resume(lock),
                 command::READ_MEMORY => {
                     let (from, words) = (self.incoming[1], (self.incoming[2] as usize).min(MEMORY_WORDS));
@@ -210,7 +237,18 @@ impl Bus {
                     self.answer(words);
                 }
                 command::WRITE_MEMORY => {
-                    machine().set_word(self.incoming[1], self.incoming[2]);
+                    let (to, words) = (self.incoming[1], (self.incoming[2] as usize).min(MEMORY_WORDS));
+                    for (index, word) in self.incoming[3..].iter().take(words).enumerate() {
+                        machine().plant(to.wrapping_add(4 * index as u32), *word);
+                    }
+                    self.answer(0);
+                }
+                command::FAULTS_RUN_ON => {
+                    self.faults_run_on = self.incoming[1] != 0;
+                    self.answer(0);
+                }
+                command::DEBUGGER => {
+                    system::attach_debugger(self.incoming[1] != 0);
                     self.answer(0);
                 }
                 command::TRACE => {
@@ -252,27 +290,28 @@ impl Bus {
         }
         self.blocks.deadline = words[resume::BUDGET].max(1).into();
         let value = words[resume::VALUE];
-        let mut interrupts = [0; 6];
-        interrupts.copy_from_slice(&words[resume::PEND..resume::PEND + 6]);
-        if interrupts != [0; 6] {
+        let mut raised = Raised { non_maskable: words[resume::NON_MASKABLE] != 0, ..Raised::default() };
+        raised.edges.copy_from_slice(&words[resume::PEND..resume::PEND + 3]);
+        raised.levels.copy_from_slice(&words[resume::LEVEL..resume::LEVEL + 3]);
+        if raised != Raised::default() {
             match lock {
-                Lock::Free => machine().locked(|| machine().pend(&interrupts)),
-                Lock::Held if self.blocks.current.is_alone() => machine().pend(&interrupts),
+                Lock::Free => machine().locked(|| machine().pend(&raised)),
+                Lock::Held if self.blocks.current.is_alone() => machine().pend(&raised),
                 // The block must be left first, or the interrupt would come at its end.
-                Lock::Held => self.raised = Some(interrupts),
+                Lock::Held => self.raised = Some(raised),
             }
         }
         value
     }
 
     /// Keeps an entry for the next message.
-    fn post(&mut self, mut time: u64, address: u32, value: u32, kind: u32) {
-        let write = kind & post::SERVED == 0;
+    fn post(&mut self, mut time: u64, address: u32, value: u32, kind: u32, lock: Lock) {
+        let write = kind & (post::SERVED | post::ENTERED) == 0;
         if write {
             self.forget(address);
         }
         if self.posts == post::CAPACITY {
-            self.exchange(message::FULL, time, Question::NONE, Lock::Held);
+            self.exchange(message::FULL, time, Question::NONE, lock);
             self.blocks.ticks -= time;
             time = 0;
         }
@@ -347,7 +386,7 @@ impl Bus {
         let time = self.blocks.ticks - 1;
         let value = match self.foretold(time, address, width) {
             Some(value) => {
-                self.post(time, address, value, width | post::SERVED);
+                self.post(time, address, value, width | post::SERVED, Lock::Held);
                 self.blocks.ticks += if is_external(address) { self.read_wait } else { 0 };
                 value
             }
@@ -367,7 +406,7 @@ impl Bus {
         if self.begin_access(address).is_some() {
             return;
         }
-        self.post(self.blocks.ticks - 1, address, value, width);
+        self.post(self.blocks.ticks - 1, address, value, width, Lock::Held);
         self.blocks.ticks += if is_external(address) { self.write_wait } else { 0 };
         self.end_access(address, value);
     }

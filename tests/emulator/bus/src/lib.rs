@@ -31,7 +31,6 @@ use std::sync::atomic::{AtomicPtr, Ordering};
 use blocks::Instruction;
 use bus::Bus;
 use emulator_link::Page;
-use emulator_link::protocol::message;
 use machine::machine;
 use qemu::{CALLBACK_USES_REGISTERS, Functions, Notifier, Opaque};
 use rustix::process::{Pid, Signal, getppid, set_parent_process_death_signal};
@@ -168,12 +167,13 @@ unsafe extern "C" fn machine_ready(notifier: *mut Notifier, _data: Opaque) {
 ///
 /// Up to interface 6 the arguments are (id, block), from 7 on (block, user data), and the user data is null.
 unsafe extern "C" fn translated(first: Opaque, second: Opaque) {
-    const HARD_FAULT: u32 = 3;
+    /// NMI, hard fault, and one of the faults that nobody enables: where an interrupt without a task goes.
+    const FAULTS: [u32; 3] = [2, 3, 4];
     const WAIT_FOR_INTERRUPT: u16 = 0xBF30;
     let block = if second.is_null() { first } else { second };
     // SAFETY: stored before this callback was registered, and never freed.
     let qemu = unsafe { &*QEMU.load(Ordering::Relaxed) };
-    let hard_fault = machine().vector(HARD_FAULT);
+    let faults = FAULTS.map(|exception| machine().vector(exception));
     // SAFETY: the functions as declared, with the block that is being translated.
     unsafe {
         let count = (qemu.instructions)(block);
@@ -187,8 +187,8 @@ unsafe extern "C" fn translated(first: Opaque, second: Opaque) {
             if code == WAIT_FOR_INTERRUPT {
                 call(wait_for_interrupt);
             }
-            if pc == hard_fault {
-                call(hard_fault_begins);
+            if pc != 0 && faults.contains(&pc) {
+                call(fault_begins);
             }
         }
     }
@@ -216,9 +216,9 @@ unsafe extern "C" fn wait_for_interrupt(_processor: u32, _this: Opaque) {
     bus().wait_for_interrupt();
 }
 
-unsafe extern "C" fn hard_fault_begins(_processor: u32, _this: Opaque) {
-    match fault::record() {
-        Ok(record) => bus().end_with(message::FAULT, &record),
-        Err(what) => bus().fail(&what),
-    }
+unsafe extern "C" fn fault_begins(_processor: u32, this: Opaque) {
+    const INTERRUPT_STATE: u32 = 0xE000_ED04;
+    let exception = machine().word(INTERRUPT_STATE) & 0x1FF;
+    let pc = Instruction::from_number(this as usize as u64).pc();
+    bus().fault_begins(exception, machine().vector(exception) == pc);
 }

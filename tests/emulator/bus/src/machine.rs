@@ -18,6 +18,17 @@ const WINDOWS: [(u32, u64); 2] = [(0x4000_0000, 0x4000_0000), (0xA000_0000, 0x20
 /// Above everything that QEMU puts there, bit bands included.
 const PRIORITY: c_int = 100;
 
+/// What is to be pended.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub(crate) struct Raised {
+    /// A bit for each interrupt: pended whatever its handler does.
+    pub(crate) edges: [u32; 3],
+    /// Pended unless its handler is active.
+    pub(crate) levels: [u32; 3],
+    /// NMI.
+    pub(crate) non_maskable: bool,
+}
+
 /// Memory of the machine, mapped.
 struct Memory {
     at: *const u8,
@@ -131,12 +142,16 @@ impl Machine {
         };
     }
 
-    /// Pends interrupts: three words of edges, and three of levels, which pend unless their handler is active. QEMU's lock must be held.
-    pub(crate) fn pend(&self, words: &[u32; 6]) {
+    /// Pends exceptions. QEMU's lock must be held.
+    pub(crate) fn pend(&self, raised: &Raised) {
         const ACTIVE: u64 = 0x300;
         const FIRST_INTERRUPT: u32 = 16;
-        let (edges, levels) = words.split_at(3);
-        for (number, (edges, levels)) in edges.iter().zip(levels).enumerate() {
+        const NON_MASKABLE: c_int = 2;
+        if raised.non_maskable {
+            // SAFETY: the NVIC that was found, and an exception that every one has.
+            unsafe { (self.qemu.set_pending)(self.nvic, NON_MASKABLE, false) };
+        }
+        for (number, (edges, levels)) in raised.edges.iter().zip(&raised.levels).enumerate() {
             let mut pending = *edges;
             if *levels != 0 {
                 pending |= levels & !self.system_read(ACTIVE + 4 * number as u64, 4);
@@ -176,6 +191,12 @@ impl Machine {
         // SAFETY: four bytes of ours; QEMU takes its lock itself where it needs it.
         unsafe { (self.qemu.read)(self.space, address.into(), 0, (&raw mut value).cast(), 4) };
         value
+    }
+
+    /// Writes a word of memory, flash included; what was translated from there is translated anew.
+    pub(crate) fn plant(&self, address: u32, value: u32) {
+        // SAFETY: as in `word`.
+        unsafe { (self.qemu.write_rom)(self.space, address.into(), 0, (&raw const value).cast(), 4) };
     }
 
     /// Writes a word as the processor would.

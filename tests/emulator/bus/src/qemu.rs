@@ -57,6 +57,7 @@ functions! {
     space: unsafe extern "C" fn(Opaque, c_int) -> Opaque = "cpu_get_address_space";
     read: unsafe extern "C" fn(Opaque, Address, u64, Opaque, u64) -> u32 = "address_space_read_full";
     write: unsafe extern "C" fn(Opaque, Address, u64, *const c_void, u64) -> u32 = "address_space_write";
+    write_rom: unsafe extern "C" fn(Opaque, Address, u64, *const c_void, u64) -> u32 = "address_space_write_rom";
     map: unsafe extern "C" fn(Opaque, Address, *mut Address, bool, u64) -> *mut u8 = "address_space_map";
     set_pending: unsafe extern "C" fn(Opaque, c_int, bool) = "armv7m_nvic_set_pending";
     lock: unsafe extern "C" fn(*const c_char, c_int) = "bql_lock_impl" | "qemu_mutex_lock_iothread_impl";

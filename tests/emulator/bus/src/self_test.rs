@@ -5,7 +5,7 @@
 
 use std::sync::atomic::{AtomicBool, AtomicU32, Ordering::Relaxed};
 
-use crate::machine::machine;
+use crate::machine::{Raised, machine};
 
 static RUNS: AtomicBool = AtomicBool::new(false);
 static WORD: AtomicU32 = AtomicU32::new(0);
@@ -40,7 +40,7 @@ fn interrupt() -> Result<(), String> {
     const CLEAR_PENDING: u64 = 0x288;
     const LAST: u32 = 1 << 31;
     let pending = machine().locked(|| {
-        machine().pend(&[0, 0, LAST, 0, 0, 0]);
+        machine().pend(&Raised { edges: [0, 0, LAST], ..Raised::default() });
         let raised = machine().system_read(SET_PENDING, 4);
         machine().system_write(CLEAR_PENDING, LAST, 4);
         [raised, machine().system_read(SET_PENDING, 4)]

@@ -20,6 +20,8 @@ pub mod message {
     pub const HELLO: u32 = 5;
     /// The payload answers [`super::command::READ_MEMORY`]; empty after [`super::command::WRITE_MEMORY`].
     pub const MEMORY: u32 = 6;
+    /// The product resets itself; nothing but memory commands is answered from here on.
+    pub const RESET: u32 = 8;
     /// There is no going on; the payload says why, as text of four bytes a word, zeros behind it.
     pub const FAILED: u32 = 7;
     /// The instruction of [`super::command::STOP_AT`] is about to be executed.
@@ -64,6 +66,8 @@ pub mod post {
     pub const WORDS: usize = 5;
     /// Flag in the kind word: a read that the bus answered from prefetched values.
     pub const SERVED: u32 = 0x100;
+    /// Flag in the kind word: the handler of a fault begins. The value is the exception's number.
+    pub const ENTERED: u32 = 0x200;
     /// Entries that the bus gathers at most.
     pub const CAPACITY: usize = 40;
 }
@@ -80,13 +84,18 @@ pub mod command {
     pub const RESUME: u32 = 1;
     /// Read memory: address, number of words. Answered with a memory message.
     pub const READ_MEMORY: u32 = 2;
-    /// Write one word: address, value. Answered with an empty memory message.
+    /// Write words: address, number of words, the words. Reaches the flash as well. Answered with an empty memory message.
     pub const WRITE_MEMORY: u32 = 3;
     /// Begin (1) or end (0) a trace, see [`super::trace`]. Answered with an empty memory message. Only the bus inside QEMU knows it.
     pub const TRACE: u32 = 4;
     /// Stop once before an instruction: that at this address (0: the current one), or so many executed ones behind it (second word). Answered with
     /// an empty memory message.
     pub const STOP_AT: u32 = 16;
+    /// The handlers of the faults, of NMI and of unbound interrupts are entered (1), or each of them ends the run with a fault message (0, as at the start).
+    /// Answered with an empty memory message.
+    pub const FAULTS_RUN_ON: u32 = 5;
+    /// DHCSR says that a debugger is attached (1) or not (0). Answered with an empty memory message.
+    pub const DEBUGGER: u32 = 6;
 }
 
 /// What the processor did, little-endian words in a file beside the page: the address of an instruction, which is even, or one of these.
@@ -125,8 +134,10 @@ pub mod resume {
     pub const POST_BOUND: usize = 12;
     /// Number of prefetched values that follow, see [`super::prefetched`].
     pub const PREFETCHED: usize = 13;
+    /// NMI is pended (1).
+    pub const NON_MASKABLE: usize = 14;
     /// Words before the prefetched values.
-    pub const WORDS: usize = 14;
+    pub const WORDS: usize = 15;
     /// Most prefetched values in a resume.
     pub const PREFETCH_CAPACITY: usize = 24;
 }
@@ -147,7 +158,7 @@ pub mod prefetched {
 
 /// Most words in a message either way; both buffers lie in one page of memory.
 pub const MESSAGE_WORDS: usize = 256;
-/// Most words that a memory message carries.
+/// Most words that a memory message or command carries.
 pub const MEMORY_WORDS: usize = MESSAGE_WORDS - header::WORDS;
 
 /// First byte of the window of the external bus (FSMC bank 1, NE1).

@@ -114,6 +114,13 @@ impl AdvancedTimer {
         self.settle(now, events);
     }
 
+    /// A failed clock is an event at the break input, whatever the pin says.
+    pub(crate) fn break_by_clock(&mut self, now: Nanoseconds, events: &mut Vec<TimerEvent>) {
+        self.protection.fail_clock();
+        self.apply_break();
+        self.settle(now, events);
+    }
+
     /// Interrupt lines: break, update, compare.
     pub(crate) fn lines(&self) -> [bool; 3] {
         let active = self.status & self.interrupts;

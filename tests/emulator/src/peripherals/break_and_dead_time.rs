@@ -16,12 +16,13 @@ pub(crate) struct BreakAndDeadTime {
     written: bool,
     /// Level of the break pin.
     level: bool,
+    clock_failed: bool,
 }
 
 impl BreakAndDeadTime {
     /// After reset; the break pin is low, as an unconnected one.
     pub(crate) fn new() -> Self {
-        Self { value: 0, written: false, level: false }
+        Self { value: 0, written: false, level: false, clock_failed: false }
     }
 
     pub(crate) fn value(&self) -> u32 {
@@ -39,7 +40,13 @@ impl BreakAndDeadTime {
 
     /// Is the break input enabled and at its active level?
     pub(crate) fn is_broken(&self) -> bool {
-        self.value & BREAK_ENABLE != 0 && self.level == (self.value & BREAK_ACTIVE_HIGH != 0)
+        let pin = self.level == (self.value & BREAK_ACTIVE_HIGH != 0);
+        self.value & BREAK_ENABLE != 0 && (pin || self.clock_failed)
+    }
+
+    /// The clock security system has found the crystal dead.
+    pub(crate) fn fail_clock(&mut self) {
+        self.clock_failed = true;
     }
 
     pub(crate) fn set_level(&mut self, level: bool) {

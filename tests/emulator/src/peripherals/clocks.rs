@@ -47,6 +47,59 @@ pub(crate) struct Rcc {
     rest: [u32; 36],
     crystal_since: Option<Nanoseconds>,
     pll_since: Option<Nanoseconds>,
+    /// The crystal has stopped.
+    failed: bool,
+}
+
+/// RCC_CIR and RCC_CSR.
+const CIR: usize = 0x0C;
+const CSR: usize = 0x74;
+/// The clock security system is on.
+const SECURITY: u32 = 1 << 19;
+const SECURITY_FLAG: u32 = 1 << 7;
+const SECURITY_CLEARED: u32 = 1 << 23;
+const RESET_FLAGS: u32 = 0xFE00_0000;
+const REMOVE_RESET_FLAGS: u32 = 1 << 24;
+
+/// Resets, and a crystal that fails (RM0090 7.1.1, 7.2.7).
+impl Rcc {
+    /// The flags of CSR that say why the part was reset.
+    pub(crate) fn reset_flags(&self) -> u32 {
+        self.rest[CSR / 4] & RESET_FLAGS
+    }
+
+    /// Right behind a reset.
+    pub(crate) fn set_reset(&mut self, flags: u32, has_crystal: bool) {
+        self.rest[CSR / 4] = flags;
+        self.failed = !has_crystal;
+    }
+
+    pub(crate) fn has_crystal(&self) -> bool {
+        !self.failed
+    }
+
+    pub(crate) fn mend_crystal(&mut self, now: Nanoseconds) {
+        self.failed = false;
+        self.crystal_since = self.crystal_since.map(|_| now);
+    }
+
+    /// The crystal stops. The clock security system, if it is on, puts the internal oscillator into its place.
+    pub(crate) fn fail_crystal(&mut self) -> bool {
+        self.failed = true;
+        let noticed = self.control & SECURITY != 0 && self.control & HSEON != 0;
+        if noticed {
+            self.control &= !(HSEON | PLLON);
+            (self.crystal_since, self.pll_since) = (None, None);
+            self.configuration &= !3;
+            self.rest[CIR / 4] |= SECURITY_FLAG;
+        }
+        noticed
+    }
+
+    /// The core runs from a crystal that has stopped.
+    pub(crate) fn is_without_clock(&self) -> bool {
+        self.failed && self.configuration & 3 != 0
+    }
 }
 
 impl Rcc {
@@ -64,7 +117,15 @@ impl Rcc {
         ] {
             rest[offset / 4] = value;
         }
-        Self { control: 0x0000_0081, pll: 0x2400_3010, configuration: 0, rest, crystal_since: None, pll_since: None }
+        Self {
+            control: 0x0000_0081,
+            pll: 0x2400_3010,
+            configuration: 0,
+            rest,
+            crystal_since: None,
+            pll_since: None,
+            failed: false,
+        }
     }
 
     pub(crate) fn read(&self, offset: u32, now: Nanoseconds) -> Option<u32> {
@@ -109,7 +170,16 @@ impl Rcc {
                 self.configuration = value;
                 return Some(self.check(now, latency));
             }
-            0x0C..=0x88 => self.rest[offset as usize / 4] = value,
+            // Flags are not written.
+            0x0C => {
+                let cleared = if value & SECURITY_CLEARED != 0 { SECURITY_FLAG } else { 0 };
+                self.rest[CIR / 4] = value & !0x00FF_00FF | self.rest[CIR / 4] & SECURITY_FLAG & !cleared;
+            }
+            0x74 => {
+                let flags = if value & REMOVE_RESET_FLAGS != 0 { 0 } else { self.reset_flags() };
+                self.rest[CSR / 4] = value & 1 | (value & 1) << 1 | flags;
+            }
+            0x10..=0x88 => self.rest[offset as usize / 4] = value,
             _ => return None,
         }
         Some(Ok(()))
@@ -142,7 +212,8 @@ impl Rcc {
             Some(since) if now >= since + delay => flag,
             _ => 0,
         };
-        HSIRDY | after(self.crystal_since, CRYSTAL_START, HSERDY) | after(self.pll_since, PLL_LOCK, PLLRDY)
+        let crystal_since = self.crystal_since.filter(|_| !self.failed);
+        HSIRDY | after(crystal_since, CRYSTAL_START, HSERDY) | after(self.pll_since, PLL_LOCK, PLLRDY)
     }
 
     fn pll_input(&self) -> u64 {
@@ -295,5 +366,44 @@ mod tests {
         assert!(refused(started(), 0x8002, LATER, 5).contains("PCLK1 168000000"));
         let mut rcc = started();
         assert!(matches!(rcc.write(PLLCFGR, 0x0740_2A08, LATER, 5), Some(Err(_))));
+    }
+
+    /// Running from the PLL, with or without the clock security system.
+    fn running(security: u32) -> Rcc {
+        let mut rcc = started();
+        rcc.write(CFGR, 0x9402, LATER, 5);
+        rcc.write(CR, 0x81 | HSEON | PLLON | security, LATER, 5);
+        rcc
+    }
+
+    #[test]
+    fn a_crystal_that_fails_is_replaced_by_the_internal_oscillator_if_somebody_watches() {
+        let mut rcc = running(SECURITY);
+        assert!(rcc.fail_crystal() && !rcc.is_without_clock());
+        assert_eq!(rcc.tree().core, 16_000_000);
+        assert_eq!(rcc.read(CIR as u32, LATER).unwrap() & SECURITY_FLAG, SECURITY_FLAG);
+        rcc.write(CIR as u32, SECURITY_CLEARED, LATER, 5);
+        assert_eq!(rcc.read(CIR as u32, LATER).unwrap() & SECURITY_FLAG, 0);
+        // It does not come again while the crystal is dead.
+        rcc.write(CR, 0x81 | HSEON, LATER, 5);
+        assert_eq!(rcc.read(CR, LATER + LATER).unwrap() & HSERDY, 0);
+        rcc.mend_crystal(LATER);
+        assert_eq!(rcc.read(CR, LATER + LATER).unwrap() & HSERDY, HSERDY);
+    }
+
+    #[test]
+    fn a_crystal_that_fails_unwatched_leaves_the_core_without_a_clock() {
+        let mut rcc = running(0);
+        assert!(!rcc.fail_crystal() && rcc.is_without_clock());
+    }
+
+    #[test]
+    fn the_flags_of_a_reset_stay_until_they_are_removed() {
+        let mut rcc = Rcc::new();
+        rcc.set_reset(0x2400_0000, true);
+        rcc.write(CSR as u32, 1, LATER, 5);
+        assert_eq!(rcc.read(CSR as u32, LATER), Some(0x2400_0003));
+        rcc.write(CSR as u32, REMOVE_RESET_FLAGS, LATER, 5);
+        assert_eq!(rcc.read(CSR as u32, LATER), Some(0));
     }
 }

@@ -4,6 +4,7 @@ pub(super) const TIM2: u32 = 0x4000_0000;
 pub(super) const TIM3: u32 = 0x4000_0400;
 pub(super) const TIM4: u32 = 0x4000_0800;
 pub(super) const TIM5: u32 = 0x4000_0C00;
+pub(super) const WWDG: u32 = 0x4000_2C00;
 pub(super) const IWDG: u32 = 0x4000_3000;
 pub(super) const PWR: u32 = 0x4000_7000;
 pub(super) const TIM1: u32 = 0x4001_0000;
@@ -47,6 +48,7 @@ pub(super) fn clock_enable(address: u32) -> Option<(u32, u32)> {
         TIM3 => (APB1, 1),
         TIM4 => (APB1, 2),
         TIM5 => (APB1, 3),
+        WWDG => (APB1, 11),
         PWR => (APB1, 28),
         SYSCFG => (APB2, 14),
         FSMC => (AHB3, 0),

@@ -13,11 +13,12 @@ mod map;
 pub(crate) mod others;
 pub(crate) mod power_stage;
 pub(crate) mod timer;
+pub(crate) mod window_watchdog;
 
 use ring::Nanoseconds;
 
 use crate::wiring;
-use crate::{EmulatorError, Environment};
+use crate::{EmulatorError, Environment, Reset};
 use clocks::{ClockTree, Flash, Power, Rcc};
 use emulator_link::protocol::{EXTERNAL_BUS, EXTERNAL_BUS_END};
 use encoder_counters::{Edge, EncoderCounters};
@@ -25,11 +26,12 @@ use gpio::{PinMode, Port};
 use interrupts::{Exti, Syscfg};
 use map::{
     ADC, BIT_BAND, BIT_BAND_END, ENCODER_COUNTERS, EXTERNAL_BYTES, EXTI, FLASH, FSMC, GPIO, GPIO_END, IWDG, PWR, RCC,
-    SYSCFG, TIM1, TIM2, TIM5, bit_band, clock_enable, counter_of, is_timer, port_of,
+    SYSCFG, TIM1, TIM2, TIM5, WWDG, bit_band, clock_enable, counter_of, is_timer, port_of,
 };
 use others::{Fsmc, Watchdog};
 use power_stage::PowerStage;
 use timer::Timer;
+use window_watchdog::WindowWatchdog;
 
 /// An access of the product, for error messages.
 #[derive(Clone, Copy, Debug)]
@@ -74,11 +76,67 @@ pub(crate) struct Peripherals {
     pub(crate) stage: PowerStage,
     pub(crate) tim5: Timer,
     pub(crate) watchdog: Watchdog,
+    pub(crate) window_watchdog: WindowWatchdog,
     interrupt_levels: Option<(bool, bool)>,
     lines: u128,
     edges: u128,
     reset_held: bool,
     straps: (bool, bool),
+    /// Accesses to a peripheral without its clock do nothing, as on the part; otherwise they are refused.
+    unclocked_ignored: bool,
+}
+
+/// Resets, and what becomes of the outputs without the processor.
+impl Peripherals {
+    /// At their reset values, with these flags in RCC_CSR.
+    pub(crate) fn after_reset(flags: u32, has_crystal: bool) -> Self {
+        let mut peripherals = Self::new();
+        peripherals.rcc.set_reset(flags, has_crystal);
+        // RSTN has a pull-down, and no pin drives it yet.
+        peripherals.reset_held = true;
+        peripherals
+    }
+
+    /// All pins become inputs: the pull-downs at gate drivers, brake coil and RSTN of the chip take over.
+    pub(crate) fn release<E: Environment + ?Sized>(&mut self, environment: &mut E, now: Nanoseconds) {
+        self.stage.release(environment, now);
+        if !std::mem::replace(&mut self.reset_held, true) {
+            environment.set_chip_reset(now, true);
+        }
+    }
+
+    /// The crystal stops. Tells whether the clock security system has noticed.
+    pub(crate) fn fail_crystal<E: Environment + ?Sized>(
+        &mut self,
+        environment: &mut E,
+        now: Nanoseconds,
+    ) -> Result<bool, EmulatorError> {
+        self.advance(environment, now)?;
+        let noticed = self.rcc.fail_crystal();
+        if noticed {
+            self.stage.break_by_clock(&self.ports, environment, now).map_err(|what| by_itself(now, what))?;
+        }
+        let tree = self.rcc.tree();
+        self.tim5.set_clock(tree.apb1_timers, now);
+        self.window_watchdog.set_clock(tree.apb1, now);
+        self.counters.set_clocks(&tree, now);
+        self.stage.set_clocks(&tree, now);
+        self.update_lines();
+        Ok(noticed)
+    }
+
+    /// When a watchdog resets the processor, and which; that of APB1 stands while its clock does.
+    pub(crate) fn bite(&self) -> Option<(Nanoseconds, Reset)> {
+        let window = self.window_watchdog.expires().filter(|_| !self.rcc.is_without_clock());
+        let independent = self.watchdog.expires().map(|time| (time, Reset::Watchdog));
+        let bites = [independent, window.map(|time| (time, Reset::WindowWatchdog))];
+        bites.into_iter().flatten().min_by_key(|(time, _)| *time)
+    }
+
+    /// See [`Peripherals::unclocked_ignored`].
+    pub(crate) fn ignore_unclocked(&mut self) {
+        self.unclocked_ignored = true;
+    }
 }
 
 impl Peripherals {
@@ -95,11 +153,13 @@ impl Peripherals {
             stage: PowerStage::new(),
             tim5: Timer::new(32, 4),
             watchdog: Watchdog::new(),
+            window_watchdog: WindowWatchdog::new(),
             interrupt_levels: None,
             lines: 0,
             edges: 0,
             reset_held: false,
             straps: (false, false),
+            unclocked_ignored: false,
         }
     }
 
@@ -109,15 +169,25 @@ impl Peripherals {
 
     /// The next instant at which a peripheral does something by itself.
     pub(crate) fn next_event(&self) -> Option<Nanoseconds> {
-        let events =
-            [self.tim5.next_event(), self.counters.next_event(), self.stage.next_event(), self.watchdog.expires()];
+        let events = [
+            self.tim5.next_event(),
+            self.counters.next_event(),
+            self.stage.next_event(),
+            self.window_watchdog.next_event(),
+            self.bite().map(|(time, _)| time),
+        ];
         events.into_iter().flatten().min()
     }
 
     /// The next instant at which a peripheral may interrupt by itself: until then, a processor that waits for an interrupt need not be asked.
     pub(crate) fn next_interrupt(&self) -> Option<Nanoseconds> {
-        let events =
-            [self.tim5.next_event(), self.counters.next_event(), self.stage.next_interrupt(), self.watchdog.expires()];
+        let events = [
+            self.tim5.next_event(),
+            self.counters.next_event(),
+            self.stage.next_interrupt(),
+            self.window_watchdog.next_event(),
+            self.bite().map(|(time, _)| time),
+        ];
         events.into_iter().flatten().min()
     }
 
@@ -127,9 +197,11 @@ impl Peripherals {
         environment: &mut E,
         now: Nanoseconds,
     ) -> Result<(), EmulatorError> {
-        if let Some(time) = self.watchdog.expires().filter(|expires| *expires <= now) {
-            return Err(EmulatorError::Watchdog { time });
+        if let Some((time, reset)) = self.bite().filter(|(expires, _)| *expires <= now) {
+            let name = if reset == Reset::Watchdog { "independent" } else { "window" };
+            return Err(EmulatorError::Watchdog { time, name });
         }
+        self.window_watchdog.advance(now);
         self.stage.advance(&self.ports, environment, now).map_err(|what| by_itself(now, what))?;
         self.counters.advance(now);
         self.tim5.advance(now);
@@ -338,7 +410,7 @@ impl Peripherals {
                 0x18 => Ok(0),
                 _ => self.read_word(environment, access),
             },
-            address if address & !0x3FF == IWDG => self.read_word(environment, access),
+            address if [IWDG, WWDG].contains(&(address & !0x3FF)) => self.read_word(environment, access),
             _ => Err(access.misuse("byte or half-word write to a register that needs words")),
         }
     }
@@ -359,6 +431,7 @@ impl Peripherals {
             ADC => self.stage.converters.read(offset),
             TIM5 => self.tim5.read(offset, now, 0),
             IWDG => self.watchdog.read(offset, now),
+            WWDG => self.window_watchdog.read(offset, now),
             PWR => self.power.read(offset),
             SYSCFG => self.syscfg.read(offset),
             EXTI => self.exti.read(offset),
@@ -379,7 +452,10 @@ impl Peripherals {
         value: u32,
     ) -> Result<(), EmulatorError> {
         let Access { now, address, .. } = access;
-        self.check_clock(access)?;
+        match self.check_clock(access) {
+            Err(_) if self.unclocked_ignored => return Ok(()),
+            checked => checked?,
+        }
         let offset = address & 0x3FF;
         let fine = |done: Option<()>| done.map(Ok);
         let done = match address & !0x3FF {
@@ -390,6 +466,7 @@ impl Peripherals {
             ADC => self.stage.converters.write(offset, value, now),
             TIM5 => self.tim5.write(offset, value, now, 0),
             IWDG => fine(self.watchdog.write(offset, value, now)),
+            WWDG => fine(self.window_watchdog.write(offset, value, now)),
             PWR => fine(self.power.write(offset, value)),
             SYSCFG => fine(self.syscfg.write(offset, value)),
             EXTI => fine(self.exti.write(offset, value)),
@@ -403,6 +480,7 @@ impl Peripherals {
         if address & !0x3FF == RCC {
             let tree = self.rcc.tree();
             self.tim5.set_clock(tree.apb1_timers, now);
+            self.window_watchdog.set_clock(tree.apb1, now);
             self.counters.set_clocks(&tree, now);
             self.stage.set_clocks(&tree, now);
         }
@@ -476,7 +554,8 @@ impl Peripherals {
     /// Tells the world about outputs that changed.
     fn tell<E: Environment + ?Sized>(&mut self, environment: &mut E, now: Nanoseconds) {
         self.stage.tell(&self.ports, environment, now);
-        let held = self.is_output(wiring::CHIP_RESET) && !self.drives_high(wiring::CHIP_RESET);
+        // A pin that does not drive leaves it to the pull-down.
+        let held = !self.drives_high(wiring::CHIP_RESET);
         if std::mem::replace(&mut self.reset_held, held) != held {
             environment.set_chip_reset(now, held);
         }
@@ -500,7 +579,7 @@ impl Peripherals {
 
     fn update_lines(&mut self) {
         let mut lines = self.exti.lines() | self.counters.lines() | self.stage.lines();
-        lines |= u128::from(self.tim5.line()) << 50;
+        lines |= u128::from(self.tim5.line()) << 50 | u128::from(self.window_watchdog.line());
         self.edges |= lines & !self.lines;
         self.lines = lines;
     }

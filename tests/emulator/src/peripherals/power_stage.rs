@@ -117,6 +117,28 @@ impl PowerStage {
         Some(done.and_then(|()| self.carry_out(&events, ports, environment)))
     }
 
+    /// The clock security system breaks the timer.
+    pub(crate) fn break_by_clock<E: Environment + ?Sized>(
+        &mut self,
+        ports: &[Port],
+        environment: &mut E,
+        now: Nanoseconds,
+    ) -> Result<(), String> {
+        let mut events = Vec::new();
+        self.timer.break_by_clock(now, &mut events);
+        self.carry_out(&events, ports, environment)
+    }
+
+    /// No pin drives gate drivers or coil any more.
+    pub(crate) fn release<E: Environment + ?Sized>(&mut self, environment: &mut E, now: Nanoseconds) {
+        if let Some(told) = self.told.take().filter(|told| told.on) {
+            environment.set_bridge(now, false, told.dead_time_ns);
+        }
+        if std::mem::take(&mut self.brake) {
+            environment.set_brake(now, false);
+        }
+    }
+
     /// Tells the world about pins that changed by a write to a port.
     pub(crate) fn tell<E: Environment + ?Sized>(&mut self, ports: &[Port], environment: &mut E, now: Nanoseconds) {
         self.tell_bridge(ports, environment, now);

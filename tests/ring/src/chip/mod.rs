@@ -324,6 +324,14 @@ impl Chip {
         (cycle >= SHORTEST_CYCLE).then(|| timing::ticks(self.straps, self.registers.clock_divider(), cycle))
     }
 
+    /// A pulse at RSTN: registers at their reset values, nothing is sent or repeated any more until software has set it up again. The RAM keeps its
+    /// words. How long the pin is low is not modelled.
+    pub fn pulse_reset(&mut self, now: Nanoseconds) {
+        self.change_at(now);
+        self.reset();
+        self.update_outputs(now);
+    }
+
     fn reset(&mut self) {
         self.registers = RegisterFile::reset(self.straps, &self.alternatives, &mut self.noise);
         self.base = None;

@@ -15,7 +15,7 @@ pub(crate) enum Style {
 
 /// All tables.
 pub(crate) fn tables(report: &Report, style: Style) -> String {
-    let parts = [instructions(report), response_times(report), findings(report)];
+    let parts = [instructions(report), response_times(report), findings(report), stack(report)];
     parts.map(|rows| table(&rows, style)).join("\n")
 }
 
@@ -127,6 +127,28 @@ fn findings(report: &Report) -> Rows {
     rows
 }
 
+/// Bytes of the worst nesting, level by level, beside what was measured and what there is.
+fn stack(report: &Report) -> Rows {
+    let mut rows = vec![row(["stack", "bytes"])];
+    let Some(stack) = &report.stack else { return rows };
+    for (priority, task, bytes) in &stack.levels {
+        rows.push(row([&format!("priority {priority}: {task}"), &bytes.to_string()]));
+    }
+    let (function, frame) = &stack.largest_frame;
+    for (what, bytes) in [
+        ("worst nesting, with the frames of the exceptions", stack.bound()),
+        ("measured", stack.measured.used),
+        ("there, down to the guard", stack.measured.room),
+        ("guard", stack.measured.guard),
+        (&format!("largest frame: {function}"), *frame),
+        ("fault handler", stack.fault_handler.0),
+        ("its own stack", stack.fault_handler.1),
+    ] {
+        rows.push(row([what, &bytes.to_string()]));
+    }
+    rows
+}
+
 fn microseconds(nanoseconds: u64) -> String {
     tenths(nanoseconds.div_ceil(100))
 }
@@ -201,6 +223,7 @@ mod tests {
             tasks: vec![task],
             chains: Vec::new(),
             functions: Vec::new(),
+            stack: None,
             failures: Vec::new(),
         });
         let expected = ["edge", "4", "500", "1000", "2", "10.1", "3 x", "12.1", "2.0", "40.1", "2.5"];

@@ -4,8 +4,8 @@ use super::gates::{CEILING, CYCLE_BEGINS, Chain, Gates, Rate, Task};
 use super::response::{self, Load};
 use crate::elf::{self, Check, Depth, Finding, Flow, Graph};
 use anyhow::{Result, bail};
-use bench::Traced;
 use bench::traced::CYCLE;
+use bench::{StackUse, Traced};
 use emulator::{Demand, Listing, Price, Spread, Step, TaskCount};
 use std::collections::HashMap;
 
@@ -66,12 +66,35 @@ pub(crate) struct ChainReport {
     pub(crate) count: Option<Spread>,
 }
 
+/// The stack: what the worst nesting of priorities needs, what a run has used, and what there is.
+#[derive(Clone, Debug)]
+pub(crate) struct StackReport {
+    /// The deepest of each priority, 0 is start and idle, with the frames of the exceptions that interrupt it.
+    pub(crate) levels: Vec<(u8, &'static str, u32)>,
+    pub(crate) measured: StackUse,
+    /// The largest frame of a function that runs with the guard, and its name.
+    pub(crate) largest_frame: (String, u32),
+    /// What the fault handler needs, and bytes of its own stack.
+    pub(crate) fault_handler: (u32, u32),
+}
+
+impl StackReport {
+    /// Bytes of the worst nesting.
+    pub(crate) fn bound(&self) -> u32 {
+        self.levels.iter().map(|(.., bytes)| bytes + EXCEPTION_FRAME).sum()
+    }
+}
+
+/// An exception stacks so much of the one that it interrupts, with floating point and its alignment (ARM DDI 0403E B1.5.7).
+const EXCEPTION_FRAME: u32 = 108;
+
 /// All of it.
 #[derive(Clone, Debug)]
 pub(crate) struct Report {
     pub(crate) tasks: Vec<TaskReport>,
     pub(crate) chains: Vec<ChainReport>,
     pub(crate) functions: Vec<FunctionReport>,
+    pub(crate) stack: Option<StackReport>,
     /// One line for each gate that does not hold.
     pub(crate) failures: Vec<String>,
 }
@@ -103,7 +126,8 @@ pub(crate) fn listing(graph: &Graph, gates: Gates) -> Result<Listing> {
 
 /// Judges.
 pub(crate) fn judge(graph: &Graph, traced: &Traced, gates: Gates) -> Report {
-    let mut report = Report { tasks: Vec::new(), chains: Vec::new(), functions: Vec::new(), failures: Vec::new() };
+    let mut report =
+        Report { tasks: Vec::new(), chains: Vec::new(), functions: Vec::new(), stack: None, failures: Vec::new() };
     for task in gates.tasks {
         let vector = graph.program.vector(task.vector);
         let count = vector.and_then(|(_, exception)| traced.activations.tasks().get(&exception).copied());
@@ -124,7 +148,57 @@ pub(crate) fn judge(graph: &Graph, traced: &Traced, gates: Gates) -> Report {
     report.failures.extend(report.chains.iter().filter_map(failure_of_chain));
     report.failures.extend(failure_of_load(load(&report.tasks), gates.load));
     report.failures.extend(report.functions.iter().filter_map(failure_of_function));
+    report.stack = stack_report(graph, gates, traced.stack);
+    match &report.stack {
+        Some(stack) => report.failures.extend(failures_of_stack(stack)),
+        None => report.failures.push("the stack: the ELF has no `main`, `HardFault` or FAULT_STACK".into()),
+    }
     report
+}
+
+/// Where everything begins.
+const START: &str = "main";
+/// RTIC's function around `init`, which runs once, on an empty stack: its large frame ends far above the guard, and is part of the bound.
+const INITIALISATION: &str = "__rtic_init_resources";
+
+fn stack_report(graph: &Graph, gates: Gates, measured: StackUse) -> Option<StackReport> {
+    let named = |name: &str| graph.program.functions().iter().position(|function| function.name == name);
+    let main = named(START)?;
+    let mut levels = vec![(0, "start, idle", elf::bound(graph, main))];
+    for task in gates.tasks {
+        let root = graph.program.vector(task.vector).and_then(|(address, _)| graph.program.function_at(address))?;
+        let needed = elf::bound(graph, root);
+        match levels.iter_mut().find(|(priority, ..)| *priority == task.priority) {
+            Some(level) if level.2 >= needed => {}
+            Some(level) => *level = (task.priority, task.name, needed),
+            None => levels.push((task.priority, task.name, needed)),
+        }
+    }
+    levels.sort_unstable();
+    let functions = graph.program.functions().iter().enumerate();
+    let started = functions.filter(|(_, function)| !function.name.ends_with(INITIALISATION));
+    let frames = started.map(|(index, function)| (function.name.clone(), graph.largest_push(index)));
+    let largest_frame = frames.max_by_key(|(_, bytes)| *bytes)?;
+    let fault_handler = (elf::bound(graph, named("HardFault")?), graph.program.bytes_of_static("FAULT_STACK")?);
+    Some(StackReport { levels, measured, largest_frame, fault_handler })
+}
+
+fn failures_of_stack(stack: &StackReport) -> Vec<String> {
+    let StackUse { used, room, guard } = stack.measured;
+    let bound = stack.bound();
+    let (name, frame) = &stack.largest_frame;
+    let (needed, there) = stack.fault_handler;
+    let checks = [
+        (bound <= room, format!("the stack needs {bound} bytes at most, {room} are there: the guard would be hit")),
+        (used <= bound, format!("the stack was {used} bytes deep, and {bound} is the bound: the bound is wrong")),
+        (used >= bound / 8, format!("the stack was {used} bytes deep of a bound of {bound}: nothing was measured")),
+        (
+            frame + EXCEPTION_FRAME <= guard,
+            format!("{name} takes {frame} bytes at once, the guard has {guard}: it could step over the guard"),
+        ),
+        (needed <= there, format!("the fault handler needs {needed} bytes of stack and has {there}")),
+    ];
+    checks.into_iter().filter(|(fine, _)| !fine).map(|(_, failure)| failure).collect()
 }
 
 /// One activation of each task, at least, at most and on average: as if they all had their longest one at once.
@@ -285,6 +359,37 @@ mod tests {
         let mut count = TaskCount { own: once(instructions), bus: once(0), ..TaskCount::default() };
         (count.worst.activation, count.worst.cycle) = (demand, demand);
         count
+    }
+
+    fn stack() -> StackReport {
+        StackReport {
+            levels: vec![(0, "start, idle", 1_000), (5, "tick", 500)],
+            measured: StackUse { used: 1_200, room: 2_000, guard: 1_024 },
+            largest_frame: ("step".into(), 900),
+            fault_handler: (400, 512),
+        }
+    }
+
+    #[test]
+    fn the_frames_of_exceptions_are_part_of_the_bound() {
+        assert_eq!(stack().bound(), 1_500 + 2 * 108);
+        assert_eq!(failures_of_stack(&stack()), [""; 0]);
+    }
+
+    #[test]
+    fn a_stack_that_is_too_small_a_bound_that_is_wrong_and_a_step_over_the_guard_fail() {
+        let failing = |change: fn(&mut StackReport)| {
+            let mut stack = stack();
+            change(&mut stack);
+            let failures = failures_of_stack(&stack);
+            assert_eq!(failures.len(), 1, "{failures:?}");
+            failures[0].clone()
+        };
+        assert!(failing(|stack| stack.measured.room = 1_715).contains("needs 1716 bytes at most, 1715 are there"));
+        assert!(failing(|stack| stack.measured.used = 1_717).contains("the bound is wrong"));
+        assert!(failing(|stack| stack.measured.used = 8).contains("nothing was measured"));
+        assert!(failing(|stack| stack.largest_frame.1 = 917).contains("step takes 917 bytes at once"));
+        assert!(failing(|stack| stack.fault_handler.0 = 513).contains("needs 513 bytes of stack and has 512"));
     }
 
     fn report(instructions: Option<u64>, findings: Vec<(Check, Vec<Finding>)>) -> TaskReport {

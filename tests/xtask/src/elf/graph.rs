@@ -82,6 +82,27 @@ impl Graph {
         from
     }
 
+    /// Functions that one calls or jumps to.
+    pub(crate) fn calls(&self, function: usize) -> &[usize] {
+        self.nodes.get(function).map_or(&[], |node| &node.calls)
+    }
+
+    /// Does a function call or jump to what a register points to?
+    pub(crate) fn calls_indirectly(&self, function: usize) -> bool {
+        let indirect = |flow| matches!(flow, Flow::CallIndirect | Flow::JumpIndirect);
+        self.instructions(function).iter().any(|instruction| indirect(instruction.flow))
+    }
+
+    /// Bytes by which a function itself moves the stack pointer down, on all ways together.
+    pub(crate) fn frame(&self, function: usize) -> u32 {
+        self.instructions(function).iter().map(Instruction::pushes).sum()
+    }
+
+    /// The most that one instruction of a function takes of the stack at once.
+    pub(crate) fn largest_push(&self, function: usize) -> u32 {
+        self.instructions(function).iter().map(Instruction::pushes).max().unwrap_or(0)
+    }
+
     /// Names on the way from the root to a function.
     pub(crate) fn path(&self, from: &BTreeMap<usize, usize>, mut function: usize) -> Vec<&str> {
         let mut names = vec![self.name(function)];
@@ -121,19 +142,14 @@ impl Graph {
             None => known.insert(function, None),
         };
         let node = &self.nodes[function];
-        let indirect = |flow| matches!(flow, Flow::CallIndirect | Flow::JumpIndirect);
-        let mut depth = if node.instructions.iter().any(|instruction| indirect(instruction.flow)) {
-            Depth::Unbounded
-        } else {
-            Depth::Bytes(0)
-        };
+        let mut depth = if self.calls_indirectly(function) { Depth::Unbounded } else { Depth::Bytes(0) };
         for callee in node.calls.iter().filter(|callee| !is_end(self.name(**callee))) {
             depth = match (depth, self.deepest(*callee, known)) {
                 (Depth::Bytes(first), Depth::Bytes(second)) => Depth::Bytes(first.max(second)),
                 _ => Depth::Unbounded,
             };
         }
-        let own: u32 = node.instructions.iter().map(Instruction::pushes).sum();
+        let own = self.frame(function);
         if let Depth::Bytes(bytes) = &mut depth {
             *bytes += own;
         }

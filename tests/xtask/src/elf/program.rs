@@ -27,6 +27,10 @@ pub(crate) struct Program {
     sections: Vec<(u32, Vec<u8>)>,
     /// Words of the vector table.
     vectors: Vec<u32>,
+    /// Words of the constants that are the address of a function: tables of functions, virtual and others.
+    taken: Vec<u32>,
+    /// Bytes of the statics whose name contains this, by their mangled names.
+    statics: Vec<(String, u32)>,
 }
 
 impl Program {
@@ -40,8 +44,22 @@ impl Program {
         let table = file.section_by_name(".vector_table").context("the program has no section .vector_table")?;
         let words = table.data().context("the vector table cannot be read")?.chunks_exact(4);
         program.vectors = words.map(|word| u32::from_le_bytes([word[0], word[1], word[2], word[3]])).collect();
+        for section in file.sections() {
+            let name = section.name().unwrap_or_default();
+            if ![".rodata", ".data"].contains(&name) {
+                continue;
+            }
+            let words = section.data().context("the constants of the program cannot be read")?.chunks_exact(4);
+            program.taken.extend(words.map(|word| u32::from_le_bytes([word[0], word[1], word[2], word[3]])));
+        }
+        program.taken.retain(|word| word & 1 == 1);
+        program.taken.sort_unstable();
+        program.taken.dedup();
         let mut functions = Vec::new();
         for symbol in file.symbols() {
+            if symbol.kind() == SymbolKind::Data {
+                program.statics.extend(symbol.name().map(|name| (name.to_owned(), symbol.size() as u32)));
+            }
             let (Ok(name), address) = (symbol.name(), symbol.address() as u32 & !1) else { continue };
             match name.get(..2) {
                 Some("$t") => program.marks.push((address, true)),
@@ -82,6 +100,18 @@ impl Program {
     /// All functions, by address.
     pub(crate) fn functions(&self) -> &[Function] {
         &self.functions
+    }
+
+    /// Functions whose address lies among the constants: what a call through a register can reach. Those whose address is only ever put together by
+    /// instructions are not found.
+    pub(crate) fn taken(&self) -> Vec<usize> {
+        let begins = |word: &u32| self.functions.binary_search_by_key(&(word & !1), |function| function.address).ok();
+        self.taken.iter().filter_map(begins).collect()
+    }
+
+    /// Bytes of the static with this in its name.
+    pub(crate) fn bytes_of_static(&self, part: &str) -> Option<u32> {
+        self.statics.iter().find(|(name, _)| name.contains(part)).map(|(_, bytes)| *bytes)
     }
 
     /// Index of the function in whose code an address lies.

@@ -1,0 +1,140 @@
+//! The record of a crash: what it says, that it is kept, and where it is shown.
+
+use emulator::{Mistake, Reset, What};
+
+use super::rig::{Axis, Event, Rig, State};
+
+/// The guard below the stack, from the program's own symbols.
+fn guard(rig: &Rig) -> std::ops::Range<u32> {
+    const BYTES: u32 = 8 * 1024;
+    let start = rig.functions.data("__sheap").unwrap().next_multiple_of(BYTES);
+    start..start + BYTES
+}
+
+/// The line in which the start after the crash tells of it.
+#[track_caller]
+fn told(rig: &Rig, words: &str) -> String {
+    let lines = rig.log();
+    let line = lines.iter().find(|line| line.contains("error") && line.contains(words));
+    line.unwrap_or_else(|| panic!("{words} expected: {lines:#?}")).clone()
+}
+
+#[test]
+#[ignore = "needs QEMU and the ELF: cargo xtask test"]
+fn a_stack_that_overflows_ends_at_its_guard_with_a_record_that_says_so() {
+    const PAINT: u32 = 0xA5A5_5A5A;
+    for task in ["CAN2_TX", "CAN1_SCE", "ADC"] {
+        let mut rig = Rig::in_state(Axis::Vertical, State::Standstill);
+        let guard = guard(&rig);
+        let words = (guard.end - guard.start) as usize / 4;
+        rig.qemu.borrow_mut().guest_mut().write_memory(guard.start, &vec![PAINT; words]).unwrap();
+        if task == "CAN1_SCE" {
+            rig.request(12);
+        }
+        let seen = rig.happen(Event::Mistake(Mistake::Recursion, task), None);
+        assert!(matches!(seen.incidents[0].what, What::Handler(3)), "{seen:?}");
+        assert!(seen.bridge_off.unwrap().0 < 100 && seen.brake_off.unwrap().0 < 100, "{task}: {seen:?}");
+        let memory = rig.qemu.borrow_mut().guest_mut().read_memory(guard.start, words).unwrap();
+        assert!(memory.iter().all(|word| *word == PAINT), "{task}: the guard was written to");
+        rig.run_ms(20);
+        let line = told(&rig, "stack overflow");
+        println!("{line}");
+        let name = match task {
+            "CAN2_TX" => "control_loop",
+            "CAN1_SCE" => "service_channel",
+            _ => "current_loop",
+        };
+        // Where a current loop comes on top of the last word that there is, it is the one.
+        assert!(line.contains(name) || line.contains("current_loop"), "{line}");
+    }
+}
+
+#[test]
+#[ignore = "needs QEMU and the ELF: cargo xtask test"]
+fn a_panic_names_its_task_its_file_and_its_line() {
+    let mut rig = Rig::in_state(Axis::Horizontal, State::Standstill);
+    rig.happen(Event::Mistake(Mistake::Panic, "CAN1_RX0"), None);
+    rig.run_ms(20);
+    let line = told(&rig, "panic in capture_feedback at ");
+    let (_, place) = line.split_once(" at ").unwrap();
+    let (file, rest) = place.split_once(".rs:").unwrap();
+    let number: u32 = rest.split(',').next().unwrap().parse().unwrap();
+    assert!(file.len() > 3 && number > 0, "{line}");
+}
+
+#[test]
+#[ignore = "needs QEMU and the ELF: cargo xtask test"]
+fn an_exception_that_nobody_is_bound_to_and_a_dead_crystal_are_told_apart_from_a_fault() {
+    let mut rig = Rig::in_state(Axis::Horizontal, State::Standstill);
+    let seen = rig.happen(Event::Mistake(Mistake::Call, "CAN2_RX0"), None);
+    // SVCall, whose vector nobody has.
+    assert!(matches!(seen.incidents[0].what, What::Handler(11)), "{seen:?}");
+    assert!(seen.bridge_off.unwrap().0 < 100, "{seen:?}");
+    rig.run_ms(20);
+    told(&rig, "interrupt without a task in supervision");
+    let mut rig = Rig::in_state(Axis::Horizontal, State::Standstill);
+    rig.happen(Event::CrystalFails, None);
+    // Nothing goes on without a crystal, and nothing is on.
+    rig.run_ms(20);
+    assert!(!rig.log().iter().any(|line| line.contains("crystal failed")));
+    let now = rig.world.now();
+    rig.qemu.borrow_mut().guest_mut().mend_crystal(now);
+    rig.run_ms(20);
+    told(&rig, "crystal failed in ");
+}
+
+#[test]
+#[ignore = "needs QEMU and the ELF: cargo xtask test"]
+fn the_record_is_shown_over_the_ring_and_in_the_error_memory_and_is_news_only_once() {
+    let mut rig = Rig::in_state(Axis::Horizontal, State::AtSpeed);
+    rig.happen(Event::Mistake(Mistake::Undefined, "CAN2_TX"), None);
+    rig.run_ms(20);
+    rig.run_up_again();
+    let text = rig.text(0x8000 | 12);
+    assert!(text.starts_with("fault in control_loop, pc 080"), "{text}");
+    let address = rig.functions.address("CAN2_TX").unwrap();
+    let words = rig.longs(0x8000 | 13);
+    // Cause 1, exception 79 (CAN2_TX), and where the instruction was planted.
+    assert_eq!((words[0] & 0x7F, words[0] >> 16, words[1], words[2]), (1, 79, 1, address), "{words:08x?}");
+    assert_eq!(rig.list(375), [0xF120]);
+    // A reset by the pin: what was told is no news, and still there.
+    let now = rig.world.now();
+    rig.qemu.borrow_mut().reset(now, Reset::Pin).unwrap();
+    rig.run_ms(20);
+    for words in ["before: fault in control_loop", "started by ResetPin"] {
+        assert!(rig.log().iter().any(|line| line.contains(words)), "{words}: {:#?}", rig.log());
+    }
+    rig.run_up_again();
+    assert_eq!(rig.text(0x8000 | 12), text);
+    assert!(rig.list(375).is_empty());
+    // The supply goes: what lies in the memory is no record.
+    let now = rig.world.now();
+    rig.qemu.borrow_mut().reset(now, Reset::PowerOn(11)).unwrap();
+    rig.run_ms(20);
+    rig.run_up_again();
+    assert_eq!((rig.text(0x8000 | 12), rig.longs(0x8000 | 13)), (String::new(), vec![]));
+}
+
+#[test]
+#[ignore = "needs QEMU and the ELF: cargo xtask test"]
+fn after_three_crashes_in_a_row_the_drive_stays_out_of_the_ring_until_the_next_reset() {
+    let mut rig = Rig::new(Axis::Horizontal);
+    let resets = |rig: &Rig| {
+        let qemu = &mut *rig.qemu.borrow_mut();
+        qemu.guest_mut().incidents().iter().filter(|incident| matches!(incident.what, What::Reset(_))).count()
+    };
+    for crash in 1..=3 {
+        rig.run_ms(15);
+        Mistake::Undefined.plant(&mut rig.qemu.borrow_mut().guest_mut(), &rig.functions, "CAN2_TX").unwrap();
+        rig.run_ms(1);
+        assert_eq!(resets(&rig), crash);
+    }
+    rig.run_ms(30);
+    assert_eq!(resets(&rig), 3, "it neither runs on nor bites");
+    told(&rig, "3 crashes in a row: out of the ring");
+    let now = rig.world.now();
+    rig.qemu.borrow_mut().reset(now, Reset::Pin).unwrap();
+    rig.run_ms(20);
+    assert!(rig.log().last().is_some_and(|line| line.contains("class 1 diagnostic")), "{:#?}", rig.log());
+    assert_eq!(resets(&rig), 4);
+}

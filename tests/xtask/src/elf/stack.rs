@@ -1,0 +1,112 @@
+//! A bound for the stack of a function with all that it calls, also through registers.
+//!
+//! What a call through a register reaches is not known, so it may be any function whose address lies among the constants. That closes circles, of formatting
+//! above all; of the functions of a circle each counts once. The bound holds as long as no function is on the stack twice; the measured stack is held
+//! against it.
+
+use super::checks::is_end;
+use super::graph::Graph;
+use std::collections::BTreeMap;
+
+/// Frames of functions, and who calls whom.
+struct Frames<'a> {
+    graph: &'a Graph,
+    taken: Vec<usize>,
+}
+
+impl Frames<'_> {
+    fn calls(&self, function: usize) -> Vec<usize> {
+        let mut calls: Vec<usize> = self.graph.calls(function).to_vec();
+        if self.graph.calls_indirectly(function) {
+            calls.extend(&self.taken);
+        }
+        // Nothing comes after a panic, which ends on this stack; what it needs is counted where it is asked for.
+        calls.retain(|callee| !is_end(self.graph.name(*callee)));
+        calls
+    }
+}
+
+/// Bytes that a function and all that it reaches need at most.
+pub(crate) fn bound(graph: &Graph, root: usize) -> u32 {
+    let frames = Frames { graph, taken: graph.program.taken() };
+    let circles = circles(root, |function| frames.calls(function));
+    // The circles come callees first.
+    let of: BTreeMap<usize, usize> =
+        circles.iter().enumerate().flat_map(|(number, circle)| circle.iter().map(move |one| (*one, number))).collect();
+    let mut deepest: Vec<u32> = Vec::with_capacity(circles.len());
+    for (number, circle) in circles.iter().enumerate() {
+        let own: u32 = circle.iter().map(|function| graph.frame(*function)).sum();
+        let callees = circle.iter().flat_map(|function| frames.calls(*function));
+        let below = callees.map(|callee| of[&callee]).filter(|callee| *callee != number);
+        deepest.push(own + below.map(|callee| deepest[callee]).max().unwrap_or(0));
+    }
+    deepest.last().copied().unwrap_or(0)
+}
+
+/// The strongly connected parts of what a root reaches, callees before callers (Tarjan, with a stack of its own).
+fn circles(root: usize, calls: impl Fn(usize) -> Vec<usize>) -> Vec<Vec<usize>> {
+    let mut circles = Vec::new();
+    let mut number: BTreeMap<usize, usize> = BTreeMap::new();
+    let mut lowest: BTreeMap<usize, usize> = BTreeMap::new();
+    let mut open: Vec<usize> = Vec::new();
+    let mut work = vec![(root, calls(root), 0)];
+    number.insert(root, 0);
+    lowest.insert(root, 0);
+    open.push(root);
+    while let Some((function, callees, next)) = work.last_mut() {
+        let function = *function;
+        if let Some(callee) = callees.get(*next).copied() {
+            *next += 1;
+            if let Some(seen) = number.get(&callee) {
+                if open.contains(&callee) {
+                    let low = lowest[&function].min(*seen);
+                    lowest.insert(function, low);
+                }
+            } else {
+                let fresh = number.len();
+                number.insert(callee, fresh);
+                lowest.insert(callee, fresh);
+                open.push(callee);
+                work.push((callee, calls(callee), 0));
+            }
+            continue;
+        }
+        work.pop();
+        if let Some((caller, ..)) = work.last() {
+            let low = lowest[caller].min(lowest[&function]);
+            lowest.insert(*caller, low);
+        }
+        if lowest[&function] == number[&function]
+            && let Some(at) = open.iter().position(|one| *one == function)
+        {
+            circles.push(open.split_off(at));
+        }
+    }
+    circles
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::Program;
+    use super::*;
+
+    #[test]
+    fn circles_come_callees_first_and_whole() {
+        // 0 -> 1 -> 2 -> 1, 2 -> 3, 0 -> 3.
+        let calls = |function: usize| [vec![1, 3], vec![2], vec![1, 3], vec![]][function].clone();
+        assert_eq!(circles(0, calls), [vec![3], vec![1, 2], vec![0]]);
+    }
+
+    #[test]
+    fn of_a_circle_every_frame_counts_once_and_behind_it_the_deepest() {
+        // again: push {r7, lr}; bl again; bl leaf. leaf: sub sp, #16; bx lr.
+        let program = Program::of_code(
+            0x0800_0100,
+            &[
+                ("again", &[0x80, 0xb5, 0xff, 0xf7, 0xfd, 0xff, 0x00, 0xf0, 0x00, 0xf8]),
+                ("leaf", &[0x84, 0xb0, 0x70, 0x47]),
+            ],
+        );
+        assert_eq!(bound(&Graph::new(program).unwrap(), 0), 8 + 16);
+    }
+}
