@@ -16,7 +16,7 @@ fn the_drive_does_what_the_matrix_asks_in_every_state_and_mode() {
 /// One cell of each kind of hardware that a fault takes part in; `cargo xtask faults --on qemu` runs all.
 const SAMPLE: [(Fault, State, Mode); 10] = [
     (Fault::Overcurrent, State::AtSpeed, Mode::Velocity),
-    (Fault::ConvertersStuck, State::SwitchingOn, Mode::PositionWithoutLag),
+    (Fault::ConvertersStuck, State::SwitchingOn, Mode::Velocity),
     (Fault::Overvoltage, State::AtSpeed, Mode::Torque),
     (Fault::MainPowerLost, State::AtSpeed, Mode::Velocity),
     (Fault::GateDriver, State::Halted, Mode::Position),
