@@ -29,6 +29,7 @@ struct Noted {
     compare: Option<[u16; 3]>,
     trim: i32,
     switched_off: u32,
+    alive: u32,
 }
 
 #[derive(Clone, Debug, Default)]
@@ -63,6 +64,10 @@ impl PowerStage for Stage {
 
     fn switch_off(&mut self) {
         self.0.borrow_mut().switched_off += 1;
+    }
+
+    fn is_alive(&mut self) {
+        self.0.borrow_mut().alive += 1;
     }
 }
 
@@ -135,6 +140,19 @@ fn regulating() -> Bench {
     bench.order(true, 0);
     assert!(bench.cycle(NO_CURRENT).is_some());
     bench
+}
+
+#[test]
+fn the_board_hears_that_all_is_well_once_for_every_order_and_not_without_one() {
+    let mut bench = Bench::new();
+    let alive = |bench: &Bench| bench.stage.0.borrow().alive;
+    for orders in 1..=5 {
+        bench.order(false, 0);
+        bench.cycles(2, NO_CURRENT);
+        assert_eq!(alive(&bench), orders);
+    }
+    bench.cycles(20, NO_CURRENT);
+    assert_eq!(alive(&bench), 5, "the control loop is silent");
 }
 
 #[test]

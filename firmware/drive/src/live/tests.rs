@@ -71,7 +71,7 @@ fn what_is_acknowledged_in_operation_is_in_effect_and_what_is_refused_has_change
                 assert_eq!(rig.parameters, before, "{what}");
             }
             if answer == Err(0x7008) {
-                assert!(rig.finding().starts_with(|first| first == 'S' || first == 'P'), "{what}: {}", rig.finding());
+                assert!(rig.finding().starts_with(['S', 'P']), "{what}: {}", rig.finding());
             }
             if answer == Err(0x7008) && !matches!(rig.checks.finding, Some(Finding::Value(..))) {
                 refused.insert(block.idn.to_string());
