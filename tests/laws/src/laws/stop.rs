@@ -19,8 +19,11 @@ const LASTING: Nanoseconds = Nanoseconds::from_millis(1);
 const STANDSTILL: (f64, f64) = (1.0, 0.02);
 /// Margin of the time to standstill: a share, and milliseconds for filters and the end of the loops' settling.
 const MARGIN: (f64, f64) = (0.2, 100.0);
-/// A loop that overshoots its standstill comes back so far: revolutions, and seconds of the speed that the stop began with.
-const BACK: (f64, f64) = (0.005, 2e-3);
+/// A stop whose loops settle goes on: what else asks for a stop meanwhile finds an overshoot, and no speed of its own.
+const SETTLING: Nanoseconds = Nanoseconds::from_millis(50);
+/// A loop that overshoots its standstill comes back so far: revolutions, and seconds of the speed that the stop began with. At the torque limit
+/// (P-0-0140 = 0) the set-point is a step to zero, behind which the integral part turns a motor without friction back with a quarter of its speed.
+const BACK: (f64, f64) = (0.005, 8e-3);
 /// After a change of the load the shaft may do what it must for so long.
 const RECOVERY: Nanoseconds = Nanoseconds::from_millis(300);
 
@@ -44,7 +47,8 @@ struct Running {
     /// When it has to stand, in units of a look; `None` when that is not known.
     deadline: Option<Nanoseconds>,
     faster: Option<Nanoseconds>,
-    stood: bool,
+    /// Since when it has stood.
+    stood: Option<Nanoseconds>,
     /// The way that the shaft turned when the stop began, 1 or -1, and how far it has come that way, in revolutions.
     direction: f64,
     furthest: f64,
@@ -54,7 +58,8 @@ impl Stop {
     fn begin(&mut self, cause: &'static str, scene: &Scene, effect: Nanoseconds) {
         // Before it is in operation the drive looks for its commutation angle, and moves the shaft for it.
         let operates = status::readiness(scene.wire.status) == 3;
-        if !scene.sight.bridge || !operates || self.running.as_ref().is_some_and(|running| !running.stood) {
+        let settles = |running: &Running| running.stood.is_none_or(|since| scene.now.saturating_sub(since) < SETTLING);
+        if !scene.sight.bridge || !operates || self.running.as_ref().is_some_and(settles) {
             return;
         }
         let velocity = scene.sight.machine.velocity;
@@ -84,7 +89,7 @@ impl Stop {
             tolerance,
             deadline,
             faster: None,
-            stood: false,
+            stood: None,
             direction,
             furthest: scene.sight.machine.angle * direction,
         });
@@ -141,12 +146,14 @@ impl Stop {
                 "stopped by {cause} at {begun}, the shaft is turned back by {back:.4} revolutions"
             ));
         }
-        running.stood |= speed < STANDSTILL.0 + STANDSTILL.1 * running.speed;
+        if speed < STANDSTILL.0 + STANDSTILL.1 * running.speed {
+            running.stood.get_or_insert(scene.now);
+        }
         if let Some(deadline) = &mut running.deadline {
             if scene.is_at_its_limit() {
                 *deadline += scene.sight.time.saturating_sub(scene.before.time);
             }
-            if !running.stood && scene.now > *deadline {
+            if running.stood.is_none() && scene.now > *deadline {
                 let (cause, begun, rpm) = (running.cause, running.begun, scene.sight.rpm());
                 return Verdict::Broken(format!("stopped by {cause} at {begun}, it should stand and has {rpm:.1} rpm"));
             }
@@ -264,8 +271,8 @@ mod tests {
             }
             fake.broken()
         };
-        assert_eq!(stopped(1.0, -60.0), None, "0.04 rad come back");
-        assert!(stopped(5.0, -60.0).is_some_and(|words| words.contains("turned back")), "0.2 rad come back");
+        assert_eq!(stopped(4.0, -60.0), None, "0.16 rad come back");
+        assert!(stopped(6.0, -60.0).is_some_and(|words| words.contains("turned back")), "0.24 rad come back");
         assert_eq!(stopped(5.0, 60.0), None, "a load does it");
     }
 
