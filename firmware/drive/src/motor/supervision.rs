@@ -93,7 +93,6 @@ impl Motor {
         self.watch_loads(&mut findings);
         self.weakening_limit = None;
         self.within_reach = None;
-        self.combine_limits();
         self.limiting = Limiting::empty();
         if self.bridge_on {
             self.weaken(&mut findings);
@@ -101,6 +100,7 @@ impl Motor {
             self.weakening.reset();
             self.weakened = CurrentFraction::ZERO;
         }
+        self.combine_limits();
         findings
     }
 
@@ -112,7 +112,6 @@ impl Motor {
         if output.active {
             self.limiting |= Limiting::FIELD_WEAKENING;
             self.weakening_limit = Some(output.quadrature_limit);
-            self.limits = self.limits.narrowed(output.quadrature_limit, Limiting::FIELD_WEAKENING);
         }
         // 97 % of the longest vector, squared.
         let coarse = |voltage: i32| i64::from(voltage >> 4);
@@ -138,9 +137,7 @@ impl Motor {
         }
         let reach =
             if commanded > 0 { flowing.max(0).saturating_add(REACH) } else { flowing.min(0).saturating_sub(REACH) };
-        let reach = CurrentFraction::from_bits(reach);
-        self.within_reach = Some(reach);
-        self.limits = self.limits.narrowed_on_one_side(reach, Limiting::VOLTAGE);
+        self.within_reach = Some(CurrentFraction::from_bits(reach));
     }
 
     /// Half of the voltage that there is goes into the rotation.
