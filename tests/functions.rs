@@ -53,12 +53,7 @@ fn in_torque_mode(command: i16, polarity: u16) -> Bench {
     let motion = Motion::new(1_000_000, move |_| command);
     let script = MasterScript { motion: Some(motion), stops_at_refusals: false, ..MasterScript::new(vec![drive]) };
     let mut bench = Bench::new(DriveSetup::new(ADDRESS), script);
-    for _ in 0..1_000 {
-        bench.run(Nanoseconds::from_millis(10));
-        if bench.is_in_operation() {
-            break;
-        }
-    }
+    bench.run_to_operation();
     bench.run(Nanoseconds::from_millis(50));
     bench
 }

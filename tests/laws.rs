@@ -73,12 +73,7 @@ fn life_of_a_press() -> Bench {
 /// A vertical axis whose torque is taken by bit 14.
 fn life_of_a_vertical_axis() -> Bench {
     let mut bench = Bench::vertical(vec![]);
-    for _ in 0..500 {
-        bench.run(Nanoseconds::from_millis(10));
-        if bench.is_in_operation() {
-            break;
-        }
-    }
+    bench.run_to_operation();
     bench.run(Nanoseconds::from_millis(300));
     bench.world.ring_mut().master_mut().hold_switches(Some(0));
     bench.run(Nanoseconds::from_millis(300));
@@ -100,12 +95,7 @@ fn life_of_an_axis_that_positions_itself() -> Bench {
     let motion = Motion { patience: 100_000, ..Motion::new(1_000_000, |_| CommandValues::default()) };
     let script = MasterScript { motion: Some(motion), stops_at_refusals: false, ..MasterScript::new(vec![drive]) };
     let mut bench = Bench::new(DriveSetup::new(ADDRESS), script);
-    for _ in 0..1_000 {
-        bench.run(Nanoseconds::from_millis(10));
-        if bench.is_in_operation() {
-            break;
-        }
-    }
+    bench.run_to_operation();
     bench.run(Nanoseconds::from_millis(600));
     let before = bench.number(51);
     assert_eq!(bench.number(124), 100_000);

@@ -27,13 +27,8 @@ fn in_operation(
     let motion = Motion { patience: 100_000, ..Motion::new(1_000_000, profile) };
     let script = MasterScript { motion: Some(motion), stops_at_refusals: false, ..MasterScript::new(vec![drive]) };
     let mut bench = Bench::new(DriveSetup::new(ADDRESS), script);
-    for _ in 0..1_000 {
-        bench.run(Nanoseconds::from_millis(10));
-        if bench.is_in_operation() {
-            return bench;
-        }
-    }
-    panic!("{}", bench.world.ring().master().state());
+    bench.run_to_operation();
+    bench
 }
 
 fn torque(bench: &mut Bench) -> f64 {

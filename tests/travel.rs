@@ -20,14 +20,9 @@ fn in_operation(mode: u16, mdt: &[Idn], parameters: Vec<(Idn, Value)>) -> Bench 
         Motion { patience: 100_000, ..Motion::new(1_000_000, |point| CommandValues::at_position(point.start)) };
     let script = MasterScript { motion: Some(motion), stops_at_refusals: false, ..MasterScript::new(vec![drive]) };
     let mut bench = Bench::new(DriveSetup::new(ADDRESS), script);
-    for _ in 0..1_000 {
-        bench.run(Nanoseconds::from_millis(10));
-        if bench.is_in_operation() {
-            bench.run(Nanoseconds::from_millis(100));
-            return bench;
-        }
-    }
-    panic!("{}", bench.world.ring().master().state());
+    bench.run_to_operation();
+    bench.run(Nanoseconds::from_millis(100));
+    bench
 }
 
 fn degrees(bench: &mut Bench) -> f64 {

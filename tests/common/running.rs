@@ -90,6 +90,17 @@ impl Bench {
         self.world.run_until(until).unwrap();
     }
 
+    /// Runs until the drive says that it is in operation.
+    pub(crate) fn run_to_operation(&mut self) {
+        for _ in 0..1_000 {
+            self.run(Nanoseconds::from_millis(10));
+            if self.is_in_operation() {
+                return;
+            }
+        }
+        panic!("{}", self.world.ring().master().state());
+    }
+
     pub(crate) fn rpm(&mut self) -> f64 {
         let now = self.world.now().0;
         self.drive.motor_side.borrow_mut().machine().velocity(now) * 60.0 / core::f64::consts::TAU
