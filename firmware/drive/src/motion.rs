@@ -9,16 +9,13 @@
 
 use sercon816::{Bus, CommandPort, FeedbackPort};
 use sercos::Phase;
-use sercos::command::CommandState;
 use sercos::diagnostic::{Class1, Class2, Class3};
 use sercos::phase::PhaseError;
 use sercos::supervision::Supervision;
-use servo::{
-    Axis, AxisOutput, LOOP_TICKS_PER_SUPERVISION, Limiting, LoopClock, Mode, RangeMonitor, Scope, TwiceReadEncoder,
-};
+use servo::{Axis, AxisOutput, LOOP_TICKS_PER_SUPERVISION, Limiting, Mode, Scope, TwiceReadEncoder};
 
 mod background;
-mod clock_monitor;
+mod control_bits;
 mod coordinates;
 mod cycle;
 mod following;
@@ -26,18 +23,24 @@ mod identifying;
 mod limiting;
 mod positioning;
 mod positive_stop;
-mod range;
+mod probing;
 mod recording;
+mod reference;
+mod ring_clock;
 mod supervision;
 mod travel;
 mod words;
 
 pub(crate) use background::MotorValue;
-use clock_monitor::ClockMonitor;
+use control_bits::ControlBits;
+pub(crate) use control_bits::{HOME_SWITCH, HOMING_ENABLE, PROBE_1_ENABLE, PROBE_2_ENABLE};
 use positioning::Positioning;
 use positive_stop::PositiveStop;
-pub(crate) use travel::{HOME_SWITCH, HOMING_ENABLE, HomingFailure, PROBE_1_ENABLE, PROBE_2_ENABLE};
-use travel::{HomingRun, ProbeRun};
+use probing::Probing;
+use reference::Reference;
+use ring_clock::RingClock;
+pub(crate) use travel::HomingFailure;
+use travel::HomingRun;
 
 use crate::diagnosis::{Manufacturer1, Manufacturer2, Manufacturer3};
 use crate::feedback::ShownValues;
@@ -93,15 +96,13 @@ impl CommandValues {
 #[repr(C)]
 #[derive(Debug)]
 pub struct Motion<B, H> {
-    /// Loop ticks until a t3 event is overdue; 0 outside the cyclic phases.
-    until_overdue: u16,
     /// Loop ticks until the next look of the supervision.
     until_supervision: u8,
     /// Something goes along with the loops, see [`Motion::accompany`], or the oscilloscope records; found out by the supervision.
     accompanied: bool,
     class_1: Class1,
+    clock: RingClock,
     encoder: TwiceReadEncoder,
-    clock: LoopClock,
     /// What the loops gave in the last tick.
     output: AxisOutput,
     axis: Axis,
@@ -113,7 +114,6 @@ pub struct Motion<B, H> {
     command_port: CommandPort<B>,
     feedback_port: FeedbackPort<B>,
     mst: MstMonitor<B>,
-    clock_monitor: ClockMonitor,
     records: Records,
     inputs: Inputs,
     progress: Progress,
@@ -121,8 +121,6 @@ pub struct Motion<B, H> {
     limiting: Limiting,
     /// Ticks of the supervision for which the two channels of safe torque off have differed.
     channels_differ: u16,
-    /// Phase of the last edge of t3.
-    edge_phase: u16,
     /// Of the last MDT; `None` until one has come in this phase.
     switches: Option<Switches>,
     mode: Option<OperationMode>,
@@ -151,34 +149,25 @@ pub struct Motion<B, H> {
     identified: Option<Outcome>,
     /// P-0-0227.
     identification_percent: u8,
-    /// P-0-0019 in the low half, the enable bits of S-0-0400 and S-0-0405 to S-0-0407 above.
-    controlled: u32,
+    controlled: ControlBits,
     homing_run: HomingRun,
-    probe_run: ProbeRun,
+    probing: Probing,
     positioning: Positioning,
-    /// S-0-0403 bit 0.
-    referenced: bool,
-    /// S-0-0049 and S-0-0050, while they are in force.
-    range_monitor: Option<RangeMonitor>,
+    reference: Reference,
     /// S-0-0148 holds the position until it is cancelled.
     homing: bool,
     /// S-0-0149.
     positive_stop: PositiveStop,
-    /// How it has ended, until the service channel has taken it.
-    positive_stop_result: Option<CommandState>,
     /// Ticks of the supervision for which a lost telegram is still a warning.
     loss_shown: u16,
     /// Ticks of the supervision since the start.
     supervisions: u64,
     diagnostic_number: u16,
     interface_status: u16,
-    latch: u32,
     fatal: bool,
     without_lag: bool,
     /// Cycles since a command value was last handed to the axis.
     cycles_since_command: u16,
-    /// Ticks of the supervision for which somebody still waits for the loop clock to lock, see [`Motion::wait_for_lock`].
-    lock_patience: u16,
     /// CP3 was entered in this cycle.
     entered_cyclic: bool,
     /// Limits of the MDT.
@@ -208,8 +197,7 @@ impl<B: Bus + Clone, H: Hardware> Motion<B, H> {
             mst: MstMonitor::new(bus),
             axis: Axis::new(settings.with_lag, position),
             encoder,
-            clock: LoopClock::new(settings.cycle.clock),
-            clock_monitor: ClockMonitor::default(),
+            clock: RingClock::new(settings.cycle.clock),
             settings,
             records: Records::default(),
             machine: StateMachine::default(),
@@ -222,7 +210,6 @@ impl<B: Bus + Clone, H: Hardware> Motion<B, H> {
             accompanied: false,
             until_supervision: 1,
             channels_differ: 0,
-            edge_phase: 0,
             switches: None,
             mode: None,
             phase: Phase::Cp0,
@@ -245,25 +232,20 @@ impl<B: Bus + Clone, H: Hardware> Motion<B, H> {
             identification: None,
             identified: None,
             identification_percent: 0,
-            controlled: 0,
+            controlled: ControlBits::default(),
             homing_run: HomingRun::default(),
-            probe_run: ProbeRun::default(),
+            probing: Probing::default(),
             positioning: Positioning::default(),
-            referenced: false,
-            range_monitor: None,
+            reference: Reference::default(),
             homing: false,
-            positive_stop: PositiveStop::Inactive,
-            positive_stop_result: None,
+            positive_stop: PositiveStop::default(),
             loss_shown: 0,
             supervisions: 0,
             diagnostic_number: 0,
             interface_status: 0,
-            latch: 0,
-            until_overdue: 0,
             fatal: false,
             without_lag: false,
             cycles_since_command: 0,
-            lock_patience: 0,
             entered_cyclic: false,
             cyclic_limits: CyclicLimits::default(),
         }
@@ -286,9 +268,7 @@ impl<B: Bus + Clone, H: Hardware> Motion<B, H> {
                 Work::empty()
             }
             Phase::Cp3 | Phase::Cp4 => {
-                self.clock.on_t3(self.edge_phase);
-                self.clock_monitor.take(self.clock.phase_error(), self.clock.is_locked());
-                self.until_overdue = self.settings.cycle.ticks_to_overdue;
+                self.clock.on_t3(self.settings.cycle.ticks_to_overdue);
                 self.take_cycle()
             }
         }
@@ -299,7 +279,7 @@ impl<B: Bus + Clone, H: Hardware> Motion<B, H> {
     /// Contract: within t5 (S-0-0005, 30 us) from the interrupt to the last word written, with the task of t3 in between; 2 to 18
     /// bus accesses. The emulator measures it.
     pub fn capture_feedback(&mut self) {
-        let position = self.encoder.position_of(self.counted(self.latch));
+        let position = self.encoder.position_of(self.counted(self.clock.latch()));
         self.refresh_values(position);
         let status = self.status_word();
         self.feedback_port.set_status(status);
@@ -331,7 +311,7 @@ impl<B: Bus + Clone, H: Hardware> Motion<B, H> {
             position = self.encoder.position();
         }
         self.output = self.axis.tick(position, self.motor.torque_limits());
-        if self.output.excessive_deviation && !self.expects_a_stop() {
+        if self.output.excessive_deviation && !self.positive_stop.is_expected() {
             self.class_1 |= Class1::EXCESSIVE_DEVIATION;
         }
         let trim = self.clock.on_tick();
@@ -344,8 +324,8 @@ impl<B: Bus + Clone, H: Hardware> Motion<B, H> {
             self.until_supervision = LOOP_TICKS_PER_SUPERVISION as u8;
             work |= Work::SUPERVISION;
         }
-        if self.until_overdue != 0 {
-            work |= self.flywheel();
+        if self.clock.is_overdue(self.settings.cycle.ticks_per_cycle) {
+            work |= self.take_cycle();
         }
         work
     }
@@ -368,7 +348,7 @@ impl<B: Bus + Clone, H: Hardware> Motion<B, H> {
     /// Keeps the phase that the edge of t3 on this interrupt line has to the loop tick; to be called before the interrupt is acknowledged.
     #[inline]
     pub fn take_edge(&mut self, line: InterruptLine) {
-        self.edge_phase = self.hardware.edge_phase(line);
+        self.clock.take_edge(self.hardware.edge_phase(line));
     }
 
     /// See [`Hardware::edge_waits`].
@@ -381,13 +361,13 @@ impl<B: Bus + Clone, H: Hardware> Motion<B, H> {
     /// acknowledged.
     #[inline]
     pub fn take_latch(&mut self, line: InterruptLine) {
-        self.latch = self.hardware.encoder_latch(line);
+        self.clock.take_latch(self.hardware.encoder_latch(line));
     }
 
     /// Takes the position of this moment where the latch of an interrupt edge is missing (polled events).
     pub fn latch_now(&mut self) {
-        self.latch = self.hardware.encoder_count();
-        self.edge_phase = self.hardware.phase_now();
+        self.clock.take_latch(self.hardware.encoder_count());
+        self.clock.take_edge(self.hardware.phase_now());
     }
 
     /// Steps the state machine and puts its state into axis, bridge and brake.

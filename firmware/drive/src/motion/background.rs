@@ -1,19 +1,21 @@
 //! What the tasks of low priority ask of the motor side, each under one short lock.
 
 use sercon816::Bus;
+use sercos::command::CommandState;
 use sercos::diagnostic::Class1;
 use sercos::phase::{InterfaceStatus, PhaseError};
 use sercos::{Idn, Phase};
-use servo::{Axis, LoopClock, SUPERVISION_PERIOD_MICROSECONDS, TwiceReadEncoder};
+use servo::{Axis, ProbeSettings, SUPERVISION_PERIOD_MICROSECONDS, TwiceReadEncoder};
 
+use super::ring_clock::PHASE_ERROR_CLASSES;
 use super::{CommandValues, HOME_SWITCH, Motion, Positioning};
 use crate::bits::BitSettings;
 use crate::diagnosis::{Circumstances, Manufacturer1, Manufacturer3};
 use crate::hardware::{Hardware, ResetCause};
-use crate::motion::clock_monitor::{ClockMonitor, PHASE_ERROR_CLASSES};
 use crate::record::{Command, Feedback, Records};
 use crate::settings::{CycleSettings, MotionSettings};
 use crate::snapshot::Snapshot;
+use crate::state::DriveState;
 
 /// A value of [`Motion::motor_value`].
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -71,10 +73,10 @@ impl<B: Bus + Clone, H: Hardware> Motion<B, H> {
         self.mode_bits = 0;
         self.homing = false;
         self.abandon_homing();
-        self.cancel_positive_stop();
+        self.positive_stop.cancel();
         self.set_probing(None);
         self.positioning = Positioning::default();
-        self.until_overdue = if phase < Phase::Cp3 { 0 } else { self.settings.cycle.ticks_to_overdue };
+        self.clock.expect(if phase < Phase::Cp3 { 0 } else { self.settings.cycle.ticks_to_overdue });
         self.cycles_since_command = 0;
         self.entered_cyclic = phase == Phase::Cp3;
         self.cyclic_limits.restart(&self.settings.limits);
@@ -83,13 +85,13 @@ impl<B: Bus + Clone, H: Hardware> Motion<B, H> {
                 self.mst.restart();
                 let _ = self.command_port.take_cyclic();
                 self.supervision.clear();
-                self.clock = LoopClock::new(self.settings.cycle.clock);
+                self.clock.restart(self.settings.cycle.clock);
                 self.latch_now();
                 self.capture_feedback();
             }
             Phase::Cp4 => self.change_mode(self.settings.modes.first().copied().flatten()),
             Phase::Cp2 => {
-                self.clock_monitor = ClockMonitor::default();
+                self.clock.forget_errors();
                 self.loss_shown = 0;
                 self.park(false);
                 self.supervision.end_bursts();
@@ -113,13 +115,13 @@ impl<B: Bus + Clone, H: Hardware> Motion<B, H> {
         self.settings = settings;
         self.motor.apply_settings(settings.motor, settings.encoder_reversed);
         if clock {
-            self.clock = LoopClock::new(settings.cycle.clock);
+            self.clock.restart(settings.cycle.clock);
         }
         if encoder {
             let count = self.hardware.encoder_count();
             self.encoder = TwiceReadEncoder::new(settings.encoder, self.counted(count));
             self.axis = Axis::new(settings.with_lag, self.encoder.position());
-            self.referenced = false;
+            self.reference.forget();
             self.positioning.forget();
         }
         self.cyclic_limits.rescale(&self.settings.limits);
@@ -133,7 +135,7 @@ impl<B: Bus + Clone, H: Hardware> Motion<B, H> {
     /// The ring's cycle that S-0-0127 has accepted, before CP3 can begin.
     pub(crate) fn apply_cycle(&mut self, cycle: CycleSettings) {
         if cycle.clock != self.settings.cycle.clock {
-            self.clock = LoopClock::new(cycle.clock);
+            self.clock.restart(cycle.clock);
         }
         self.settings.cycle = cycle;
     }
@@ -177,12 +179,12 @@ impl<B: Bus + Clone, H: Hardware> Motion<B, H> {
 
     /// Asks for [`Work::SERVICE_CHANNEL`] when the loop clock has locked to the ring, or after so many ticks of the supervision without.
     pub fn wait_for_lock(&mut self, ticks: u16) {
-        self.lock_patience = ticks;
+        self.clock.wait_for_lock(ticks);
     }
 
     /// Whether the wait that [`Motion::wait_for_lock`] began still lasts.
     pub const fn waits_for_lock(&self) -> bool {
-        self.lock_patience != 0
+        self.clock.is_awaited()
     }
 
     /// Whether the loops run in a fixed phase to the ring.
@@ -212,7 +214,7 @@ impl<B: Bus + Clone, H: Hardware> Motion<B, H> {
 
     /// A homing, an identification or a positive stop has ended, and nobody has asked yet how.
     pub(crate) const fn has_results(&self) -> bool {
-        self.identified.is_some() || self.has_homing_result() || self.positive_stop_result.is_some()
+        self.identified.is_some() || self.has_homing_result() || self.positive_stop.has_result()
     }
 
     /// Time since the processor was started, in us.
@@ -268,7 +270,7 @@ impl<B: Bus + Clone, H: Hardware> Motion<B, H> {
 
     /// One of the bits above P-0-0019, over the service channel.
     pub(crate) fn set_enable(&mut self, bit: u32, set: bool) {
-        self.controlled = if set { self.controlled | bit } else { self.controlled & !bit };
+        self.controlled.set_enable(bit, set);
     }
 
     /// P-0-0019 and the bits above it as they are, and those of them that somebody else sets: the MDT in every cycle, or an input.
@@ -281,7 +283,7 @@ impl<B: Bus + Clone, H: Hardware> Motion<B, H> {
                 owned = signal_control.into_iter().fold(owned, |all, bit| all | bit);
             }
         }
-        let mut bits = self.controlled;
+        let mut bits = self.controlled.all();
         if self.settings.home_switch_at_drive {
             owned |= HOME_SWITCH;
             bits = if self.inputs.home_switch { bits | HOME_SWITCH } else { bits & !HOME_SWITCH };
@@ -291,7 +293,7 @@ impl<B: Bus + Clone, H: Hardware> Motion<B, H> {
 
     /// P-0-0019 over the service channel.
     pub fn set_application_word(&mut self, word: u16) {
-        self.controlled = self.controlled & !0xFFFF | u32::from(word);
+        self.controlled.set_application_word(word);
     }
 
     /// Whether torque is on.
@@ -306,7 +308,31 @@ impl<B: Bus + Clone, H: Hardware> Motion<B, H> {
 
     /// S-0-0191.
     pub fn cancel_reference(&mut self) {
-        self.referenced = false;
+        self.reference.forget();
+    }
+
+    /// S-0-0149. `false`: the drive does not follow and is not halted.
+    pub(crate) fn start_positive_stop(&mut self) -> bool {
+        let may = matches!(self.machine.state(), DriveState::Following | DriveState::Halted) && self.class_1.is_empty();
+        if may {
+            self.positive_stop.start();
+        }
+        may
+    }
+
+    /// S-0-0149 is cancelled.
+    pub(crate) fn cancel_positive_stop(&mut self) {
+        self.positive_stop.cancel();
+    }
+
+    /// How S-0-0149 has ended, once.
+    pub(crate) fn take_positive_stop_result(&mut self) -> Option<CommandState> {
+        self.positive_stop.take_result()
+    }
+
+    /// S-0-0170 with S-0-0169, or its end.
+    pub(crate) fn set_probing(&mut self, settings: Option<ProbeSettings>) {
+        self.probing.set(settings, &mut self.hardware);
     }
 
     /// S-0-0148 holds the position, or is cancelled.
@@ -350,8 +376,8 @@ impl<B: Bus + Clone, H: Hardware> Motion<B, H> {
             MotorValue::CommutationState => self.motor.commutation_state().into(),
             MotorValue::MotorLoad => watched.motor_load.into(),
             MotorValue::AmplifierLoad => watched.amplifier_load.into(),
-            MotorValue::PhaseError => self.clock_monitor.last().cast_unsigned(),
-            MotorValue::LargestPhaseError => self.clock_monitor.largest(),
+            MotorValue::PhaseError => self.clock.phase_error().cast_unsigned(),
+            MotorValue::LargestPhaseError => self.clock.largest_phase_error(),
             MotorValue::LateCycles => self.motor.measured().late,
             MotorValue::IdentificationProgress => self.identification_percent.into(),
         }
@@ -359,7 +385,7 @@ impl<B: Bus + Clone, H: Hardware> Motion<B, H> {
 
     /// P-0-0152.
     pub fn phase_error_histogram(&self) -> [u32; PHASE_ERROR_CLASSES] {
-        self.clock_monitor.histogram()
+        self.clock.histogram()
     }
 
     /// P-0-0118 in 0.01 degree: the electrical angle of the place where the motor stands; negative: it is searched for again. Divides.

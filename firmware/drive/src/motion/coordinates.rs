@@ -50,18 +50,12 @@ impl<B: Bus + Clone, H: Hardware> Motion<B, H> {
 
     /// S-0-0130 to S-0-0133, in the coordinates of the instant of the edge.
     pub(super) fn probe_value(&self, probe: Probe, edge: Edge) -> i32 {
-        self.settings.coordinates.data(self.probe_run.cycle.value(probe, edge))
+        self.settings.coordinates.data(self.probing.value(probe, edge))
     }
 
     /// The place where the motor stands is the position `value`, in the weight of S-0-0052, from now on. Divides.
     pub fn set_reference(&mut self, value: i32) {
         self.shift_zero(self.settings.coordinates.place(value) - self.encoder.position());
-        self.referenced = true;
-    }
-
-    /// The axis in its own direction, but with the zero of the data: the nearer one of a modulo axis.
-    pub(super) fn place_around_zero(&self) -> Position {
-        let within = self.axis.cyclic_position(self.encoder.position());
-        self.settings.coordinates.range.around_zero(within)
+        self.reference.set();
     }
 }

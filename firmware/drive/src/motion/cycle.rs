@@ -21,18 +21,6 @@ const LOSS_SHOWN_TICKS: u16 = 2_000;
 const MODE_BITS: u16 = 0x0B00;
 
 impl<B: Bus + Clone, H: Hardware> Motion<B, H> {
-    /// A t3 event that is overdue by a quarter of a cycle (at least two ticks) is stood in for, so that supervision and
-    /// extrapolation go on at the ring's rhythm whatever the chip does without an MST (G28).
-    #[inline]
-    pub(super) fn flywheel(&mut self) -> Work {
-        self.until_overdue = self.until_overdue.wrapping_sub(1);
-        if self.until_overdue != 0 {
-            return Work::empty();
-        }
-        self.until_overdue = self.settings.cycle.ticks_per_cycle;
-        self.take_cycle()
-    }
-
     /// What one communication cycle brought: supervision, control word, command values.
     pub(super) fn take_cycle(&mut self) -> Work {
         let mst_missed = self.mst.take_missed();
@@ -65,7 +53,7 @@ impl<B: Bus + Clone, H: Hardware> Motion<B, H> {
         let before = self.commands;
         self.commands.control_word = self.command_port.control_word();
         self.take_record();
-        self.controlled = self.settings.bits.apply_control_word(self.controlled, self.commands.control_word);
+        self.controlled.take_control_word(&self.settings.bits, self.commands.control_word);
         let switches = Switches::from_control_word(self.commands.control_word);
         self.switches = Some(switches);
         let work = self.select_mode(switches);
@@ -162,7 +150,7 @@ impl<B: Bus + Clone, H: Hardware> Motion<B, H> {
     }
 
     pub(super) fn apply_signal_control(&mut self) {
-        self.controlled = self.settings.bits.apply_signal_control(self.controlled, self.commands.signal_control);
+        self.controlled.take_signal_control(&self.settings.bits, self.commands.signal_control);
     }
 
     fn commanded_velocity(&self) -> Velocity {

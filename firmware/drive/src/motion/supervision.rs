@@ -3,9 +3,10 @@
 use sercon816::Bus;
 use sercos::Phase;
 use sercos::diagnostic::{Class1, Class3};
-use servo::Position;
+use servo::{Commanded, Mode, Position, Velocity};
 
 use super::Motion;
+use super::words::TORQUE_LIMITS;
 use crate::diagnosis::{Manufacturer1, Manufacturer3};
 use crate::hardware::Hardware;
 use crate::motor::{Findings, Sequence, SequenceInputs, Surroundings};
@@ -42,7 +43,7 @@ impl<B: Bus + Clone, H: Hardware> Motion<B, H> {
             || self.is_travelling_home()
             || self.is_identifying()
             || self.oscilloscope.is_recording();
-        self.watch_positive_stop() | self.tell_lock() | self.tell_news() | self.tell_limits()
+        self.tell_stop() | self.tell_lock() | self.tell_news() | self.tell_limits()
     }
 
     /// One loop tick of what must not wait for the supervision: a counter that says what no shaft does.
@@ -103,7 +104,7 @@ impl<B: Bus + Clone, H: Hardware> Motion<B, H> {
     fn look_after_the_motor(&mut self, index: Option<u32>) {
         let torque = self.machine.state().has_torque();
         let in_operation = self.machine.state().is_in_operation();
-        let leaves_its_range = self.watch_range();
+        let leaves_its_range = self.leaves_its_range();
         let findings = self.motor.supervise(&Surroundings { torque, count: self.counted(self.motor.count()), index });
         self.take(findings);
         self.watch_safe_torque_off(torque);
@@ -150,7 +151,9 @@ impl<B: Bus + Clone, H: Hardware> Motion<B, H> {
         self.manufacturer_1 |= findings.manufacturer_1;
         self.fatal |= findings.fatal;
         // Increments were lost or added: nobody knows any more where the axis is.
-        self.referenced &= !findings.class_1.contains(Class1::FEEDBACK);
+        if findings.class_1.contains(Class1::FEEDBACK) {
+            self.reference.forget();
+        }
     }
 
     /// One step of switching on or off, and what it asks of bridge and brake.
@@ -171,7 +174,7 @@ impl<B: Bus + Clone, H: Hardware> Motion<B, H> {
                 position: self.encoder.position(),
                 torque_command: self.output.current,
                 brake_contact: self.inputs.brake_open,
-                blocked: !self.expects_a_stop()
+                blocked: !self.positive_stop.is_expected()
                     && self.output.standstill
                     && self.class_3.contains(Class3::TORQUE_LIMIT)
                     && self.output.velocity_command.abs() > self.settings.standstill_window,
@@ -202,12 +205,40 @@ impl<B: Bus + Clone, H: Hardware> Motion<B, H> {
         self.hardware.set_bridge(on);
     }
 
+    /// The positive stop is reached, or out of reach.
+    fn tell_stop(&mut self) -> Work {
+        let (output, window) = (&self.output, self.settings.standstill_window);
+        let torque = self.machine.state().has_torque();
+        // The shaft stands, whatever is commanded.
+        let pressed = || output.limiting.intersects(TORQUE_LIMITS) && output.velocity.abs() <= window;
+        if self.positive_stop.look(torque, pressed) { Work::SERVICE_CHANNEL } else { Work::empty() }
+    }
+
+    /// A command leads the axis beyond its position limits.
+    fn leaves_its_range(&mut self) -> bool {
+        let (axis, encoder, output) = (&self.axis, &self.encoder, &self.output);
+        let in_operation = self.machine.state().is_in_operation();
+        let range = self.settings.coordinates.range;
+        self.reference.is_left(self.settings.position_limits, || {
+            let position = encoder.position();
+            // With the zero of the data: the nearer one of a modulo axis.
+            let measured = range.around_zero(axis.cyclic_position(position));
+            let commanded = match axis.mode() {
+                _ if !in_operation => Commanded::Nothing,
+                // A stop leads nowhere, and a place is held where the axis has come to.
+                Mode::Off | Mode::Stopping | Mode::Braking | Mode::Halt => Commanded::Nothing,
+                Mode::Position | Mode::Travel => Commanded::At(measured + (output.position_command - position)),
+                Mode::Velocity => Commanded::Turn(output.velocity_command),
+                // No velocity is commanded, and the measured one of a standing axis is noise.
+                Mode::Torque if output.standstill => Commanded::Turn(Velocity::ZERO),
+                Mode::Torque => Commanded::Turn(output.velocity),
+            };
+            (measured, commanded)
+        })
+    }
+
     fn tell_lock(&mut self) -> Work {
-        if self.lock_patience == 0 {
-            return Work::empty();
-        }
-        self.lock_patience = if self.clock.is_locked() { 0 } else { self.lock_patience.saturating_sub(1) };
-        if self.lock_patience == 0 { Work::SERVICE_CHANNEL } else { Work::empty() }
+        if self.clock.has_waited() { Work::SERVICE_CHANNEL } else { Work::empty() }
     }
 
     /// Asks the background to look at what has become of the drive: its diagnosis and its error memory.

@@ -4,10 +4,11 @@ use sercon816::Bus;
 use sercos::command::CommandState;
 use servo::{
     Homing, HomingError, HomingInputs, HomingMotion, HomingSettings, HomingState, MotionLimits, Position,
-    ProbeInput as ProbeSide, ProbeInputs, ProbeSettings, ProbingCycle, Travel,
+    ProbeInput as ProbeSide, ProbeInputs, Travel,
 };
 
 use super::Motion;
+use super::control_bits::{HOME_SWITCH, HOMING_ENABLE, PROBE_1_ENABLE, PROBE_2_ENABLE};
 use crate::hardware::{Hardware, ProbeInput};
 use crate::state::DriveState;
 
@@ -35,29 +36,13 @@ pub(crate) enum HomingFailure {
     Torque,
 }
 
-/// Probes, as the service channel and the AT see them.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub(crate) struct ProbeRun {
-    pub(super) cycle: ProbingCycle,
-    settings: Option<ProbeSettings>,
-}
-
-/// Bits that only a control bit or the service channel sets, above the 16 of P-0-0019.
-pub(crate) const HOMING_ENABLE: u32 = 1 << 16;
-/// S-0-0405.
-pub(crate) const PROBE_1_ENABLE: u32 = 1 << 17;
-/// S-0-0406.
-pub(crate) const PROBE_2_ENABLE: u32 = 1 << 18;
-/// S-0-0400, where S-0-0147 bit 2 says that the control has the switch.
-pub(crate) const HOME_SWITCH: u32 = 1 << 19;
-
 impl<B: Bus + Clone, H: Hardware> Motion<B, H> {
     /// Starts S-0-0148 with a movement. The old reference is gone from now on. `false`: the drive is not in operation.
     pub(crate) fn start_homing(&mut self, settings: HomingSettings, limits: MotionLimits) -> bool {
         if !matches!(self.machine.state(), DriveState::Following | DriveState::Halted) {
             return false;
         }
-        self.referenced = false;
+        self.reference.forget();
         self.homing = true;
         self.homing_run = HomingRun {
             running: Some((Homing::start(self.encoder.position()), settings, limits)),
@@ -102,7 +87,7 @@ impl<B: Bus + Clone, H: Hardware> Motion<B, H> {
             HomingInputs {
                 position: self.encoder.position(),
                 home_switch: self.home_switch(settings.is_switch_at_drive()),
-                homing_enable: self.controlled & HOMING_ENABLE != 0,
+                homing_enable: self.controlled.has(HOMING_ENABLE),
                 index: self.homing_run.index.flatten(),
                 standstill: self.output.standstill,
                 moving_finished: self.output.travelled,
@@ -125,7 +110,7 @@ impl<B: Bus + Clone, H: Hardware> Motion<B, H> {
             (HomingState::Running, _) => return false,
             (HomingState::Done, Some(reference)) => {
                 self.shift_zero(reference.shift);
-                self.referenced = true;
+                self.reference.set();
                 self.end_homing(CommandState::Executed, None);
             }
             (HomingState::Failed(error), _) => {
@@ -156,7 +141,7 @@ impl<B: Bus + Clone, H: Hardware> Motion<B, H> {
 
     /// The home switch of its owner.
     fn home_switch(&self, at_drive: bool) -> bool {
-        if at_drive { self.inputs.home_switch } else { self.controlled & HOME_SWITCH != 0 }
+        if at_drive { self.inputs.home_switch } else { self.controlled.has(HOME_SWITCH) }
     }
 
     /// Moves the zero of all positions by `difference` without a movement. Divides.
@@ -167,54 +152,36 @@ impl<B: Bus + Clone, H: Hardware> Motion<B, H> {
         // What the last tick and the last t4 have left is read before the next.
         self.output.position_command = self.output.position_command + difference;
         self.shown.position = self.shown.position + difference;
-        // Where the axis stands now is nothing that a command has led to.
-        self.range_monitor = None;
+        self.reference.zero_has_moved();
         self.positioning.forget();
     }
 
-    /// One look at the probes, whose edges the hardware has latched.
+    /// One look at the probes.
     pub(super) fn probe(&mut self) {
-        let Some(settings) = self.probe_run.settings else { return };
         let direction = self.motor.direction();
-        let mut side = |probe: ProbeInput, level: bool, enable: bool| {
-            let mut latched = |rising| {
-                let latch = self.hardware.probe_latch(probe, rising)?;
-                // In the turn of the data in which the edge came.
-                Some(self.axis.cyclic_position(self.encoder.position_of(latch.wrapping_mul(direction))))
+        self.probing.look(|| {
+            let mut side = |probe: ProbeInput, level: bool, enable: bool| {
+                let mut latched = |rising| {
+                    let latch = self.hardware.probe_latch(probe, rising)?;
+                    // In the turn of the data in which the edge came.
+                    Some(self.axis.cyclic_position(self.encoder.position_of(latch.wrapping_mul(direction))))
+                };
+                ProbeSide { level, enable, positive: latched(true), negative: latched(false) }
             };
-            ProbeSide { level, enable, positive: latched(true), negative: latched(false) }
-        };
-        let one = side(ProbeInput::One, self.inputs.probe_1, self.controlled & PROBE_1_ENABLE != 0);
-        let two = side(ProbeInput::Two, self.inputs.probe_2, self.controlled & PROBE_2_ENABLE != 0);
-        self.probe_run.cycle.tick(&settings, &ProbeInputs { active: true, one, two });
-    }
-
-    /// S-0-0170 with S-0-0169, or its end.
-    pub(crate) fn set_probing(&mut self, settings: Option<ProbeSettings>) {
-        if settings.is_some() {
-            self.hardware.arm_probe(ProbeInput::One);
-            self.hardware.arm_probe(ProbeInput::Two);
-        } else if let Some(last) = self.probe_run.settings {
-            self.probe_run.cycle.tick(&last, &ProbeInputs::default());
-        }
-        self.probe_run.settings = settings;
-    }
-
-    /// S-0-0179.
-    pub(super) fn probe_status(&self) -> u16 {
-        self.probe_run.cycle.measurement_value_status()
+            let one = side(ProbeInput::One, self.inputs.probe_1, self.controlled.has(PROBE_1_ENABLE));
+            let two = side(ProbeInput::Two, self.inputs.probe_2, self.controlled.has(PROBE_2_ENABLE));
+            ProbeInputs { active: true, one, two }
+        });
     }
 
     /// Single bits of inputs and sequences: 0 home switch, 1 and 2 probes, 3 marker registered, 4 to 7 the bits of S-0-0179, 8 to 10
     /// S-0-0405 to S-0-0407.
     pub(super) fn signals(&self) -> u16 {
-        let enables = [PROBE_1_ENABLE, PROBE_2_ENABLE, HOMING_ENABLE].into_iter().rev();
-        let enables = enables.fold(0, |word, bit| word << 1 | u16::from(self.controlled & bit != 0));
         u16::from(self.home_switch(self.settings.home_switch_at_drive))
             | u16::from(self.inputs.probe_1) << 1
             | u16::from(self.inputs.probe_2) << 2
             | u16::from(self.homing_run.marker_registered) << 3
-            | self.probe_status() << 4
-            | enables << 8
+            | self.probing.status() << 4
+            | self.controlled.enables() << 8
     }
 }

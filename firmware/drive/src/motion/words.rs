@@ -126,10 +126,10 @@ impl<B: Bus + Clone, H: Hardware> Motion<B, H> {
             Word::Manufacturer3 => self.manufacturer_3.bits(),
             Word::Control => self.commands.control_word,
             Word::Status => self.status_without_real_time_bits(),
-            Word::PositionStatus => u16::from(self.referenced),
-            Word::Application => (self.controlled & 0xFFFF) as u16,
+            Word::PositionStatus => u16::from(self.reference.is_known()),
+            Word::Application => (self.controlled.all() & 0xFFFF) as u16,
             Word::Signals => self.signals(),
-            Word::ProbeStatus => self.probe_status(),
+            Word::ProbeStatus => self.probing.status(),
             Word::Positioning => self.positioning_status(),
         }
     }
