@@ -14,7 +14,7 @@ use servo::identification::{
 };
 use servo::{Acceleration, Position, SettingsError, Velocity, current_gains, position_gain, velocity_gains};
 
-use crate::identification::{Failure, Measurement, Outcome, Plan};
+use crate::motion::identification::{Failure, Measurement, Outcome, Plan};
 use crate::settings::InvalidSetting;
 use crate::settings::motor::FREQUENCY;
 

@@ -13,8 +13,8 @@ use servo::{HomingSettings, MotionLimits};
 use super::rig::{Rig, Still, words_of};
 use super::tests::{P, S, attempts};
 use super::*;
-use crate::identification::Plan;
 use crate::motion::CommandValues;
+use crate::motion::identification::Plan;
 
 /// Data of the user's own, which the drive keeps and gives back.
 const KEPT_FOR_THE_USER: [(Idn, &str); 4] = [

@@ -56,7 +56,7 @@ impl<B: Bus + Clone, H: Hardware> Motion<B, H> {
 
 impl<B: Bus + Clone, H: Hardware> SignalValues for Values<'_, B, H> {
     fn command(&self, command: Command) -> u32 {
-        let commands = &self.motion.commands;
+        let commands = self.motion.ring.commands();
         match command {
             Command::Velocity => commands.velocity.cast_unsigned(),
             Command::AdditiveVelocity => commands.additive_velocity.cast_unsigned(),
