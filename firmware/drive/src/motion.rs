@@ -364,14 +364,12 @@ impl<B: Bus + Clone, H: Hardware> Motion<B, H> {
         if self.cyclic_limits.is_carried() {
             self.choose_limits(state);
         }
-        let free = || matches!(state, DriveState::Following | DriveState::Halted) && self.function.is_none();
-        self.positioning.watch(self.operation.mode(), free, self.ring.commands(), &self.settings);
-        let mode = self.operation.axis_mode(
-            self.motor.commutates(),
-            self.settings.reaction,
-            self.function.axis_mode(),
-            self.positioning.is_active(),
-        );
+        if self.positioning.is_concerned(self.operation.mode()) {
+            self.watch_positioning();
+        }
+        let mode = self.operation.axis_mode(self.motor.commutates(), self.settings.reaction, &self.function, || {
+            self.positioning.is_active()
+        });
         if mode != self.axis.mode() {
             // An axis that stands although it is to move, because it is blocked, has a ramp before it.
             self.output.standstill &= self.output.velocity_command.abs() <= self.settings.standstill_window;

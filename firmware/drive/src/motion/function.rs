@@ -31,7 +31,9 @@ pub(super) struct Function {
     percent: u8,
 }
 
+/// Its number is a byte of its own, not a niche of what is inside: that S-0-0148 holds the axis is asked for at every step of the state.
 #[derive(Debug, Default)]
+#[repr(u8)]
 #[expect(
     clippy::large_enum_variant,
     reason = "the smaller ones lie in the memory of the largest; there is no heap to put it on"
@@ -40,12 +42,12 @@ enum Active {
     /// The axis is the control's.
     #[default]
     None,
-    /// S-0-0148 moves the axis.
-    Homing(HomingRun),
-    /// S-0-0148 has ended, and holds the axis until it is cancelled.
-    Held,
     /// P-0-0224, P-0-0225 or P-0-0226 is under way.
     Identification(Identification),
+    /// S-0-0148 has ended, and holds the axis until it is cancelled.
+    Held,
+    /// S-0-0148 moves the axis.
+    Homing(HomingRun),
 }
 
 impl Function {

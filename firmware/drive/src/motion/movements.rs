@@ -101,6 +101,15 @@ impl<B: Bus + Clone, H: Hardware> Motion<B, H> {
         Scene::new(&self.axis, &self.output, &self.settings, self.encoder.position())
     }
 
+    /// A mode with a target may begin or end.
+    #[inline(never)]
+    pub(super) fn watch_positioning(&mut self) {
+        let free =
+            matches!(self.operation.state(), DriveState::Following | DriveState::Halted) && self.function.is_none();
+        let control = self.ring.commands().positioning_control;
+        self.positioning.watch(self.operation.mode(), free, control, self.settings.positioning.drops_target);
+    }
+
     /// One step on the way to the target of a positioning.
     #[inline(never)]
     pub(super) fn position_to_target(&mut self) {

@@ -2,6 +2,7 @@
 
 use servo::Mode;
 
+use super::function::Function;
 use crate::diagnosis::Manufacturer1;
 use crate::hardware::{Hardware, Inputs};
 use crate::motor::{Findings, Progress, Sequence};
@@ -159,10 +160,16 @@ impl Operation {
         self.machine.update(switches, conditions)
     }
 
-    /// What the axis is to do in this state. `own`: a movement of the drive's own in the place of what HALT or the mode say; `positions`: it
+    /// What the axis is to do in this state. A function of the drive's own moves it in the place of what HALT or the mode say; `positions`: it
     /// goes to a target by itself.
     #[inline]
-    pub(super) fn axis_mode(&self, commutates: bool, reaction: Reaction, own: Option<Mode>, positions: bool) -> Mode {
+    pub(super) fn axis_mode(
+        &self,
+        commutates: bool,
+        reaction: Reaction,
+        function: &Function,
+        positions: impl FnOnce() -> bool,
+    ) -> Mode {
         match (self.machine.state(), self.mode) {
             (DriveState::Off | DriveState::Fault, _) => Mode::Off,
             // Without an angle there is no torque that a loop could use.
@@ -170,14 +177,13 @@ impl Operation {
             (DriveState::FaultReaction, _) if reaction == Reaction::TorqueLimit => Mode::Braking,
             (DriveState::SwitchingOff | DriveState::FaultReaction, _) => Mode::Stopping,
             (DriveState::SwitchingOn | DriveState::Engaging, _) => Mode::Halt,
-            (DriveState::Halted, _) => own.unwrap_or(Mode::Halt),
-            (DriveState::Following, mode) => match (own, mode) {
-                (Some(own), _) => own,
-                (None, Some(OperationMode::Torque)) => Mode::Torque,
-                (None, Some(OperationMode::Velocity)) => Mode::Velocity,
-                (None, _) if positions => Mode::Travel,
-                (None, _) => Mode::Position,
-            },
+            (DriveState::Halted, _) => function.axis_mode().unwrap_or(Mode::Halt),
+            // An identification is over by then.
+            (DriveState::Following, _) if function.is_travelling_home() => Mode::Travel,
+            (DriveState::Following, Some(OperationMode::Torque)) => Mode::Torque,
+            (DriveState::Following, Some(OperationMode::Velocity)) => Mode::Velocity,
+            (DriveState::Following, _) if positions() => Mode::Travel,
+            (DriveState::Following, _) => Mode::Position,
         }
     }
 

@@ -134,24 +134,16 @@ impl Positioning {
         (control ^ self.seen) & TOGGLE != 0
     }
 
-    /// Notices that a mode with a target begins or ends. `free`: the drive follows or is halted, and no function moves or holds the axis.
+    /// Something may begin or end with this mode. Most modes have no target.
     #[inline]
-    pub(super) fn watch(
-        &mut self,
-        mode: Option<OperationMode>,
-        free: impl FnOnce() -> bool,
-        commands: &CommandValues,
-        settings: &MotionSettings,
-    ) {
-        let source = mode.and_then(OperationMode::target_source);
-        // Most modes have none.
-        if source.is_some() || self.source.is_some() {
-            self.change(source.filter(|_| free()), commands.positioning_control, settings.positioning.drops_target);
-        }
+    pub(super) fn is_concerned(&self, mode: Option<OperationMode>) -> bool {
+        mode.and_then(OperationMode::target_source).is_some() || self.source.is_some()
     }
 
-    #[inline(never)]
-    fn change(&mut self, source: Option<TargetSource>, control: u16, drops_target: bool) {
+    /// Notices that a mode with a target begins or ends. `free`: the drive follows or is halted, and no function moves or holds the axis;
+    /// `control`: S-0-0346.
+    pub(super) fn watch(&mut self, mode: Option<OperationMode>, free: bool, control: u16, drops_target: bool) {
+        let source = mode.and_then(OperationMode::target_source).filter(|_| free);
         if source == self.source {
             return;
         }
