@@ -50,8 +50,8 @@ use positioning::Positioning;
 use positive_stop::PositiveStop;
 use probing::Probing;
 use reference::Reference;
-use ring_clock::RingClock;
-use ring_side::{Arrival, Cycle, RingSide};
+use ring_clock::{ClockMonitor, RingClock};
+use ring_side::{Cycle, RingSide};
 use status::Status;
 
 use crate::diagnosis::Manufacturer1;
@@ -67,8 +67,8 @@ use crate::work::Work;
 
 /// The motor side of the drive and the cyclic half of the bus.
 ///
-/// Laid out as declared: what every loop tick touches comes first, where an instruction reaches it without an address of its own. The axis ends
-/// within the 1 020 bytes that an instruction for two words reaches.
+/// Laid out as declared: what every loop tick touches comes first, where an instruction reaches it without an address of its own. What an instruction for two words
+/// reaches, 1 020 bytes, is the axis's.
 #[repr(C)]
 #[derive(Debug)]
 pub struct Motion<B, H> {
@@ -77,11 +77,10 @@ pub struct Motion<B, H> {
     /// Something goes along with the loops, see [`Motion::accompany`], or the oscilloscope records; found out by the supervision.
     accompanied: bool,
     encoder: TwiceReadEncoder,
+    clock: RingClock,
     /// What the loops gave in the last tick.
     output: AxisOutput,
     axis: Axis,
-    motor: Motor,
-    clock: RingClock,
     status: Status,
     operation: Operation,
     hardware: H,
@@ -90,8 +89,10 @@ pub struct Motion<B, H> {
     shown: ShownValues,
     positioning: Positioning,
     positive_stop: PositiveStop,
-    reference: Reference,
     controls: ControlBits,
+    motor: Motor,
+    clock_monitor: ClockMonitor,
+    reference: Reference,
     function: Function,
     probing: Probing,
     oscilloscope: Oscilloscope<'static>,
@@ -129,6 +130,7 @@ impl<B: Bus + Clone, H: Hardware> Motion<B, H> {
             operation: Operation::default(),
             hardware,
             ring: RingSide::new(bus, address),
+            clock_monitor: ClockMonitor::new(),
             inputs,
             shown: ShownValues::default(),
             positioning: Positioning::default(),
@@ -161,6 +163,7 @@ impl<B: Bus + Clone, H: Hardware> Motion<B, H> {
             }
             Phase::Cp3 | Phase::Cp4 => {
                 self.clock.on_t3(self.settings.cycle.ticks_to_overdue);
+                self.clock_monitor.take(self.clock.phase_error(), self.clock.is_locked());
                 self.take_cycle()
             }
         }
@@ -268,8 +271,10 @@ impl<B: Bus + Clone, H: Hardware> Motion<B, H> {
     }
 
     fn take_commands(&mut self) -> Work {
-        let arrival = self.ring.take_commands(self.settings.cycle.cycles_per_command, &mut self.cyclic_limits);
-        self.take_arrival(arrival);
+        let fresh = self.ring.take_commands(self.settings.cycle.cycles_per_command, &mut self.cyclic_limits);
+        if self.ring.passes_on() {
+            self.pass_on(self.ring.carries_target(), self.ring.carries_signals());
+        }
         let control_word = self.ring.commands().control_word;
         self.controls.take_control_word(&self.settings.bits, control_word);
         let mut work = Work::empty();
@@ -288,7 +293,7 @@ impl<B: Bus + Clone, H: Hardware> Motion<B, H> {
         if self.positioning.is_active() {
             self.position_to_target();
         }
-        if arrival.has_point() {
+        if fresh {
             self.axis.command_velocity(self.ring.commands().velocity(&self.settings));
             if let Err(jump) = self.axis.command_position(self.ring.commands().position(&self.settings)) {
                 // Stops the axis, from as fast as it is, in place of taking the command.
@@ -300,13 +305,13 @@ impl<B: Bus + Clone, H: Hardware> Motion<B, H> {
         work
     }
 
-    /// What others have to do about commands.
-    #[inline]
-    fn take_arrival(&mut self, arrival: Arrival) {
-        if arrival.has_target() {
+    /// What others have to do about S-0-0258 and S-0-0145.
+    #[inline(never)]
+    fn pass_on(&mut self, target: bool, signals: bool) {
+        if target {
             self.positioning.target_is_written();
         }
-        if arrival.has_signals() {
+        if signals {
             self.controls.take_signal_control(&self.settings.bits, self.ring.commands().signal_control);
         }
     }
@@ -347,7 +352,7 @@ impl<B: Bus + Clone, H: Hardware> Motion<B, H> {
     }
 
     /// Errors whose consequences cannot wait for the next look at the state.
-    #[cold]
+    #[inline]
     fn fail(&mut self, findings: Findings) {
         self.take(findings);
         self.update_state();

@@ -9,7 +9,7 @@ use servo::{Axis, HomingSettings, MotionLimits, ProbeSettings, SUPERVISION_PERIO
 
 use super::function::Function;
 use super::identification::{Outcome, Plan};
-use super::ring_clock::PHASE_ERROR_CLASSES;
+use super::ring_clock::{ClockMonitor, PHASE_ERROR_CLASSES};
 use super::{CommandValues, HOME_SWITCH, HomingFailure, Motion};
 use crate::bits::BitSettings;
 use crate::diagnosis::Circumstances;
@@ -85,7 +85,7 @@ impl<B: Bus + Clone, H: Hardware> Motion<B, H> {
             }
             Phase::Cp4 => self.change_mode(self.settings.modes.first().copied().flatten()),
             Phase::Cp2 => {
-                self.clock.forget_errors();
+                self.clock_monitor = ClockMonitor::new();
                 self.park(false);
             }
             _ => {}
@@ -247,8 +247,9 @@ impl<B: Bus + Clone, H: Hardware> Motion<B, H> {
 
     /// A command value over the service channel, while it is not cyclic.
     pub fn set_command(&mut self, command: Command, raw: u32) {
-        let arrival = self.ring.put_command(command, raw, &mut self.cyclic_limits);
-        self.take_arrival(arrival);
+        // The axis takes a point of the path with the next MDT.
+        let _ = self.ring.put_command(command, raw, &mut self.cyclic_limits);
+        self.pass_on(command == Command::TargetPosition, command == Command::SignalControl);
         // What is reached is told of the new target as soon as it is acknowledged.
         if self.positioning.is_active() {
             self.position_to_target();
@@ -426,8 +427,8 @@ impl<B: Bus + Clone, H: Hardware> Motion<B, H> {
             MotorValue::CommutationState => self.motor.commutation_state().into(),
             MotorValue::MotorLoad => watched.motor_load.into(),
             MotorValue::AmplifierLoad => watched.amplifier_load.into(),
-            MotorValue::PhaseError => self.clock.phase_error().cast_unsigned(),
-            MotorValue::LargestPhaseError => self.clock.largest_phase_error(),
+            MotorValue::PhaseError => self.clock_monitor.last().cast_unsigned(),
+            MotorValue::LargestPhaseError => self.clock_monitor.largest(),
             MotorValue::LateCycles => self.motor.measured().late,
             MotorValue::IdentificationProgress => self.function.percent().into(),
         }
@@ -435,7 +436,7 @@ impl<B: Bus + Clone, H: Hardware> Motion<B, H> {
 
     /// P-0-0152.
     pub fn phase_error_histogram(&self) -> [u32; PHASE_ERROR_CLASSES] {
-        self.clock.histogram()
+        self.clock_monitor.histogram()
     }
 
     /// P-0-0118 in 0.01 degree: the electrical angle of the place where the motor stands; negative: it is searched for again. Divides.

@@ -18,20 +18,12 @@ pub(super) struct RingClock {
     latch: u32,
     /// Ticks of the supervision for which somebody still waits for the clock to lock.
     patience: u16,
-    monitor: ClockMonitor,
 }
 
 impl RingClock {
     /// A clock that knows nothing of the ring, outside the cyclic phases.
     pub(super) const fn new(settings: LoopClockSettings) -> Self {
-        Self {
-            until_overdue: 0,
-            edge_phase: 0,
-            clock: LoopClock::new(settings),
-            latch: 0,
-            patience: 0,
-            monitor: ClockMonitor::new(),
-        }
+        Self { until_overdue: 0, edge_phase: 0, clock: LoopClock::new(settings), latch: 0, patience: 0 }
     }
 
     /// Begins without knowledge of phase and drift.
@@ -66,8 +58,13 @@ impl RingClock {
     #[inline]
     pub(super) fn on_t3(&mut self, ticks_to_overdue: u16) {
         self.clock.on_t3(self.edge_phase);
-        self.monitor.take(self.clock.phase_error(), self.clock.is_locked());
         self.until_overdue = ticks_to_overdue;
+    }
+
+    /// The phase error of the last t3 event, in counts of the loop timer.
+    #[inline]
+    pub(super) const fn phase_error(&self) -> i32 {
+        self.clock.phase_error()
     }
 
     /// A loop tick: by so many counts the period after the next is to be longer.
@@ -116,26 +113,6 @@ impl RingClock {
         self.patience = if self.clock.is_locked() { 0 } else { self.patience.saturating_sub(1) };
         self.patience == 0
     }
-
-    /// Forgets what is known of phase errors.
-    pub(super) fn forget_errors(&mut self) {
-        self.monitor = ClockMonitor::new();
-    }
-
-    /// P-0-0150 in ns; positive: the tick came early.
-    pub(super) const fn phase_error(&self) -> i32 {
-        self.monitor.last()
-    }
-
-    /// P-0-0151 in ns.
-    pub(super) fn largest_phase_error(&self) -> u32 {
-        self.monitor.largest()
-    }
-
-    /// P-0-0152.
-    pub(super) const fn histogram(&self) -> [u32; PHASE_ERROR_CLASSES] {
-        self.monitor.histogram()
-    }
 }
 
 /// Classes of the histogram: up to 50, 100, 200, 500, 1000, 2000 ns, and above.
@@ -149,7 +126,7 @@ const NANOSECONDS_PER_COUNT: i64 = 780_190;
 
 /// Statistics of the phase error at t3; in counts, because it is asked for much less often than it is taken.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-struct ClockMonitor {
+pub(super) struct ClockMonitor {
     last: i32,
     highest: i32,
     lowest: i32,
@@ -157,13 +134,13 @@ struct ClockMonitor {
 }
 
 impl ClockMonitor {
-    const fn new() -> Self {
+    pub(super) const fn new() -> Self {
         Self { last: 0, highest: 0, lowest: 0, counts: [0; PHASE_ERROR_CLASSES] }
     }
 
     /// Takes the phase error of a t3 event in counts of 84 MHz; statistics only of a locked clock.
     #[inline]
-    fn take(&mut self, counts: i32, locked: bool) {
+    pub(super) fn take(&mut self, counts: i32, locked: bool) {
         self.last = counts;
         if !locked {
             return;
@@ -181,17 +158,17 @@ impl ClockMonitor {
     }
 
     /// Last phase error in ns; positive: the tick came early.
-    const fn last(&self) -> i32 {
+    pub(super) const fn last(&self) -> i32 {
         nanoseconds(self.last)
     }
 
     /// Largest magnitude in ns.
-    fn largest(&self) -> u32 {
+    pub(super) fn largest(&self) -> u32 {
         nanoseconds(self.highest).unsigned_abs().max(nanoseconds(self.lowest).unsigned_abs())
     }
 
     /// How often each class occurred.
-    const fn histogram(&self) -> [u32; PHASE_ERROR_CLASSES] {
+    pub(super) const fn histogram(&self) -> [u32; PHASE_ERROR_CLASSES] {
         self.counts
     }
 }

@@ -14,6 +14,10 @@ use crate::settings::{MotionSettings, Polarity};
 /// So long a lost telegram is a warning, in ticks of the supervision: one second.
 const LOSS_SHOWN_TICKS: u16 = 2_000;
 
+// Bits of [`RingSide::passed_on`]: S-0-0258 and S-0-0145.
+const TARGET: u8 = 1 << 0;
+const SIGNALS: u8 = 1 << 1;
+
 /// The cyclic command values as they came last, each in the weight of its IDN.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct CommandValues {
@@ -42,11 +46,6 @@ pub struct CommandValues {
 }
 
 impl CommandValues {
-    /// The values that make a point of a path: with one of them changed, the control unit has given a new one.
-    const fn path(&self) -> (i32, i32, i32, i32) {
-        (self.velocity, self.additive_velocity, self.position, self.additive_position)
-    }
-
     /// S-0-0036 with S-0-0037.
     #[inline]
     pub(super) fn velocity(&self, settings: &MotionSettings) -> Velocity {
@@ -102,34 +101,6 @@ pub(super) enum Cycle {
     Lost(PhaseError),
 }
 
-/// What the MDT has brought that somebody else has to act on.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub(super) struct Arrival(u8);
-
-impl Arrival {
-    const POINT: u8 = 1;
-    const TARGET: u8 = 2;
-    const SIGNALS: u8 = 4;
-
-    /// A new point of the path.
-    #[inline]
-    pub(super) const fn has_point(self) -> bool {
-        self.0 & Self::POINT != 0
-    }
-
-    /// S-0-0258, a new one or the old one once more.
-    #[inline]
-    pub(super) const fn has_target(self) -> bool {
-        self.0 & Self::TARGET != 0
-    }
-
-    /// S-0-0145.
-    #[inline]
-    pub(super) const fn has_signals(self) -> bool {
-        self.0 & Self::SIGNALS != 0
-    }
-}
-
 /// Telegrams of the cycle, and the phase in which they come.
 #[derive(Debug)]
 pub(super) struct RingSide<B> {
@@ -138,6 +109,8 @@ pub(super) struct RingSide<B> {
     entered_cyclic: bool,
     /// Cycles since a command value was last handed to the axis.
     cycles_since_command: u16,
+    /// What the MDT carries that somebody else has to act on, a bit each.
+    passed_on: u8,
     command_port: CommandPort<B>,
     feedback_port: FeedbackPort<B>,
     mst: MstMonitor<B>,
@@ -157,6 +130,7 @@ impl<B: Bus + Clone> RingSide<B> {
             phase: Phase::Cp0,
             entered_cyclic: false,
             cycles_since_command: 0,
+            passed_on: 0,
             command_port: CommandPort::new(bus.clone(), address),
             feedback_port: FeedbackPort::new(bus.clone()),
             mst: MstMonitor::new(bus),
@@ -197,12 +171,27 @@ impl<B: Bus + Clone> RingSide<B> {
 
     /// Which values the cyclic records carry; before CP3.
     pub(super) fn set_records(&mut self, records: Records) {
+        let bit = |command, bit| if records.commands.contains(&command) { bit } else { 0 };
+        self.passed_on = bit(Command::TargetPosition, TARGET) | bit(Command::SignalControl, SIGNALS);
         self.records = records;
     }
 
+    /// The MDT carries commands that somebody else has to act on.
+    #[inline]
+    pub(super) const fn passes_on(&self) -> bool {
+        self.passed_on != 0
+    }
+
+    /// The MDT carries S-0-0258.
+    #[inline]
+    pub(super) const fn carries_target(&self) -> bool {
+        self.passed_on & TARGET != 0
+    }
+
     /// The MDT carries S-0-0145.
-    pub(super) fn carries_signals(&self) -> bool {
-        self.records.commands.contains(&Command::SignalControl)
+    #[inline]
+    pub(super) const fn carries_signals(&self) -> bool {
+        self.passed_on & SIGNALS != 0
     }
 
     /// The values of the AT, one after the other.
@@ -266,12 +255,12 @@ impl<B: Bus + Clone> RingSide<B> {
         if self.phase == Phase::Cp4 && received { Cycle::WithCommands } else { Cycle::WithoutCommands }
     }
 
-    /// Control word and command values of this drive's record, in their order; the limits among them go to `limits`.
+    /// Control word and command values of this drive's record, in their order; the limits among them go to `limits`. Returns whether there
+    /// is a new point of the path among them.
     #[inline]
-    pub(super) fn take_commands(&mut self, cycles_per_command: u16, limits: &mut CyclicLimits) -> Arrival {
-        let before = self.commands.path();
+    pub(super) fn take_commands(&mut self, cycles_per_command: u16, limits: &mut CyclicLimits) -> bool {
         self.commands.control_word = self.command_port.control_word();
-        let mut arrival = Arrival::default();
+        let mut changed = false;
         let mut word = 0_u16;
         for index in 0..self.records.commands.len() {
             let Some(&command) = self.records.commands.get(index) else { break };
@@ -279,43 +268,38 @@ impl<B: Bus + Clone> RingSide<B> {
                 2 => self.command_port.double_word(word),
                 _ => u32::from(self.command_port.word(word)),
             };
-            arrival.0 |= self.put_command(command, raw, limits).0;
+            changed |= self.put_command(command, raw, limits);
             word = word.wrapping_add(command.words());
         }
         self.cycles_since_command = self.cycles_since_command.saturating_add(1);
         // A control unit slower than the ring repeats its values; a repeated value is no new point of the path.
-        if before != self.commands.path() || self.cycles_since_command >= cycles_per_command {
+        let fresh = changed || self.cycles_since_command >= cycles_per_command;
+        if fresh {
             self.cycles_since_command = 0;
-            arrival.0 |= Arrival::POINT;
         }
-        arrival
+        fresh
     }
 
-    /// One command value, of the MDT or of the service channel.
+    /// One command value, of the MDT or of the service channel. Returns whether it changes the point of the path.
     #[inline]
-    pub(super) fn put_command(&mut self, command: Command, raw: u32, limits: &mut CyclicLimits) -> Arrival {
+    pub(super) fn put_command(&mut self, command: Command, raw: u32, limits: &mut CyclicLimits) -> bool {
+        let changes = |place: &mut i32| core::mem::replace(place, raw.cast_signed()) != raw.cast_signed();
         let long = raw.cast_signed();
         let word = (raw & 0xFFFF) as u16;
         match command {
-            Command::Velocity => self.commands.velocity = long,
-            Command::AdditiveVelocity => self.commands.additive_velocity = long,
-            Command::Position => self.commands.position = long,
-            Command::AdditivePosition => self.commands.additive_position = long,
+            Command::Velocity => return changes(&mut self.commands.velocity),
+            Command::AdditiveVelocity => return changes(&mut self.commands.additive_velocity),
+            Command::Position => return changes(&mut self.commands.position),
+            Command::AdditivePosition => return changes(&mut self.commands.additive_position),
             Command::Torque => self.commands.torque = word.cast_signed(),
             Command::AdditiveTorque => self.commands.additive_torque = word.cast_signed(),
-            Command::SignalControl => {
-                self.commands.signal_control = word;
-                return Arrival(Arrival::SIGNALS);
-            }
-            Command::TargetPosition => {
-                self.commands.target_position = long;
-                return Arrival(Arrival::TARGET);
-            }
+            Command::SignalControl => self.commands.signal_control = word,
+            Command::TargetPosition => self.commands.target_position = long,
             Command::PositioningValue => self.commands.positioning_value = long,
             Command::PositioningControl => self.commands.positioning_control = word,
             Command::Limit(limit) => limits.take(limit, raw),
         }
-        Arrival::default()
+        false
     }
 
     /// The command values as they came last.
