@@ -9,7 +9,9 @@ use bitflags::bitflags;
 use sercos::Idn;
 use sercos::parameters::Parameters;
 use sercos::{attribute::Attribute, dictionary};
-use servo::{AxisMovements, MotionLimits, SettingsError, VelocityLimits};
+use servo::SettingsError;
+use servo::axis::{AxisMovements, VelocityLimits};
+use servo::path::MotionLimits;
 
 use crate::settings::LimitScale;
 

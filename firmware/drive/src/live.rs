@@ -11,7 +11,7 @@ use sercos::parameters::Parameters;
 use sercos::service::{LIVE_LIST_ENTRIES, LIVE_LONG_ENTRIES, LIVE_TEXT_BYTES, Live, ServiceError};
 use sercos::transition::{self, Capabilities, CyclicConfiguration, Invalid, InvalidData, Reason};
 use sercos::{Idn, Phase, PhaseMachine, dictionary};
-use servo::ProbeSettings;
+use servo::probe::ProbeSettings;
 
 use crate::access::Access;
 use crate::bits::{Source, enable_bit};

@@ -2,7 +2,7 @@
 
 use heapless::Vec;
 use sercos::Idn;
-use servo::{Edge, Probe};
+use servo::probe::{Edge, Probe};
 
 use crate::bits::{Source, Word};
 use crate::limits::Limit;

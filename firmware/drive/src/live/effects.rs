@@ -8,7 +8,8 @@ use std::string::{String, ToString};
 use std::vec::Vec;
 
 use sercos::dictionary::DICTIONARY;
-use servo::{HomingSettings, MotionLimits};
+use servo::homing::HomingSettings;
+use servo::path::MotionLimits;
 
 use super::rig::{Rig, Still, words_of};
 use super::tests::{P, S, attempts};

@@ -129,7 +129,7 @@ impl Rig {
         let parameters = Parameters::new();
         let settings = MotionSettings::new(&parameters, Still::LOOP_TIMER_COUNTS).unwrap();
         let link = Box::leak(Box::new(CurrentLink::new()));
-        let scope = Box::leak(Box::new(servo::Scope::new()));
+        let scope = Box::leak(Box::new(servo::scope::Scope::new()));
         let mut rig = Self {
             parameters,
             motion: Motion::new(bus.clone(), 5, Still, link, scope, settings),

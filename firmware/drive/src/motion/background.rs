@@ -4,7 +4,10 @@ use sercon816::Bus;
 use sercos::diagnostic::Class1;
 use sercos::phase::{InterfaceStatus, PhaseError};
 use sercos::{Idn, Phase};
-use servo::{Axis, LoopClock, SUPERVISION_PERIOD_MICROSECONDS, TwiceReadEncoder};
+use servo::axis::Axis;
+use servo::clock::LoopClock;
+use servo::encoder::TwiceReadEncoder;
+use servo::units::SUPERVISION_PERIOD_MICROSECONDS;
 
 use super::{CommandValues, HOME_SWITCH, Motion, Positioning};
 use crate::bits::BitSettings;

@@ -3,7 +3,8 @@
 use sercon816::Bus;
 use sercos::Phase;
 use sercos::diagnostic::{Class1, Class2, Class3};
-use servo::{Limiting, Position, Velocity};
+use servo::axis::Limiting;
+use servo::units::{Position, Velocity};
 
 use super::Motion;
 use crate::bits::{Source, SourceBit, Word};

@@ -7,7 +7,8 @@
 use sercos::Idn;
 use sercos::parameters::Parameters;
 use sercos::weighting::{Dimension, Increment, Kind, Weighting};
-use servo::{Acceleration, Jerk, Modulo, PositionScale, SettingsError, VelocityScale};
+use servo::SettingsError;
+use servo::units::{Acceleration, Jerk, Modulo, PositionScale, VelocityScale};
 
 use crate::coordinates::Coordinates;
 
@@ -243,7 +244,7 @@ pub(super) const TWO_PI: Ratio = Ratio::new(710, 113);
 #[cfg(test)]
 mod tests {
     use super::*;
-    use servo::{Position, Velocity};
+    use servo::units::{Position, Velocity};
 
     fn with(changes: &[(u16, i32)]) -> Parameters {
         let mut parameters = Parameters::new();
