@@ -15,7 +15,11 @@ use sercon816::Bus;
 use sercos::Phase;
 use sercos::diagnostic::Class1;
 use sercos::phase::PhaseError;
-use servo::{Axis, AxisOutput, CommandJump, LOOP_TICKS_PER_SUPERVISION, Position, Scope, TwiceReadEncoder};
+use servo::axis::{Axis, AxisOutput};
+use servo::encoder::TwiceReadEncoder;
+use servo::path::CommandJump;
+use servo::scope::Scope;
+use servo::units::{LOOP_TICKS_PER_SUPERVISION, Position};
 
 mod control_bits;
 mod function;
@@ -38,9 +42,7 @@ mod supervision;
 #[cfg(test)]
 mod tests;
 
-pub(crate) use control_bits::{HOME_SWITCH, HOMING_ENABLE, PROBE_1_ENABLE, PROBE_2_ENABLE};
 pub(crate) use homing::HomingFailure;
-pub(crate) use requests::MotorValue;
 pub use ring_side::CommandValues;
 
 use control_bits::ControlBits;
@@ -62,6 +64,7 @@ use crate::link::CurrentLink;
 use crate::motor::{Findings, Motor};
 use crate::oscilloscope::Oscilloscope;
 use crate::settings::{MotionSettings, OperationMode};
+use crate::signal::record::Datum;
 use crate::state::DriveState;
 use crate::work::Work;
 
@@ -179,9 +182,9 @@ impl<B: Bus + Clone, H: Hardware> Motion<B, H> {
         let status = self.status_word();
         self.ring.show_status(status);
         let (mut index, mut word) = (0_usize, 0_u16);
-        while let Some(signal) = self.ring.feedback(index) {
+        while let Some(Datum { signal, words }) = self.ring.feedback(index) {
             let value = self.signal(signal);
-            word = self.ring.show(word, signal, value);
+            word = self.ring.show(word, words, value);
             index = index.wrapping_add(1);
         }
     }
@@ -417,7 +420,7 @@ impl<B: Bus + Clone, H: Hardware> Motion<B, H> {
 
 /// What a command is that jumps. It is never taken: an error comes before anything moves towards it.
 ///
-/// Following begins wherever the axis comes into [`servo::Mode::Position`]: switched on, at the end of HALT, of homing, of an identification
+/// Following begins wherever the axis comes into [`servo::axis::Mode::Position`]: switched on, at the end of HALT, of homing, of an identification
 /// or of a positioning, with another mode of operation, or when bit 15 comes back during a stop. There the interpolator starts at the shaft,
 /// and the first command must lie within S-0-0159 of it; each later one within a step of the one before.
 fn errors_of(jump: CommandJump) -> Findings {

@@ -7,13 +7,15 @@
 mod sequence;
 mod supervision;
 
+use servo::arithmetic::Rotation;
+use servo::axis::{CommandedTorqueLimits, Limiting, TorqueLimitSettings, TorqueLimits};
+use servo::brake::{BrakeOutput, BrakeSequencer};
+use servo::commutation::{Alignment, AlignmentError, CommutationAngle, IndexCorrection};
 use servo::current::{BusScale, CurrentCommand, CurrentReadings, FieldWeakening, Trip};
+use servo::encoder::{EncoderMonitor, EncoderMotion};
 use servo::identification::CurrentRequest;
-use servo::{
-    Alignment, AlignmentError, BrakeOutput, BrakeSequencer, BusVoltage, CommandedTorqueLimits, CommutationAngle,
-    CurrentFraction, EncoderMonitor, EncoderMotion, IndexCorrection, Limiting, LoadModel, Position, Rotation,
-    Temperature, TorqueLimitSettings, TorqueLimits, Velocity, VoltageOutput,
-};
+use servo::monitor::{BusVoltage, LoadModel, Temperature, VoltageOutput};
+use servo::units::{CurrentFraction, Position, Velocity};
 
 pub(crate) use sequence::{Progress, Sequence, SequenceInputs};
 pub(crate) use supervision::{Findings, Surroundings, Watched};
@@ -439,10 +441,11 @@ pub(crate) const READ_TWICE: bool = CYCLES_IN_A_TICK == 2;
 mod tests {
     extern crate std;
 
+    use crate::dictionary::{DICTIONARY, source};
     use std::boxed::Box;
 
     use sercos::parameters::Parameters;
-    use servo::TwiceReadEncoder;
+    use servo::encoder::TwiceReadEncoder;
 
     use super::*;
     use crate::link::set;
@@ -450,7 +453,7 @@ mod tests {
 
     #[test]
     fn the_angle_of_an_order_is_that_of_the_rotor_at_the_sample_at_any_speed_in_both_directions() {
-        let settings = MotionSettings::new(&Parameters::new(), 10_500).unwrap();
+        let settings = MotionSettings::new(&Parameters::new(&DICTIONARY), 10_500, source).unwrap();
         let pole_pairs = f64::from(settings.motor.pole_pairs);
         let increments = f64::from(settings.motor.angle_per_increment).recip() * pole_pairs * 2_f64.powi(32);
         for reversed in [false, true] {

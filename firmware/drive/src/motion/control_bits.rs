@@ -1,15 +1,7 @@
 //! Single bits that the control unit or the service channel sets: the application word P-0-0019, and the enables above it.
 
-use crate::bits::BitSettings;
-
-/// S-0-0407.
-pub(crate) const HOMING_ENABLE: u32 = 1 << 16;
-/// S-0-0405.
-pub(crate) const PROBE_1_ENABLE: u32 = 1 << 17;
-/// S-0-0406.
-pub(crate) const PROBE_2_ENABLE: u32 = 1 << 18;
-/// S-0-0400, where S-0-0147 bit 2 says that the control has the switch.
-pub(crate) const HOME_SWITCH: u32 = 1 << 19;
+use crate::signal::bits::BitSettings;
+use crate::signal::control_bits::Enable;
 
 /// The bits as they are: P-0-0019 in the low half, the enables above.
 #[derive(Clone, Copy, Debug, Default)]
@@ -29,7 +21,8 @@ impl ControlBits {
     }
 
     /// One of the enables, over the service channel.
-    pub(super) const fn set_enable(&mut self, bit: u32, set: bool) {
+    pub(super) const fn set_enable(&mut self, enable: Enable, set: bool) {
+        let bit = enable.mask();
         self.0 = if set { self.0 | bit } else { self.0 & !bit };
     }
 
@@ -38,10 +31,10 @@ impl ControlBits {
         self.0 = self.0 & !0xFFFF | u32::from(word);
     }
 
-    /// One of the bits is set.
+    /// One of the enables is set.
     #[inline]
-    pub(super) const fn has(&self, bit: u32) -> bool {
-        self.0 & bit != 0
+    pub(super) const fn has(&self, enable: Enable) -> bool {
+        self.0 & enable.mask() != 0
     }
 
     /// All of them.
@@ -53,8 +46,8 @@ impl ControlBits {
     /// S-0-0405 to S-0-0407, from bit 0.
     #[inline]
     pub(super) fn enables(&self) -> u16 {
-        let enables = [PROBE_1_ENABLE, PROBE_2_ENABLE, HOMING_ENABLE].into_iter().rev();
-        enables.fold(0, |word, bit| word << 1 | u16::from(self.has(bit)))
+        let enables = [Enable::Probe1, Enable::Probe2, Enable::Homing].into_iter().rev();
+        enables.fold(0, |word, enable| word << 1 | u16::from(self.has(enable)))
     }
 }
 
@@ -65,12 +58,12 @@ mod tests {
     #[test]
     fn an_enable_and_the_application_word_leave_each_other_alone() {
         let mut bits = ControlBits::default();
-        bits.set_enable(PROBE_2_ENABLE, true);
+        bits.set_enable(Enable::Probe2, true);
         bits.set_application_word(0xA5A5);
         assert_eq!((bits.all() & 0xFFFF, bits.enables()), (0xA5A5, 0b010));
-        bits.set_enable(HOMING_ENABLE, true);
-        bits.set_enable(PROBE_2_ENABLE, false);
+        bits.set_enable(Enable::Homing, true);
+        bits.set_enable(Enable::Probe2, false);
         bits.set_application_word(0);
-        assert_eq!((bits.all(), bits.enables()), (HOMING_ENABLE, 0b100));
+        assert_eq!((bits.all(), bits.enables()), (Enable::Homing.mask(), 0b100));
     }
 }

@@ -9,8 +9,11 @@
 //! probes: these have files of their own.
 
 use sercos::command::CommandState;
+use servo::axis::Mode;
+use servo::homing::{HomingInputs, HomingSettings};
 use servo::identification::IdentificationInputs;
-use servo::{HomingInputs, HomingSettings, Mode, MotionLimits, Position};
+use servo::path::MotionLimits;
+use servo::units::Position;
 
 use super::homing::{HomingFailure, HomingRun, HomingStep};
 use super::identification::{Failure, Identification, Outcome, Plan, Request};
@@ -242,20 +245,21 @@ impl Function {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::commissioning;
+    use crate::dictionary::procedures::Procedure;
+    use crate::dictionary::{DICTIONARY, source};
+    use crate::service::commissioning;
     use crate::settings::{MotionSettings, homing};
-    use sercos::Idn;
     use sercos::parameters::Parameters;
 
     fn start_homing(function: &mut Function) -> bool {
-        let parameters = Parameters::new();
-        let settings = MotionSettings::new(&parameters, 10_500).unwrap();
+        let parameters = Parameters::new(&DICTIONARY);
+        let settings = MotionSettings::new(&parameters, 10_500, source).unwrap();
         let (settings, limits) = homing(&parameters, &settings).unwrap();
         function.start_homing(Position::ZERO, settings, limits)
     }
 
     fn start_identification(function: &mut Function) -> bool {
-        let plan = commissioning::plan(Idn::product(226), &Parameters::new()).unwrap();
+        let plan = commissioning::plan(Procedure::IdentifyInertia, &Parameters::new(&DICTIONARY)).unwrap();
         function.start_identification(&plan, Position::ZERO, 0)
     }
 

@@ -1,8 +1,9 @@
 //! Homing S-0-0148 under way: a movement that the drive makes by itself.
 
-use servo::{
-    Homing, HomingError, HomingInputs, HomingMotion, HomingSettings, HomingState, MotionLimits, Position, Travel,
-};
+use servo::axis::Travel;
+use servo::homing::{Homing, HomingError, HomingInputs, HomingMotion, HomingSettings, HomingState};
+use servo::path::MotionLimits;
+use servo::units::Position;
 
 /// Why homing failed.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

@@ -2,11 +2,12 @@
 
 use sercon816::Bus;
 use sercos::Phase;
-use servo::VelocityLimits;
+use servo::axis::VelocityLimits;
 
 use super::Motion;
 use crate::hardware::Hardware;
-use crate::limits::{Effects, Limit, Preparation, Prepared};
+use crate::limits::{Effects, Preparation, Prepared};
+use crate::signal::limit::Limit;
 use crate::state::DriveState;
 
 impl<B: Bus + Clone, H: Hardware> Motion<B, H> {

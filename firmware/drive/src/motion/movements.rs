@@ -1,15 +1,18 @@
 //! Movements of the drive's own, and the probes that look on: from the parts that know the way to axis, motor and hardware.
 
 use sercon816::Bus;
+use servo::axis::Mode;
+use servo::homing::HomingInputs;
 use servo::identification::IdentificationInputs;
-use servo::{HomingInputs, Mode, Position, ProbeInput as ProbeSide, ProbeInputs};
+use servo::probe::{ProbeInput as ProbeSide, ProbeInputs};
+use servo::units::Position;
 
 use super::Motion;
-use super::control_bits::{HOME_SWITCH, HOMING_ENABLE, PROBE_1_ENABLE, PROBE_2_ENABLE};
 use super::function::Function;
 use super::identification::Request;
 use super::positioning::Scene;
 use crate::hardware::{Hardware, ProbeInput};
+use crate::signal::control_bits::Enable;
 use crate::state::DriveState;
 
 impl<B: Bus + Clone, H: Hardware> Motion<B, H> {
@@ -34,7 +37,7 @@ impl<B: Bus + Clone, H: Hardware> Motion<B, H> {
         let inputs = HomingInputs {
             position: self.encoder.position(),
             home_switch: self.home_switch(at_drive),
-            homing_enable: self.controls.has(HOMING_ENABLE),
+            homing_enable: self.controls.has(Enable::Homing),
             index: None,
             standstill: self.output.standstill,
             moving_finished: self.output.travelled,
@@ -54,7 +57,7 @@ impl<B: Bus + Clone, H: Hardware> Motion<B, H> {
 
     /// The home switch of its owner.
     pub(super) fn home_switch(&self, at_drive: bool) -> bool {
-        if at_drive { self.inputs.home_switch } else { self.controls.has(HOME_SWITCH) }
+        if at_drive { self.inputs.home_switch } else { self.controls.has(Enable::HomeSwitch) }
     }
 
     /// Moves the zero of all positions by `difference` without a movement. Divides.
@@ -137,8 +140,8 @@ impl<B: Bus + Clone, H: Hardware> Motion<B, H> {
                 };
                 ProbeSide { level, enable, positive: latched(true), negative: latched(false) }
             };
-            let one = side(ProbeInput::One, self.inputs.probe_1, self.controls.has(PROBE_1_ENABLE));
-            let two = side(ProbeInput::Two, self.inputs.probe_2, self.controls.has(PROBE_2_ENABLE));
+            let one = side(ProbeInput::One, self.inputs.probe_1, self.controls.has(Enable::Probe1));
+            let two = side(ProbeInput::Two, self.inputs.probe_2, self.controls.has(Enable::Probe2));
             ProbeInputs { active: true, one, two }
         });
     }

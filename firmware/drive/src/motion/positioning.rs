@@ -7,7 +7,8 @@
 //! Sources: sercos2.md 4.3 and Appendix B for the words. What S-0-0437 has in which bit is in no public paper: it is this drive's own.
 
 use sercos::diagnostic::Class3;
-use servo::{Axis, AxisOutput, Mode, Position, Travel, Velocity};
+use servo::axis::{Axis, AxisOutput, Mode, Travel};
+use servo::units::{Position, Velocity};
 
 use super::ring_side::CommandValues;
 use crate::settings::{Direction, MotionSettings, OperationMode, TargetSource};

@@ -1,6 +1,7 @@
 //! The probes of S-0-0170, which look on while the axis moves.
 
-use servo::{Edge, Position, Probe, ProbeInputs, ProbeSettings, ProbingCycle};
+use servo::probe::{Edge, Probe, ProbeInputs, ProbeSettings, ProbingCycle};
+use servo::units::Position;
 
 use crate::hardware::{Hardware, ProbeInput};
 

@@ -1,6 +1,7 @@
 //! Whether the zero of the positions is known (S-0-0403), and the position limits S-0-0049 and S-0-0050, which mean nothing without.
 
-use servo::{Commanded, Position, RangeMonitor, TravelRange};
+use servo::monitor::{Commanded, RangeMonitor, TravelRange};
+use servo::units::Position;
 
 /// What is known of where the axis is.
 #[derive(Clone, Copy, Debug, Default)]

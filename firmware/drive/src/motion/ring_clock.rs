@@ -1,7 +1,7 @@
 //! The instants of the ring: when t3 is due, what the hardware latched at the edges of t3 and t4, and how well the loops keep their phase to
 //! them (P-0-0150 to P-0-0152).
 
-use servo::{LoopClock, LoopClockSettings};
+use servo::clock::{LoopClock, LoopClockSettings};
 
 /// Keeps the loops in step with the ring.
 ///

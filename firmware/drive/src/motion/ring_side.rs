@@ -5,11 +5,13 @@ use sercon816::{Bus, CommandPort, FeedbackPort};
 use sercos::Phase;
 use sercos::phase::PhaseError;
 use sercos::supervision::{Reception, Supervision};
-use servo::{CurrentFraction, Position, Velocity};
+use servo::units::{CurrentFraction, Position, Velocity};
 
 use crate::limits::CyclicLimits;
-use crate::record::{Command, Feedback, Records};
 use crate::settings::{MotionSettings, Polarity};
+use crate::signal::command::{Command, CommandValue};
+use crate::signal::feedback::Feedback;
+use crate::signal::record::{Datum, Records};
 
 /// So long a lost telegram is a warning, in ticks of the supervision: one second.
 const LOSS_SHOWN_TICKS: u16 = 2_000;
@@ -171,8 +173,8 @@ impl<B: Bus + Clone> RingSide<B> {
 
     /// Which values the cyclic records carry; before CP3.
     pub(super) fn set_records(&mut self, records: Records) {
-        let bit = |command, bit| if records.commands.contains(&command) { bit } else { 0 };
-        self.passed_on = bit(Command::TargetPosition, TARGET) | bit(Command::SignalControl, SIGNALS);
+        let bit = |value, bit| if records.carry(value) { bit } else { 0 };
+        self.passed_on = bit(CommandValue::TargetPosition, TARGET) | bit(CommandValue::SignalControl, SIGNALS);
         self.records = records;
     }
 
@@ -196,7 +198,7 @@ impl<B: Bus + Clone> RingSide<B> {
 
     /// The values of the AT, one after the other.
     #[inline]
-    pub(super) fn feedback(&self, index: usize) -> Option<Feedback> {
+    pub(super) fn feedback(&self, index: usize) -> Option<Datum<Feedback>> {
         self.records.feedback.get(index).copied()
     }
 
@@ -206,15 +208,15 @@ impl<B: Bus + Clone> RingSide<B> {
         self.feedback_port.set_status(status);
     }
 
-    /// One value of the AT, from this word on; returns the word after it.
+    /// One value of the AT, from this word on and so many long; returns the word after it.
     #[inline]
-    pub(super) fn show(&mut self, word: u16, signal: Feedback, value: u32) -> u16 {
-        if signal.words() == 2 {
+    pub(super) fn show(&mut self, word: u16, words: u16, value: u32) -> u16 {
+        if words == 2 {
             self.feedback_port.set_double_word(word, value);
         } else {
             self.feedback_port.set_word(word, (value & 0xFFFF) as u16);
         }
-        word.wrapping_add(signal.words())
+        word.wrapping_add(words)
     }
 
     /// CP1, CP2: arms the one AT that answers an MDT to this drive.
@@ -263,13 +265,13 @@ impl<B: Bus + Clone> RingSide<B> {
         let mut changed = false;
         let mut word = 0_u16;
         for index in 0..self.records.commands.len() {
-            let Some(&command) = self.records.commands.get(index) else { break };
-            let raw = match command.words() {
+            let Some(&Datum { signal: command, words }) = self.records.commands.get(index) else { break };
+            let raw = match words {
                 2 => self.command_port.double_word(word),
                 _ => u32::from(self.command_port.word(word)),
             };
             changed |= self.put_command(command, raw, limits);
-            word = word.wrapping_add(command.words());
+            word = word.wrapping_add(words);
         }
         self.cycles_since_command = self.cycles_since_command.saturating_add(1);
         // A control unit slower than the ring repeats its values; a repeated value is no new point of the path.
@@ -287,16 +289,16 @@ impl<B: Bus + Clone> RingSide<B> {
         let long = raw.cast_signed();
         let word = (raw & 0xFFFF) as u16;
         match command {
-            Command::Velocity => return changes(&mut self.commands.velocity),
-            Command::AdditiveVelocity => return changes(&mut self.commands.additive_velocity),
-            Command::Position => return changes(&mut self.commands.position),
-            Command::AdditivePosition => return changes(&mut self.commands.additive_position),
-            Command::Torque => self.commands.torque = word.cast_signed(),
-            Command::AdditiveTorque => self.commands.additive_torque = word.cast_signed(),
-            Command::SignalControl => self.commands.signal_control = word,
-            Command::TargetPosition => self.commands.target_position = long,
-            Command::PositioningValue => self.commands.positioning_value = long,
-            Command::PositioningControl => self.commands.positioning_control = word,
+            Command::Value(CommandValue::Velocity) => return changes(&mut self.commands.velocity),
+            Command::Value(CommandValue::AdditiveVelocity) => return changes(&mut self.commands.additive_velocity),
+            Command::Value(CommandValue::Position) => return changes(&mut self.commands.position),
+            Command::Value(CommandValue::AdditivePosition) => return changes(&mut self.commands.additive_position),
+            Command::Value(CommandValue::Torque) => self.commands.torque = word.cast_signed(),
+            Command::Value(CommandValue::AdditiveTorque) => self.commands.additive_torque = word.cast_signed(),
+            Command::Value(CommandValue::SignalControl) => self.commands.signal_control = word,
+            Command::Value(CommandValue::TargetPosition) => self.commands.target_position = long,
+            Command::Value(CommandValue::PositioningValue) => self.commands.positioning_value = long,
+            Command::Value(CommandValue::PositioningControl) => self.commands.positioning_control = word,
             Command::Limit(limit) => limits.take(limit, raw),
         }
         false
@@ -343,8 +345,8 @@ impl<B: Bus + Clone> RingSide<B> {
     }
 
     /// S-0-0028 and S-0-0029.
-    pub(super) const fn errors(&self) -> (u16, u16) {
-        (self.losses.mst_errors(), self.losses.mdt_errors())
+    pub(super) const fn errors(&self) -> [u16; 2] {
+        [self.losses.mst_errors(), self.losses.mdt_errors()]
     }
 }
 

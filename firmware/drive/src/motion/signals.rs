@@ -2,13 +2,15 @@
 
 use sercon816::Bus;
 use sercos::diagnostic::Class3;
-use servo::Velocity;
+use servo::probe::{Edge, Probe};
+use servo::units::Velocity;
 
 use super::Motion;
-use crate::bits::{Source, SourceBit, Word};
 use crate::feedback::torque_word;
 use crate::hardware::Hardware;
-use crate::record::Feedback;
+use crate::signal::command::CommandValue;
+use crate::signal::feedback::{Feedback, FeedbackValue};
+use crate::signal::word::{Source, SourceBit, Word};
 use crate::state::status_bits;
 
 /// Real-time status bits of the status word, S-0-0305 and S-0-0307.
@@ -44,28 +46,53 @@ impl<B: Bus + Clone, H: Hardware> Motion<B, H> {
 
     /// A value of the AT.
     pub(super) fn signal(&self, signal: Feedback) -> u32 {
-        match signal {
-            Feedback::Bits(word) => u32::from(self.word(word)),
-            Feedback::Velocity => self.weighted_velocity(self.shown.velocity).cast_unsigned(),
-            Feedback::Position2 if !self.settings.has_feedback_2 => 0,
-            Feedback::Position | Feedback::Position2 => self.shown_position().cast_unsigned(),
-            Feedback::Torque => torque_word(self.shown_torque()),
-            Feedback::SignalStatus => u32::from(self.signal_status()),
-            Feedback::FollowingDistance => {
+        let value = match signal {
+            Feedback::Bits(word) => return self.word(word).into(),
+            Feedback::Value(value) => value,
+        };
+        match value {
+            FeedbackValue::Velocity => self.weighted_velocity(self.shown.velocity).cast_unsigned(),
+            FeedbackValue::Position2 if !self.settings.has_feedback_2 => 0,
+            FeedbackValue::Position | FeedbackValue::Position2 => self.shown_position().cast_unsigned(),
+            FeedbackValue::Torque => torque_word(self.shown_torque()),
+            FeedbackValue::SignalStatus => u32::from(self.signal_status()),
+            FeedbackValue::FollowingDistance => {
                 self.settings.coordinates.difference(self.shown.following_error).cast_unsigned()
             }
-            Feedback::VelocityError => self.weighted_velocity(self.shown.velocity_deviation).cast_unsigned(),
-            Feedback::Probe(probe, edge) => {
-                // In the coordinates of the instant of the edge.
-                self.settings.coordinates.data(self.probing.value(probe, edge)).cast_unsigned()
-            }
-            Feedback::BusVoltage => self.motor.watched().bus.into(),
-            Feedback::MotorTemperature => u32::from(self.motor.watched().winding.cast_unsigned()),
-            Feedback::AmplifierTemperature => u32::from(self.motor.watched().heat_sink.cast_unsigned()),
-            Feedback::Limits => self.status.limiting().bits().into(),
-            Feedback::EffectiveTarget => self.positioning.effective_target(&self.scene()).cast_unsigned(),
-            Feedback::DiagnosticNumber => u32::from(self.status.diagnostic_number()),
+            FeedbackValue::VelocityError => self.weighted_velocity(self.shown.velocity_deviation).cast_unsigned(),
+            FeedbackValue::Probe1Positive => self.probe_value(Probe::One, Edge::Positive).cast_unsigned(),
+            FeedbackValue::Probe1Negative => self.probe_value(Probe::One, Edge::Negative).cast_unsigned(),
+            FeedbackValue::Probe2Positive => self.probe_value(Probe::Two, Edge::Positive).cast_unsigned(),
+            FeedbackValue::Probe2Negative => self.probe_value(Probe::Two, Edge::Negative).cast_unsigned(),
+            FeedbackValue::BusVoltage => self.motor.watched().bus.into(),
+            FeedbackValue::MotorTemperature => u32::from(self.motor.watched().winding.cast_unsigned()),
+            FeedbackValue::AmplifierTemperature => u32::from(self.motor.watched().heat_sink.cast_unsigned()),
+            FeedbackValue::Limits => self.status.limiting().bits().into(),
+            FeedbackValue::EffectiveTarget => self.positioning.effective_target(&self.scene()).cast_unsigned(),
+            FeedbackValue::DiagnosticNumber => u32::from(self.status.diagnostic_number()),
         }
+    }
+
+    /// A command value as it is transmitted. S-0-0047 is the place where the axis is held, while homing holds it.
+    pub(crate) fn command_data(&self, value: CommandValue) -> u32 {
+        let commands = self.ring.commands();
+        match value {
+            CommandValue::Velocity => commands.velocity.cast_unsigned(),
+            CommandValue::AdditiveVelocity => commands.additive_velocity.cast_unsigned(),
+            CommandValue::Position => self.position_command_data().cast_unsigned(),
+            CommandValue::AdditivePosition => commands.additive_position.cast_unsigned(),
+            CommandValue::Torque => commands.torque.cast_unsigned().into(),
+            CommandValue::AdditiveTorque => commands.additive_torque.cast_unsigned().into(),
+            CommandValue::SignalControl => commands.signal_control.into(),
+            CommandValue::TargetPosition => commands.target_position.cast_unsigned(),
+            CommandValue::PositioningValue => commands.positioning_value.cast_unsigned(),
+            CommandValue::PositioningControl => commands.positioning_control.into(),
+        }
+    }
+
+    /// S-0-0130 to S-0-0133, in the coordinates of the instant of the edge.
+    fn probe_value(&self, probe: Probe, edge: Edge) -> i32 {
+        self.settings.coordinates.data(self.probing.value(probe, edge))
     }
 
     /// S-0-0047, as the service channel and the oscilloscope read it. While S-0-0148 holds the axis it is what commands the place where the

@@ -2,7 +2,8 @@
 //! has been told of them.
 
 use sercos::diagnostic::{Class1, Class2, Class3};
-use servo::{AxisOutput, CurrentFraction, Limiting, Velocity};
+use servo::axis::{AxisOutput, Limiting};
+use servo::units::{CurrentFraction, Velocity};
 
 use super::positioning::REACHED;
 use crate::diagnosis::{Manufacturer1, Manufacturer2, Manufacturer3};

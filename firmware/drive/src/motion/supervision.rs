@@ -3,7 +3,9 @@
 use sercon816::Bus;
 use sercos::Phase;
 use sercos::diagnostic::{Class1, Class3};
-use servo::{Commanded, Mode, Position, Velocity};
+use servo::axis::Mode;
+use servo::monitor::Commanded;
+use servo::units::{Position, Velocity};
 
 use super::Motion;
 use super::operation::permits_torque;

@@ -2,14 +2,15 @@
 
 use sercos::Idn;
 use sercos::parameters::Parameters;
-use servo::{
-    Acceleration, AxisMovements, CommandedTorqueLimits, FeedrateOverride, Jerk, MotionLimits, SettingsError, Velocity,
-    VelocityLimits, VelocityScale,
-};
+use servo::SettingsError;
+use servo::axis::{AxisMovements, CommandedTorqueLimits, VelocityLimits};
+use servo::path::{FeedrateOverride, MotionLimits};
+use servo::units::{Acceleration, Jerk, Velocity, VelocityScale};
 
 use super::scaling::DerivativeScale;
 use super::{InvalidSetting, Polarity, TorqueScale, invalid, signed};
-use crate::limits::{Limit, LimitValues};
+use crate::limits::LimitValues;
+use crate::signal::limit::Limit;
 
 /// Everything that turns limits into those of the loops.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

@@ -1,0 +1,84 @@
+//! The password S-0-0267: who may change what S-0-0279 lists.
+
+use heapless::String;
+use sercos::error::ServiceError;
+
+/// Shortest password.
+pub const SHORTEST_PASSWORD: usize = 3;
+/// Longest password.
+pub const LONGEST_PASSWORD: usize = 10;
+
+/// The lock on stored parameters. It protects against slips, not against malice: passwords cross the ring in plain text.
+///
+/// Unlocked, writing 3 to 10 characters locks with them, an empty text keeps it unlocked. Locked, the password unlocks, and everything
+/// else is refused. Without a supply the password is forgotten, as are the parameters that it protects.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub struct Access {
+    password: Option<String<LONGEST_PASSWORD>>,
+}
+
+impl Access {
+    /// Whether the stored parameters are locked.
+    #[must_use]
+    pub const fn is_locked(&self) -> bool {
+        self.password.is_some()
+    }
+
+    /// What reading S-0-0267 shows.
+    #[must_use]
+    pub const fn shown(&self) -> &'static str {
+        if self.is_locked() { "***" } else { "" }
+    }
+
+    /// Takes a text written to S-0-0267.
+    ///
+    /// # Errors
+    /// [`ServiceError::TooLong`], [`ServiceError::InvalidData`] for one that is too short, no text, or not the password. Nothing has
+    /// changed then.
+    pub fn write(&mut self, text: &[u8]) -> Result<(), ServiceError> {
+        let text = core::str::from_utf8(text).map_err(|_| ServiceError::InvalidData)?;
+        match &self.password {
+            Some(password) if password.as_str() == text => self.password = None,
+            Some(_) => return Err(ServiceError::InvalidData),
+            None if text.is_empty() => {}
+            None if text.len() < SHORTEST_PASSWORD => return Err(ServiceError::InvalidData),
+            None => {
+                let password =
+                    String::try_from(text).map_err(|_| ServiceError::TooLong(sercos::error::Element::Data))?;
+                self.password = Some(password);
+            }
+        }
+        Ok(())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_password_locks_and_only_the_same_one_unlocks() {
+        let mut access = Access::default();
+        access.write(b"").unwrap();
+        assert!(!access.is_locked());
+        access.write(b"press").unwrap();
+        assert_eq!((access.is_locked(), access.shown()), (true, "***"));
+        for wrong in [b"".as_slice(), b"Press", b"pres", b"press ", b"another"] {
+            assert_eq!(access.write(wrong), Err(ServiceError::InvalidData));
+            assert!(access.is_locked());
+        }
+        access.write(b"press").unwrap();
+        assert_eq!((access.is_locked(), access.shown()), (false, ""));
+    }
+
+    #[test]
+    fn a_text_that_can_be_no_password_is_refused_and_locks_nothing() {
+        let mut access = Access::default();
+        assert_eq!(access.write(b"ab"), Err(ServiceError::InvalidData));
+        assert_eq!(access.write(b"elevenchars").unwrap_err().code(), 0x7003);
+        assert_eq!(access.write(&[0xFF, 0xFE, 0xFD]), Err(ServiceError::InvalidData));
+        assert!(!access.is_locked());
+        access.write(b"tencharact").unwrap();
+        assert!(access.is_locked());
+    }
+}

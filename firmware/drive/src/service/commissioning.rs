@@ -1,0 +1,315 @@
+//! Commissioning over the service channel: gains from the data of the motor (P-0-0220), and the data of the motor from measurements
+//! (P-0-0224 to P-0-0226).
+//!
+//! Everything that divides is here, in the background, and after the release of the step that asked for it. A command changes all of its
+//! parameters or none, and P-0-0228 says why.
+
+use core::fmt;
+
+use sercos::Idn;
+use sercos::parameters::Parameters;
+use servo::SettingsError;
+use servo::axis::{current_gains, position_gain, velocity_gains};
+use servo::identification::{
+    FluxSettings, IdentificationError, IdentificationParameters, InductanceSettings, InertiaSettings,
+    ResistanceSettings,
+};
+use servo::units::{Acceleration, Position, Velocity};
+
+use crate::dictionary::procedures::Procedure;
+use crate::motion::identification::{Failure, Measurement, Outcome, Plan};
+use crate::settings::InvalidSetting;
+use crate::settings::motor::FREQUENCY;
+
+const S: fn(u16) -> Idn = Idn::standard;
+const P: fn(u16) -> Idn = Idn::product;
+
+/// Which identification runs, and what the last command has found.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub(crate) struct Commissioning {
+    /// P-0-0224, P-0-0225 or P-0-0226.
+    pub(crate) identifying: Option<Procedure>,
+    /// P-0-0228.
+    pub(crate) finding: Option<Finding>,
+}
+
+/// Why a command has failed.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Finding {
+    /// The motor's data or what was asked for cannot be worked with.
+    Settings(SettingsError),
+    /// The result does not fit into its parameter.
+    Limits { idn: Idn, actual: u32 },
+    /// The loops cannot work with the result.
+    Refused(Idn),
+    /// The measurement.
+    Identification(IdentificationError),
+    /// HALT has ended before the measurement, or torque or operation have.
+    Interrupted,
+}
+
+impl From<SettingsError> for Finding {
+    fn from(error: SettingsError) -> Self {
+        Self::Settings(error)
+    }
+}
+
+impl From<IdentificationError> for Finding {
+    fn from(error: IdentificationError) -> Self {
+        Self::Identification(error)
+    }
+}
+
+impl fmt::Display for Finding {
+    fn fmt(&self, formatter: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Settings(error) => error.fmt(formatter),
+            Self::Limits { idn, actual } => write!(formatter, "{idn} would be {actual}, which is beyond its limits"),
+            Self::Refused(idn) => write!(formatter, "the loops cannot work with the result, see {idn}"),
+            Self::Identification(IdentificationError::TooMuchMovement { .. }) => {
+                formatter.write_str("the motor has turned further than P-0-0229, or than the current allows")
+            }
+            Self::Identification(IdentificationError::CurrentNotReached { .. }) => {
+                formatter.write_str("the current does not come although voltage is left")
+            }
+            Self::Identification(error) => error.fmt(formatter),
+            Self::Interrupted => formatter.write_str("interrupted: HALT, torque or operation have ended"),
+        }
+    }
+}
+
+/// P-0-0220. `check` says whether the loops can work with the parameters as they are.
+///
+/// # Errors
+/// [`Finding`]; nothing is changed then.
+pub(crate) fn compute_gains(
+    parameters: &mut Parameters,
+    check: impl Fn(&Parameters) -> Result<(), InvalidSetting>,
+) -> Result<(), Finding> {
+    let data = &*parameters;
+    // With the gain for the larger inductance the loop of the other axis would be faster than asked for.
+    let inductance = data.get(P(112)).min(data.get(P(113)));
+    let current = current_gains(data.get(P(111)), inductance, data.get(P(222)), FREQUENCY)?;
+    let current_loop = u64::from(inductance).saturating_mul(1_000).checked_div(current.proportional.into());
+    let small_times = u64::from(data.get(S(392)))
+        .saturating_add(filter_delay(data, 170))
+        .saturating_add(filter_delay(data, 174))
+        .saturating_add(current_loop.unwrap_or(0));
+    let bandwidth = data.get(P(223));
+    let small_times = u32::try_from(small_times).unwrap_or(u32::MAX);
+    let velocity = velocity_gains(data.get(P(221)), torque_constant(data), bandwidth, small_times)?;
+    let position = position_gain(bandwidth)?;
+    // Less than half a step would switch the integral part off.
+    let current_time = (current.integral_time.saturating_add(50) / 100).max(1);
+    put(
+        parameters,
+        [
+            (S(100), velocity.proportional),
+            (S(101), velocity.integral_time.into()),
+            (S(104), position.into()),
+            (S(106), current.proportional),
+            (S(107), current_time),
+        ],
+        check,
+    )
+}
+
+/// What P-0-0224, P-0-0225 or P-0-0226 is to do.
+///
+/// # Errors
+/// [`Finding::Settings`].
+pub(crate) fn plan(procedure: Procedure, parameters: &Parameters) -> Result<Plan, Finding> {
+    let peak_current = parameters.get(S(110));
+    let current = parameters.get(S(111)).min(parameters.get(S(109))).min(peak_current);
+    const COMMAND_REVERSED: u32 = 1 << 0;
+    let velocity = Velocity::from_ten_thousandths_rpm(parameters.get(P(218)).cast_signed());
+    let identification = IdentificationParameters {
+        peak_current,
+        current,
+        ripple: (current / 8).max(peak_current / 256).min(current / 2),
+        pole_pairs: u8::try_from(parameters.get(P(110))).unwrap_or(0),
+        // Its sign is that of velocity commands.
+        velocity: if parameters.get(S(43)) & COMMAND_REVERSED != 0 { -velocity } else { velocity },
+        acceleration: Acceleration::from_milliradians_per_second_squared(parameters.get(P(219))),
+        movement: Position::from_bits((i64::from(parameters.get(P(229))) << 32) / 100),
+        frequency: FREQUENCY,
+    };
+    Ok(match procedure {
+        Procedure::IdentifyFlux => {
+            Plan::Flux(FluxSettings::new(&identification, parameters.get(P(111)), parameters.get(P(112)))?)
+        }
+        Procedure::IdentifyInertia => {
+            Plan::Inertia(InertiaSettings::new(&identification, torque_constant(parameters))?)
+        }
+        _ => Plan::Winding(ResistanceSettings::new(&identification)?, InductanceSettings::new(&identification)?),
+    })
+}
+
+/// Takes over what was measured.
+///
+/// # Errors
+/// [`Finding`]; nothing is changed then.
+pub(crate) fn take_over(
+    outcome: Outcome,
+    parameters: &mut Parameters,
+    check: impl Fn(&Parameters) -> Result<(), InvalidSetting>,
+) -> Result<(), Finding> {
+    let measurement = outcome.map_err(|failure| match failure {
+        Failure::Sequence(error) => Finding::Identification(error),
+        Failure::Interrupted => Finding::Interrupted,
+    })?;
+    match measurement {
+        Measurement::Winding(resistance, inductance) => {
+            let inductances = inductance.inductances()?;
+            let values =
+                [(P(111), resistance.resistance()?), (P(112), inductances.direct), (P(113), inductances.quadrature)];
+            put(parameters, values, check)
+        }
+        Measurement::Flux(flux) => put(parameters, [(P(114), flux.flux()?.linkage)], check),
+        Measurement::Inertia(inertia) => put(parameters, [(P(221), inertia.inertia()?.inertia)], check),
+    }
+}
+
+/// Sets all of these or, when one of them is refused, none.
+fn put<const N: usize>(
+    parameters: &mut Parameters,
+    values: [(Idn, u32); N],
+    check: impl Fn(&Parameters) -> Result<(), InvalidSetting>,
+) -> Result<(), Finding> {
+    let before = values.map(|(idn, _)| (idn, parameters.get(idn)));
+    let result = values
+        .into_iter()
+        .try_for_each(|(idn, actual)| {
+            let is_set = parameters.set(idn, actual.into()).is_ok();
+            // A parameter of two bytes takes the low half of a number that does not fit.
+            if is_set && parameters.get(idn) == actual { Ok(()) } else { Err(Finding::Limits { idn, actual }) }
+        })
+        .and_then(|()| check(parameters).map_err(|invalid| Finding::Refused(invalid.idn)));
+    if result.is_err() {
+        for (idn, value) in before {
+            // It was there before.
+            let _ = parameters.set(idn, value.into());
+        }
+    }
+    result
+}
+
+/// In uNm/A.
+fn torque_constant(parameters: &Parameters) -> u32 {
+    parameters.get(P(114)).saturating_mul(parameters.get(P(110))).saturating_mul(3) / 2
+}
+
+/// By how many microseconds a filter of the current command delays what is slow against it; `first` is its first parameter.
+fn filter_delay(parameters: &Parameters, first: u16) -> u64 {
+    // 2 pi in 10^-4.
+    const TWO_PI: u64 = 62_832;
+    let get = |offset: u16| u64::from(parameters.get(P(first.saturating_add(offset))));
+    let (frequency, width) = (get(1), get(2));
+    match get(0) {
+        // 2 damping / (2 pi f), of 10^-3 and 0.1 Hz.
+        1 => width.saturating_mul(2 * 10_000 * 10_000).checked_div(frequency.saturating_mul(TWO_PI)),
+        // (1 - depth) width / (2 pi f^2), of 10^-4 and 0.1 Hz.
+        2 => {
+            let taken = 10_000_u64.saturating_sub(get(3));
+            let square = frequency.saturating_mul(frequency).saturating_mul(TWO_PI);
+            taken.saturating_mul(width).saturating_mul(1_000 * 10_000).checked_div(square)
+        }
+        _ => Some(0),
+    }
+    .unwrap_or(u64::MAX)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::dictionary::DICTIONARY;
+
+    fn valid(_: &Parameters) -> Result<(), InvalidSetting> {
+        Ok(())
+    }
+
+    const GAINS: [u16; 5] = [100, 101, 104, 106, 107];
+
+    fn gains(parameters: &Parameters) -> [u32; 5] {
+        GAINS.map(|number| parameters.get(S(number)))
+    }
+
+    #[test]
+    fn gains_that_the_loops_cannot_work_with_are_taken_back() {
+        let mut parameters = Parameters::new(&DICTIONARY);
+        parameters.set(P(111), 600).unwrap();
+        let before = gains(&parameters);
+        let refused = |_: &Parameters| Err(InvalidSetting { idn: S(100), reason: None });
+        assert_eq!(compute_gains(&mut parameters, refused), Err(Finding::Refused(S(100))));
+        assert_eq!(gains(&parameters), before);
+        compute_gains(&mut parameters, valid).unwrap();
+        assert!(gains(&parameters).iter().zip(before).all(|(&after, before)| after != before), "{before:?}");
+    }
+
+    #[test]
+    fn a_gain_beyond_its_limits_is_named_and_none_is_changed() {
+        let mut parameters = Parameters::new(&DICTIONARY);
+        // 1 kg m^2 at 0.8 Nm/A and 40 Hz: 314 A s/rad.
+        parameters.set(P(221), 10_000_000).unwrap();
+        let before = gains(&parameters);
+        let finding = compute_gains(&mut parameters, valid).unwrap_err();
+        assert!(matches!(finding, Finding::Limits { idn, actual: 314_000..314_300 } if idn == S(100)), "{finding}");
+        assert_eq!(gains(&parameters), before);
+    }
+
+    #[test]
+    fn an_identification_turns_as_velocity_commands_of_its_sign_would() {
+        let of = |polarity: u64, velocity: i32| {
+            let mut parameters = Parameters::new(&DICTIONARY);
+            parameters.set(S(43), polarity).unwrap();
+            parameters.set(P(218), velocity.cast_unsigned().into()).unwrap();
+            plan(Procedure::IdentifyFlux, &parameters).unwrap()
+        };
+        let forwards = std::format!("{:?}", of(0, 3_000_000));
+        assert_eq!(std::format!("{:?}", of(7, -3_000_000)), forwards);
+        assert_ne!(std::format!("{:?}", of(7, 3_000_000)), forwards);
+    }
+
+    #[test]
+    fn every_finding_fits_into_the_text_of_the_service_channel() {
+        let out_of_range = |parameter, actual, minimum, maximum| {
+            Finding::Settings(SettingsError::OutOfRange { parameter, actual, minimum, maximum })
+        };
+        let findings = [
+            // The longest of those that the two rules and the sequences have.
+            out_of_range("current loop proportional gain S-0-0106", u32::MAX, 1, 500_000),
+            out_of_range("current loop integral action time S-0-0107", u32::MAX, 63, 6_553_500),
+            out_of_range("velocity loop proportional gain S-0-0100", u32::MAX, 1, 6_553_500),
+            out_of_range("ramp of the identification in loop ticks", u32::MAX, 0, 240_000),
+            out_of_range("movement of the identification in revolutions", 1 << 20, 0, 1 << 20),
+            Finding::Settings(SettingsError::Zero { parameter: "resistance of the winding" }),
+            Finding::Limits { idn: P(4_095), actual: u32::MAX },
+            Finding::Refused(P(4_095)),
+            Finding::Interrupted,
+            IdentificationError::OutOfRange { actual: i64::MIN, minimum: 10, maximum: 1_000_000_000 }.into(),
+            IdentificationError::CurrentNotReached { actual: i32::MIN, expected: i32::MIN }.into(),
+            IdentificationError::NoMovement.into(),
+            IdentificationError::VoltageLimit.into(),
+            IdentificationError::Unstable.into(),
+            IdentificationError::TooMuchMovement { actual: i64::MIN, maximum: i64::MAX }.into(),
+        ];
+        for finding in findings {
+            let text = std::string::ToString::to_string(&finding);
+            assert!((10..=sercos::capacity::LIVE_TEXT_BYTES).contains(&text.len()), "{text}: {}", text.len());
+        }
+    }
+
+    #[test]
+    fn a_filter_of_the_current_command_makes_the_velocity_loop_slower() {
+        let mut parameters = Parameters::new(&DICTIONARY);
+        assert_eq!(filter_delay(&parameters, 170), 0);
+        parameters.set(P(170), 1).unwrap();
+        // 2 * 0.707 / (2 pi 800 Hz).
+        assert_eq!(filter_delay(&parameters, 170), 281);
+        parameters.set(P(170), 2).unwrap();
+        parameters.set(P(172), 2_000).unwrap();
+        parameters.set(P(173), 5_000).unwrap();
+        // Half of 200 Hz / (2 pi 800^2).
+        assert_eq!(filter_delay(&parameters, 170), 24);
+    }
+}
