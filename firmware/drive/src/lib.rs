@@ -32,7 +32,6 @@ mod commissioning;
 mod communication;
 mod coordinates;
 pub mod crash;
-mod current_control;
 mod diagnosis;
 mod error_memory;
 mod feedback;
@@ -41,10 +40,8 @@ mod identification;
 mod identity;
 mod interrupts;
 mod limits;
-mod link;
 mod live;
 mod motion;
-mod motor;
 mod mst;
 pub mod oscilloscope;
 mod record;
@@ -57,26 +54,26 @@ mod work;
 pub use access::{Access, LONGEST_PASSWORD, SHORTEST_PASSWORD};
 pub use bits::{BitSettings, SIGNAL_BITS, Source, SourceBit, Word};
 pub use communication::{Communication, PhaseReport, StartError};
-pub use current_control::{CurrentControl, CurrentSettings};
 pub use diagnosis::{
     Circumstances, DIAGNOSES, Diagnosis, Manufacturer1, Manufacturer2, Manufacturer3, Severity, diagnose,
     of_phase_error,
 };
 pub use error_memory::{ERRORS, ErrorMemory, ErrorRecord};
-pub use hardware::{
-    Cycle, Hardware, Inputs, InterruptLine, LOOP_PERIOD_MICROSECONDS, PowerStage, ProbeInput, ResetCause, Samples,
-};
+pub use hardware::{Hardware, Inputs, InterruptLine, LOOP_PERIOD_MICROSECONDS, ProbeInput, ResetCause};
 pub use identity::{DriveAddress, Identity};
 pub use interrupts::Interrupts;
 pub use limits::Limit;
-pub use link::CurrentLink;
 pub use motion::{CommandValues, Motion};
 pub use record::{Command, Feedback, MOST_SIGNALS, Records};
-pub use settings::{CycleSettings, InvalidSetting, MotionSettings, MotorSettings, OperationMode, Polarity, Reaction};
+pub use settings::{CycleSettings, InvalidSetting, MotionSettings, OperationMode, Polarity, Reaction};
 pub use snapshot::Snapshot;
 pub use state::{Conditions, DriveState, StateMachine, Switches, status_bits};
 pub use work::Work;
 
+pub use servo::current::PwmFrequency;
+pub use servo::motor::{
+    BoardKind, CurrentControl, CurrentLink, CurrentLoopValues, Cycle, Facts, PowerStage, Samples, TemperatureSensor,
+};
 pub use servo::scope::Scope;
 
 use sercon816::Bus;
@@ -84,7 +81,7 @@ use sercos::parameters::Parameters;
 
 /// The four parts of a drive; each belongs to the tasks of one priority.
 #[derive(Debug)]
-pub struct Drive<B, H, P: 'static> {
+pub struct Drive<B, H: Hardware, P: 'static> {
     /// The current loop.
     pub current: CurrentControl<P>,
     /// The interrupt lines.
@@ -100,7 +97,7 @@ pub struct Drive<B, H, P: 'static> {
 ///
 /// # Errors
 /// The defaults do not make a drive with this board's loop timer (a mistake in the table or the board, found by tests).
-pub fn new<B: Bus + Clone, H: Hardware, P: PowerStage>(
+pub fn new<B: Bus + Clone, H: Hardware, P: PowerStage<Board = H::Board>>(
     bus: B,
     hardware: H,
     stage: P,
@@ -108,7 +105,7 @@ pub fn new<B: Bus + Clone, H: Hardware, P: PowerStage>(
     scope: &'static mut Scope,
     identity: Identity,
 ) -> Result<Drive<B, H, P>, InvalidSetting> {
-    let settings = MotionSettings::new(&Parameters::new(), H::LOOP_TIMER_COUNTS)?;
+    let settings = MotionSettings::new(&Parameters::new(), &<H::Board>::FACTS)?;
     Ok(Drive {
         current: CurrentControl::new(stage, link, settings.motor.current),
         interrupts: Interrupts::new(bus.clone()),

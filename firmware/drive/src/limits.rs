@@ -485,7 +485,7 @@ mod tests {
     }
 
     fn scale() -> LimitScale {
-        crate::settings::MotionSettings::new(&Parameters::new(), 10_500).unwrap().limit_scale
+        crate::settings::MotionSettings::new(&Parameters::new(), &crate::live::FACTS).unwrap().limit_scale
     }
 
     #[test]

@@ -11,6 +11,7 @@ use sercos::parameters::Parameters;
 use sercos::service::{LIVE_LIST_ENTRIES, LIVE_LONG_ENTRIES, LIVE_TEXT_BYTES, Live, ServiceError};
 use sercos::transition::{self, Capabilities, CyclicConfiguration, Invalid, InvalidData, Reason};
 use sercos::{Idn, Phase, PhaseMachine, dictionary};
+use servo::motor::{BoardKind, Facts};
 use servo::probe::ProbeSettings;
 
 use crate::access::Access;
@@ -27,14 +28,15 @@ use crate::motion::{HomingFailure, Motion, MotorValue};
 use crate::oscilloscope::{self, Configuration};
 use crate::record::{Command, Feedback, Records};
 use crate::rescaling::Rescaling;
-use crate::settings::motor::FREQUENCY;
 use crate::settings::{CycleSettings, Direction, InvalidSetting, MotionSettings, OperationMode, homing};
 
 /// So long S-0-0128 waits for the loops to lock to the ring: 200 ms in loop ticks, twice what a lock takes.
 const LOCK_PATIENCE_TICKS: u16 = 400;
 
 /// Period of the current loop in 0.1 us.
-const CURRENT_LOOP: u16 = 10 * LOOP_PERIOD_MICROSECONDS / FREQUENCY.cycles_per_tick() as u16;
+const fn current_loop_period(facts: &Facts) -> u16 {
+    10 * LOOP_PERIOD_MICROSECONDS / facts.frequency.cycles_per_tick() as u16
+}
 
 const CLASS_2: Idn = Idn::standard(12);
 const CLASS_3: Idn = Idn::standard(13);
@@ -141,7 +143,7 @@ where
             Idn::CP3_TRANSITION_CHECK => self.check_cp3(parameters),
             Idn::CP4_TRANSITION_CHECK => self.check_cp4(parameters, true),
             COMPUTE_GAINS => {
-                let result = commissioning::compute_gains(parameters, loops_accept::<H>);
+                let result = commissioning::compute_gains(parameters, <H::Board>::FACTS.frequency, loops_accept::<H>);
                 self.found(result)
             }
             _ => match self.start_identification(idn, parameters) {
@@ -153,7 +155,7 @@ where
     }
 
     fn start_identification(&mut self, idn: Idn, parameters: &Parameters) -> Result<(), CommissioningFinding> {
-        let plan = commissioning::plan(idn, parameters)?;
+        let plan = commissioning::plan(idn, parameters, <H::Board>::FACTS.frequency)?;
         if !self.motion.lock(|motion| motion.start_identification(&plan)) {
             return Err(CommissioningFinding::Interrupted);
         }
@@ -174,7 +176,7 @@ where
         if core::mem::take(&mut self.settings_changed) {
             self.rescaling.refresh(parameters);
             // What does not go together yet waits for the rest; S-0-0128 finds what is left of it.
-            match MotionSettings::new(parameters, H::LOOP_TIMER_COUNTS) {
+            match MotionSettings::new(parameters, &<H::Board>::FACTS) {
                 Ok(settings) => self.motion.lock(|motion| motion.apply_settings(settings)),
                 Err(_) => debug_assert!(!self.loops_work(), "what the loops work with was checked"),
             }
@@ -202,7 +204,7 @@ where
                 return CommandState::Failed;
             }
         };
-        let cycle = match CycleSettings::new(parameters, H::LOOP_TIMER_COUNTS) {
+        let cycle = match CycleSettings::new(parameters, <H::Board>::FACTS.loop_timer_counts) {
             Ok(cycle) => cycle,
             Err(setting) => {
                 self.checks.finding = Some(Finding::Settings(setting));
@@ -236,7 +238,7 @@ where
         let Some(cyclic) = &self.checks.cyclic else { return CommandState::Failed };
         let misfits = self.rescaling.misfits(parameters);
         let synchronised = self.motion.lock(|motion| motion.is_synchronised());
-        let settings = MotionSettings::new(parameters, H::LOOP_TIMER_COUNTS);
+        let settings = MotionSettings::new(parameters, &<H::Board>::FACTS);
         let mut invalid = match (transition::check_cp4(parameters, &capabilities, cyclic, synchronised), settings) {
             (Ok(ready), Ok(settings)) if misfits.is_empty() => {
                 self.rescaling.take_over(parameters);
@@ -291,7 +293,7 @@ where
     fn home(&mut self, parameters: &Parameters) -> Result<CommandState, ServiceError> {
         const NO_SWITCH_NO_MARKER: u16 = 1 << 5 | 1 << 6;
         const STOP_AT_REFERENCE: u16 = 1 << 7;
-        let settings = MotionSettings::new(parameters, H::LOOP_TIMER_COUNTS)
+        let settings = MotionSettings::new(parameters, &<H::Board>::FACTS)
             .and_then(|settings| homing(parameters, &settings))
             .map_err(|setting| {
                 self.checks.finding = Some(Finding::Settings(setting));
@@ -400,7 +402,10 @@ where
             oscilloscope::STATE => return self.motion.lock(|motion| motion.oscilloscope().state()).into(),
             oscilloscope::WINDOW => return self.motion.lock(|motion| motion.oscilloscope().window()).into(),
             oscilloscope::INTERVAL => {
-                return self.motion.lock(|motion| motion.oscilloscope().interval(CURRENT_LOOP)).into();
+                return self
+                    .motion
+                    .lock(|motion| motion.oscilloscope().interval(const { current_loop_period(&<H::Board>::FACTS) }))
+                    .into();
             }
             _ => {}
         }
@@ -578,8 +583,7 @@ where
             self.settings_changed = true;
         } else {
             // Some 200 us, which the step is held for: its answer depends on it, and what is acknowledged is in effect.
-            let settings = match (MotionSettings::new(parameters, H::LOOP_TIMER_COUNTS), self.first_invalid(parameters))
-            {
+            let settings = match (MotionSettings::new(parameters, &<H::Board>::FACTS), self.first_invalid(parameters)) {
                 (Ok(settings), None) => settings,
                 (Err(setting), _) => {
                     self.checks.finding = Some(Finding::Write(setting));
@@ -743,7 +747,7 @@ const fn reason_of(setting: &InvalidSetting) -> Reason {
 
 /// Whether the loops can work with the parameters.
 fn loops_accept<H: Hardware>(parameters: &Parameters) -> Result<(), InvalidSetting> {
-    MotionSettings::new(parameters, H::LOOP_TIMER_COUNTS).map(|_| ())
+    MotionSettings::new(parameters, &<H::Board>::FACTS).map(|_| ())
 }
 
 /// For a data block of single bits that the control sets: where they lie, and how `value` wants them.
@@ -792,5 +796,7 @@ fn chip_configuration(cyclic: &CyclicConfiguration) -> sercon816::CyclicConfigur
 mod effects;
 #[cfg(test)]
 mod rig;
+#[cfg(test)]
+pub(crate) use rig::FACTS;
 #[cfg(test)]
 mod tests;

@@ -22,6 +22,7 @@ use sercos::data_block::Location;
 use sercos::parameters::Parameters;
 use sercos::service::{LIVE_LONG_ENTRIES, ServiceError};
 use sercos::{Idn, dictionary};
+use servo::motor::CurrentLoopValues;
 use servo::scope::{SCOPE_CHANNELS, Scope, ScopeEdge, ScopeSettings, ScopeSettingsError, ScopeTrigger};
 
 use crate::bits::Source;
@@ -29,7 +30,7 @@ use crate::record::{Command, Feedback};
 
 mod internal;
 
-pub use internal::{CurrentLoopValues, INTERNAL_SIGNALS, Internal, InternalSignal, LoopValues};
+pub use internal::{INTERNAL_SIGNALS, Internal, InternalSignal, LoopValues};
 
 /// P-0-0200: a [`servo::scope::ScopeState`] as a number.
 pub const STATE: Idn = Idn::product(200);

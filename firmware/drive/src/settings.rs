@@ -13,6 +13,7 @@ use servo::clock::LoopClockSettings;
 use servo::encoder::TwiceReadSettings;
 use servo::homing::{HomingParameters, HomingSettings};
 use servo::monitor::TravelRange;
+use servo::motor::{Facts, MotorSettings};
 use servo::path::{Interpolation, MotionLimits};
 use servo::units::{Position, PositionScale, SUPERVISION_PERIOD_MICROSECONDS, Velocity, VelocityScale};
 
@@ -25,14 +26,12 @@ use scaling::DerivativeScale;
 pub(crate) use scaling::{Ratio, increments};
 
 pub(crate) use limits::LimitScale;
-pub use motor::MotorSettings;
 pub(crate) use torque::TorqueScale;
 
 use crate::bits::BitSettings;
 use crate::coordinates::Coordinates;
 use crate::hardware::LOOP_PERIOD_MICROSECONDS;
 use crate::limits::LimitValues;
-use crate::motor::READ_TWICE;
 
 /// A parameter that the drive cannot work with: a write in operation is refused for it, and S-0-0128 lists it in S-0-0022.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -314,14 +313,14 @@ impl MotionSettings {
     ///
     /// # Errors
     /// The first parameter that the drive cannot work with.
-    pub fn new(parameters: &Parameters, loop_timer_counts: u16) -> Result<Self, InvalidSetting> {
+    pub fn new(parameters: &Parameters, facts: &Facts) -> Result<Self, InvalidSetting> {
         let position = scaling::position_scale(parameters)?;
         let velocity = scaling::velocity_scale(parameters)?;
         let derivatives = DerivativeScale::new(parameters)?;
         let coordinates = scaling::coordinates(parameters)?;
         let velocity_polarity = Polarity::from_parameter(parameters.get_word(Idn::standard(43)));
         let torque = TorqueScale::new(parameters)?;
-        let cycle = CycleSettings::new(parameters, loop_timer_counts)?;
+        let cycle = CycleSettings::new(parameters, facts.loop_timer_counts)?;
         let monitoring_window = position.to_position(signed(parameters, 159));
         let limits = LimitValues::new(parameters);
         let limit_scale = LimitScale::new(parameters, velocity, torque, derivatives, cycle.ticks_per_cycle)?;
@@ -363,7 +362,7 @@ impl MotionSettings {
             return Err(unsupported(277));
         }
         Ok(Self {
-            with_lag: as_measured(AxisSettings::new(&axis).map_err(blamed)?),
+            with_lag: as_measured(AxisSettings::new(&axis).map_err(blamed)?, facts),
             without_lag: as_measured(
                 AxisSettings::new(&AxisParameters {
                     feed_forward,
@@ -372,6 +371,7 @@ impl MotionSettings {
                     ..axis
                 })
                 .map_err(blamed)?,
+                facts,
             ),
             modes: modes(parameters)?,
             position,
@@ -405,7 +405,7 @@ impl MotionSettings {
                 window_behind: position.to_position(signed(parameters, 418)),
             },
             reaction: Reaction::from_parameter(parameters.get_word(Idn::product(140))),
-            motor: MotorSettings::new(parameters, &limit_scale.torque_limits(&limits), increments, fastest)?,
+            motor: motor::settings(parameters, facts, &limit_scale.torque_limits(&limits), increments, fastest)?,
             monitoring_window,
             velocity_threshold: velocity.to_velocity(signed(parameters, 125)),
             velocity_monitoring_window: velocity.to_velocity(signed(parameters, 377)),
@@ -583,16 +583,15 @@ fn modes(parameters: &Parameters) -> Result<[Option<OperationMode>; 8], InvalidS
 }
 
 /// With what the motor side knows of the instant of its measurements.
-const fn as_measured(settings: AxisSettings) -> AxisSettings {
-    if READ_TWICE { settings.measured_a_quarter_tick_ago() } else { settings }
+const fn as_measured(settings: AxisSettings, facts: &Facts) -> AxisSettings {
+    if facts.reads_the_encoder_twice() { settings.measured_a_quarter_tick_ago() } else { settings }
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::live::FACTS;
     use servo::units::CurrentFraction;
-
-    const TIMER: u16 = 10_500;
 
     fn with(changes: &[(u16, u32)]) -> Parameters {
         let mut parameters = Parameters::new();
@@ -604,7 +603,7 @@ mod tests {
 
     #[test]
     fn the_defaults_of_the_table_make_a_drive() {
-        let settings = MotionSettings::new(&Parameters::new(), TIMER).unwrap();
+        let settings = MotionSettings::new(&Parameters::new(), &FACTS).unwrap();
         assert_eq!(settings.cycle.ticks_per_cycle, 16);
         assert_eq!(settings.modes[0], Some(OperationMode::Velocity));
         assert_eq!(settings.modes[1..], [None; 7]);
@@ -627,14 +626,14 @@ mod tests {
             (&[(44, 0x0A), (46, 32)], 46),
             (&[(76, 0x0A), (79, 1)], 79),
         ] {
-            let result = MotionSettings::new(&with(changes), TIMER);
+            let result = MotionSettings::new(&with(changes), &FACTS);
             assert_eq!(result.map_err(|error| error.idn).err(), Some(Idn::standard(culprit)), "{changes:?}");
         }
     }
 
     #[test]
     fn a_feedrate_override_beyond_100_per_cent_is_more_velocity_within_s_0_0091() {
-        let positioning = |changes: &[(u16, u32)]| MotionSettings::new(&with(changes), TIMER).unwrap().positioning;
+        let positioning = |changes: &[(u16, u32)]| MotionSettings::new(&with(changes), &FACTS).unwrap().positioning;
         let doubled = positioning(&[(259, 1_000_000), (108, 20_000)]);
         assert_eq!(doubled, positioning(&[(259, 2_000_000)]));
         assert_ne!(doubled, positioning(&[(259, 1_000_000)]));
@@ -645,7 +644,7 @@ mod tests {
 
     #[test]
     fn a_feed_forward_of_120_per_cent_is_more_than_one_of_100() {
-        let [whole, more] = [1_000, 1_200].map(|gain| MotionSettings::new(&with(&[(296, gain)]), TIMER).unwrap());
+        let [whole, more] = [1_000, 1_200].map(|gain| MotionSettings::new(&with(&[(296, gain)]), &FACTS).unwrap());
         assert_ne!(whole.without_lag, more.without_lag);
         assert_eq!(whole.with_lag, more.with_lag);
     }
@@ -653,8 +652,8 @@ mod tests {
     #[test]
     fn parameter_scaling_per_second_is_sixty_times_that_per_minute() {
         // 1 * 10^-6 revolutions per second.
-        let settings = MotionSettings::new(&with(&[(44, 0x2A), (45, 1), (46, -6_i32 as u32)]), TIMER).unwrap();
-        let preferred = MotionSettings::new(&with(&[(44, 0x22)]), TIMER).unwrap();
+        let settings = MotionSettings::new(&with(&[(44, 0x2A), (45, 1), (46, -6_i32 as u32)]), &FACTS).unwrap();
+        let preferred = MotionSettings::new(&with(&[(44, 0x22)]), &FACTS).unwrap();
         assert_eq!(settings.velocity, preferred.velocity);
         let difference = settings.velocity.to_velocity(1_000_000) - Velocity::from_ten_thousandths_rpm(600_000);
         assert!(difference.abs().to_bits() <= 1, "one revolution per second is 60 rpm: {difference:?}");
@@ -662,7 +661,7 @@ mod tests {
 
     #[test]
     fn a_torque_command_is_the_inverse_of_the_torque_feedback() {
-        let settings = MotionSettings::new(&Parameters::new(), TIMER).unwrap();
+        let settings = MotionSettings::new(&Parameters::new(), &FACTS).unwrap();
         for command in [-4_000_i64, -1, 0, 1, 1_000, 4_000] {
             let current = settings.torque.current_of(command);
             assert!((settings.torque.increments_of(current) - command).abs() <= 1, "{command}");
@@ -673,7 +672,7 @@ mod tests {
     #[test]
     fn torque_feedback_is_in_tenths_of_a_per_cent_of_the_stall_current() {
         // Full peak current 20 A is 400.0 % of 5 A.
-        let settings = MotionSettings::new(&Parameters::new(), TIMER).unwrap();
+        let settings = MotionSettings::new(&Parameters::new(), &FACTS).unwrap();
         assert_eq!(settings.torque.increments_of(CurrentFraction::MAX), 4_000);
         assert_eq!(settings.torque.increments_of(CurrentFraction::from_bits(-(1 << 14))), -2_000);
     }

@@ -2,7 +2,7 @@
 
 use std::sync::LazyLock;
 
-use drive::{MotionSettings, Records};
+use drive::{Facts, MotionSettings, PwmFrequency, Records, TemperatureSensor};
 use sercos::command::CommandStatus;
 use sercos::data_block::{DataBlock, Location, NeededFor, Selection};
 use sercos::dictionary::{self, DICTIONARY};
@@ -14,8 +14,18 @@ use crate::bytes::{Bytes, chosen};
 use crate::run_up::{command, run_up, words_of};
 use crate::support::{CAPABILITIES, Slave};
 
-/// Counts of the loop timer in a period of 125 us at 84 MHz, as the board has it.
-const LOOP_TIMER_COUNTS: u16 = 10_500;
+/// As the board has them.
+const FACTS: Facts = Facts {
+    frequency: PwmFrequency::Khz16,
+    dead_time: 1_000,
+    loop_timer_counts: 10_500,
+    temperature_sensor: TemperatureSensor {
+        zero_counts: 500,
+        millicounts_per_kelvin: 10_000,
+        lowest_sample: 100,
+        highest_sample: 3_000,
+    },
+};
 
 /// Whatever values a master writes before it asks for the transition checks:
 ///
@@ -41,11 +51,11 @@ pub fn configuration(bytes: &[u8]) {
         assert_fits(&configuration, bit_rate);
         assert_has_records(&configuration);
     }
-    let _ = MotionSettings::new(&slave.parameters, LOOP_TIMER_COUNTS);
+    let _ = MotionSettings::new(&slave.parameters, &FACTS);
     if checked(&mut slave, Idn::CP3_TRANSITION_CHECK) {
         assert_eq!(slave.mst(3), Ok(()));
         while write(&mut slave, &mut bytes) {}
-        let scaled = MotionSettings::new(&slave.parameters, LOOP_TIMER_COUNTS);
+        let scaled = MotionSettings::new(&slave.parameters, &FACTS);
         if checked(&mut slave, Idn::CP4_TRANSITION_CHECK) {
             assert_eq!(slave.mst(4), Ok(()));
             if let Ok(settings) = scaled {

@@ -55,17 +55,12 @@ const WINGS: [Wing; 6] = [
         circles: &[
             &[
                 "bits.rs",
-                "current_control.rs",
                 "limits.rs",
-                "link.rs",
                 "motion.rs",
                 "motion/positioning.rs",
                 "motion/positive_stop.rs",
                 "motion/travel.rs",
                 "motion/words.rs",
-                "motor.rs",
-                "motor/sequence.rs",
-                "motor/supervision.rs",
                 "oscilloscope.rs",
                 "record.rs",
                 "settings.rs",

@@ -11,7 +11,7 @@ use sercos::dictionary::DICTIONARY;
 use servo::homing::HomingSettings;
 use servo::path::MotionLimits;
 
-use super::rig::{Rig, Still, words_of};
+use super::rig::{Rig, words_of};
 use super::tests::{P, S, attempts};
 use super::*;
 use crate::identification::Plan;
@@ -51,15 +51,16 @@ impl Effects {
         let commands = rig.motion.snapshot().commands;
         rig.step(|_, parameters, context| {
             let cycle = transition::check_cp3(parameters, &capabilities);
-            let loops = MotionSettings::new(parameters, Still::LOOP_TIMER_COUNTS);
+            let loops = MotionSettings::new(parameters, &FACTS);
             let mut computed = parameters.clone();
-            let gains = commissioning::compute_gains(&mut computed, |_| Ok(()));
+            let gains = commissioning::compute_gains(&mut computed, FACTS.frequency, |_| Ok(()));
             Self {
                 cycle: cycle.map(|(cycle, _)| cycle).map_err(|invalid| invalid.findings().to_vec()),
                 homing: loops.and_then(|settings| homing(parameters, &settings)),
                 loops,
                 probing: ProbeSettings::new(parameters.get_word(PROBE_CONTROL)).ok(),
-                identifications: [224, 225, 226].map(|command| commissioning::plan(P(command), parameters)),
+                identifications: [224, 225, 226]
+                    .map(|command| commissioning::plan(P(command), parameters, FACTS.frequency)),
                 gains: gains.map(|()| [100, 101, 104, 106, 107].map(|number| computed.get(S(number)))),
                 recording: scope_configuration(parameters),
                 oscilloscope: (

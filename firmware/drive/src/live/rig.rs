@@ -11,10 +11,12 @@ use sercon816::{BitRate, MasterClock, RamAddress, Register, Transceiver};
 use sercos::data_block::DataBlock;
 use sercos::service::{Progress, Reply, Server, Step};
 
+use servo::current::PwmFrequency;
+use servo::motor::{CurrentLink, TemperatureSensor};
+
 use super::*;
 use crate::hardware::{Inputs, InterruptLine, ProbeInput, ResetCause};
 use crate::identity::DriveAddress;
-use crate::link::CurrentLink;
 
 /// Registers and RAM that keep what is written.
 #[derive(Clone, Debug, Default)]
@@ -42,7 +44,26 @@ impl Bus for Memory {
 #[derive(Debug)]
 pub(super) struct Still;
 
+impl BoardKind for Still {
+    const FACTS: Facts = Facts {
+        frequency: PwmFrequency::Khz16,
+        dead_time: 1_000,
+        loop_timer_counts: 10_500,
+        temperature_sensor: TemperatureSensor {
+            zero_counts: 500,
+            millicounts_per_kelvin: 10_000,
+            lowest_sample: 100,
+            highest_sample: 3_000,
+        },
+    };
+}
+
+/// Of the board on which nothing moves, for all tests of this crate.
+pub(crate) const FACTS: Facts = Still::FACTS;
+
 impl Hardware for Still {
+    type Board = Self;
+
     fn encoder_count(&mut self) -> u32 {
         0
     }
@@ -92,8 +113,6 @@ impl Hardware for Still {
     fn reset_cause(&self) -> ResetCause {
         ResetCause::PowerOn
     }
-
-    const LOOP_TIMER_COUNTS: u16 = 10_500;
 }
 
 /// What a service step works with.
@@ -127,7 +146,7 @@ impl Rig {
             transceiver: Transceiver::STANDARD,
         };
         let parameters = Parameters::new();
-        let settings = MotionSettings::new(&parameters, Still::LOOP_TIMER_COUNTS).unwrap();
+        let settings = MotionSettings::new(&parameters, &FACTS).unwrap();
         let link = Box::leak(Box::new(CurrentLink::new()));
         let scope = Box::leak(Box::new(servo::scope::Scope::new()));
         let mut rig = Self {
@@ -180,7 +199,7 @@ impl Rig {
         let cyclic = self.checks.cyclic.as_ref().unwrap();
         let ready = transition::check_cp4(&self.parameters, &capabilities, cyclic, true).unwrap();
         self.phases.permit_cp4(ready);
-        self.motion.apply_settings(MotionSettings::new(&self.parameters, Still::LOOP_TIMER_COUNTS).unwrap());
+        self.motion.apply_settings(MotionSettings::new(&self.parameters, &FACTS).unwrap());
     }
 
     pub(super) fn is_in_cp4(&self) -> bool {

@@ -11,7 +11,7 @@ use sercos::dictionary::DICTIONARY;
 use sercos::service::LIVE_TEXT_BYTES;
 use servo::SettingsError;
 
-use super::rig::{Rig, Still, words_of};
+use super::rig::{Rig, words_of};
 use super::*;
 
 pub(super) const fn S(number: u16) -> Idn {
@@ -23,7 +23,7 @@ pub(super) const fn P(number: u16) -> Idn {
 }
 
 fn settings(parameters: &Parameters) -> Result<MotionSettings, InvalidSetting> {
-    MotionSettings::new(parameters, Still::LOOP_TIMER_COUNTS)
+    MotionSettings::new(parameters, &FACTS)
 }
 
 /// The loops work with the parameters as they read, and in operation S-0-0128 would let them pass.
@@ -173,7 +173,7 @@ fn before_s_0_0128_a_master_writes_in_any_order_and_after_it_only_what_goes_toge
 fn the_cycle_that_s_0_0127_accepts_counts_in_cp3_whatever_else_does_not_go_together() {
     let mut rig = Rig::in_cp3(&[(S(201), &[1_400]), (S(2), &[4_000])]);
     assert!(settings(&rig.parameters).is_err());
-    assert_eq!(Ok(rig.motion.settings().cycle), CycleSettings::new(&rig.parameters, Still::LOOP_TIMER_COUNTS));
+    assert_eq!(Ok(rig.motion.settings().cycle), CycleSettings::new(&rig.parameters, FACTS.loop_timer_counts));
     assert_eq!(rig.motion.settings().cycle.ticks_per_cycle, 32);
     rig.write(S(201), &[1_200]).unwrap();
     assert_in_effect(&rig, "all of it");
