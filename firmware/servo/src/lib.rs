@@ -17,6 +17,7 @@
 //! * [`axis`]: position and velocity loop, torque limits, friction and filter, and [the gains](axis::velocity_gains) from the data of a motor.
 //! * [`current`]: the current loop.
 //! * [`encoder`] and [`commutation`]: from increments to the position, and to the electrical angle of the rotor.
+//! * [`motor`]: all of it below the velocity loop, as it is flashed: the task of the current loop, the orders it gets, and what stands guard.
 //! * [`clock`]: the loops in step with the ring.
 //!
 //! Beside the chain, ticked like it:
@@ -57,6 +58,7 @@ mod error;
 pub mod homing;
 pub mod identification;
 pub mod monitor;
+pub mod motor;
 pub mod path;
 pub mod probe;
 pub mod scope;

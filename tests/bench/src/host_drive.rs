@@ -158,7 +158,7 @@ impl Processor for HostDrive {
     fn run(&mut self, now: Nanoseconds, _horizon: &dyn Fn() -> Nanoseconds) -> Result<(), ProcessorError> {
         self.take_edges();
         let due = self.motor_side.borrow_mut().take_cycle(now);
-        let tick = due && self.current.current_loop().contains(Work::CONTROL_LOOP);
+        let tick = due && self.current.current_loop();
         self.chip_interrupts(now);
         if tick {
             let mut work = self.motion.control_loop();

@@ -170,7 +170,7 @@ impl<B: Bus + Clone, H: Hardware> Motion<B, H> {
 
         let mut class_2 = Class2::empty();
         let wants_torque = self.wants_torque();
-        class_2.set(Class2::UNDERVOLTAGE, wants_torque && !torque && !self.motor.has_power(&self.inputs));
+        class_2.set(Class2::UNDERVOLTAGE, wants_torque && !torque && !self.motor.has_power(self.inputs.main_power));
         let watched = self.motor.watched();
         class_2.set(Class2::OVERLOAD, watched.overload);
         class_2.set(Class2::AMPLIFIER_TEMPERATURE, watched.heat_sink_warning);

@@ -6,6 +6,7 @@ use sercos::command::{CommandAction, CommandState};
 use sercos::error::ServiceError;
 use sercos::parameters::Parameters;
 use sercos::{Idn, Phase};
+use servo::motor::BoardKind;
 use servo::probe::ProbeSettings;
 
 use super::commissioning::{self, Finding as CommissioningFinding};
@@ -129,7 +130,7 @@ where
             Procedure::CheckForCp3 => self.check_cp3(parameters),
             Procedure::CheckForCp4 => self.check_cp4(parameters, true),
             Procedure::ComputeGains => {
-                let result = commissioning::compute_gains(parameters, loops::accept::<H>);
+                let result = commissioning::compute_gains(parameters, <H::Board>::FACTS.frequency, loops::accept::<H>);
                 self.found(result)
             }
             _ => match self.start_identification(started, parameters) {
@@ -145,7 +146,7 @@ where
         procedure: Procedure,
         parameters: &Parameters,
     ) -> Result<(), CommissioningFinding> {
-        let plan = commissioning::plan(procedure, parameters)?;
+        let plan = commissioning::plan(procedure, parameters, <H::Board>::FACTS.frequency)?;
         if !self.motion.lock(|motion| motion.start_identification(&plan)) {
             return Err(CommissioningFinding::Interrupted);
         }
