@@ -6,6 +6,8 @@
 #![forbid(unsafe_code)]
 
 mod budget;
+#[cfg(test)]
+mod citations;
 mod cli;
 mod clippy;
 mod demo;
