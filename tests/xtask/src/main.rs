@@ -11,6 +11,8 @@ mod citations;
 mod cli;
 mod clippy;
 mod demo;
+#[cfg(test)]
+mod design;
 mod elf;
 mod explore;
 mod faults;
