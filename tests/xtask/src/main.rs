@@ -14,6 +14,8 @@ mod demo;
 #[cfg(test)]
 mod design;
 mod elf;
+#[cfg(test)]
+mod examples;
 mod explore;
 mod faults;
 mod firmware;
