@@ -25,6 +25,8 @@ mod manual;
 mod mutants;
 mod process;
 mod progress;
+#[cfg(test)]
+mod readmes;
 mod replay;
 mod report;
 mod ring_server;
