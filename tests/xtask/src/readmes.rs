@@ -37,18 +37,22 @@ fn page(package: &str, source: &str) -> String {
     page
 }
 
-/// Links to items lead nowhere outside the documentation: their names are left.
+/// Links to items lead nowhere outside the documentation: their text is left. Others stay.
 fn without_links(line: &str) -> String {
     let mut text = String::new();
     let mut rest = line;
-    while let Some((before, link)) = rest.split_once("[`") {
-        let Some((name, behind)) = link.split_once("`]") else { break };
+    while let Some((before, link)) = rest.split_once('[') {
+        let Some((name, behind)) = link.split_once(']') else { break };
         text += before;
-        text += &format!("`{name}`");
-        rest = match behind.strip_prefix('(') {
-            Some(target) => target.split_once(')').map_or(behind, |(_, behind)| behind),
-            None => behind,
+        let target = behind.strip_prefix('(').and_then(|target| target.split_once(')'));
+        let (left, behind) = match target {
+            Some((path, behind)) if !path.contains(['/', '.', '#']) => (name.to_owned(), behind),
+            Some((path, behind)) => (format!("[{name}]({path})"), behind),
+            None if name.starts_with('`') => (name.to_owned(), behind),
+            None => (format!("[{name}]"), behind),
         };
+        text += &left;
+        rest = behind;
     }
     text + rest
 }
@@ -72,7 +76,7 @@ fn the_readme_of_a_crate_says_what_its_documentation_says() {
 
 #[test]
 fn links_headings_and_hidden_lines_become_those_of_a_page() {
-    let source = "//! Has [`A`], and [`b`](c::b) [x](y).\n//!\n//! # Example\n//!\n//! ```\n//! # use hidden;\n//! shown();\n//! ```\n#![no_std]\n//! no more\n";
-    let expected = "# name\n\nHas `A`, and `b` [x](y).\n\n## Example\n\n```rust\nshown();\n```\n";
+    let source = "//! Has [`A`], [the b](c::b), [0] and [x](y.md).\n//!\n//! # Example\n//!\n//! ```\n//! # use hidden;\n//! shown();\n//! ```\n#![no_std]\n//! no more\n";
+    let expected = "# name\n\nHas `A`, the b, [0] and [x](y.md).\n\n## Example\n\n```rust\nshown();\n```\n";
     assert_eq!(page("name", source), expected);
 }

@@ -95,23 +95,27 @@ fn generated(cycle: &[(u64, Event)]) -> String {
     let mut picture = String::from(
         "```mermaid\nsequenceDiagram\n    participant M as Master\n    participant C as SERCON816\n    participant I as chip interrupts\n    participant T as tasks of the cycle\n    participant L as loops\n    participant S as service_channel\n",
     );
-    let mut events = cycle.iter().peekable();
     let microseconds = |time: u64| format!("{}.{} us", time / 1_000, time % 1_000 / 100);
-    while let Some((time, event)) = events.next() {
+    for (index, (time, event)) in cycle.iter().enumerate() {
         let at = microseconds(*time);
-        let next = events.peek().map(|(_, event)| *event);
         let line = match event {
             Event::MstEnds => format!("M->>C: {at} MST ends, the zero of the cycle"),
             Event::AtBegins => format!("C->>M: {at} t1, AT"),
             Event::MdtBegins => format!("M->>C: {at} t2, MDT begins"),
             Event::MdtEnds => format!("M->>C: {at} MDT ends"),
-            Event::Task(task @ ("chip_interrupt_0" | "chip_interrupt_1")) => match next {
-                // The edge of the acknowledgement, or one that finds what the other line has served.
-                Some(Event::Task("command_valid")) => format!("C->>I: {at} {task}, timer of t3"),
-                Some(Event::Task("capture_feedback")) => format!("C->>I: {at} {task}, timer of t4"),
-                Some(Event::Task("INT_SC")) => format!("C->>I: {at} {task}, INT_SC"),
-                _ => format!("C->>I: {at} {task}"),
-            },
+            Event::Task(task @ ("chip_interrupt_0" | "chip_interrupt_1")) => {
+                // What it has found is what it starts, up to the next of its kind.
+                let found =
+                    cycle[index + 1..].iter().take_while(|(then, _)| then == time).map_while(
+                        |(_, event)| match event {
+                            Event::Task("INT_SC") => Some(", INT_SC"),
+                            Event::Task("command_valid") => Some(", timer of t3"),
+                            Event::Task("capture_feedback") => Some(", timer of t4"),
+                            _ => None,
+                        },
+                    );
+                format!("C->>I: {at} {task}{}", found.collect::<String>())
+            }
             Event::Task("command_valid") => format!("I->>T: {at} t3, command_valid: the MDT record comes into force"),
             Event::Task("capture_feedback") => {
                 format!("I->>T: {at} t4, capture_feedback: the latched position goes into the AT")
