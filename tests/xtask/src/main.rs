@@ -13,6 +13,7 @@ mod clippy;
 mod demo;
 #[cfg(test)]
 mod design;
+mod doc;
 mod elf;
 #[cfg(test)]
 mod examples;
@@ -74,6 +75,7 @@ fn run(command_line: CommandLine) -> anyhow::Result<Verdict> {
             budget::run(style, profile.as_deref(), installing)
         }
         Command::Clippy => clippy::run(installing),
+        Command::Doc => doc::run(installing),
         Command::Test { host, qemu } => suite::run(suite::Selection::from_flags(host, qemu), installing),
         Command::Fuzz { target, runs } => fuzz::run(target, runs, installing),
         Command::Demo { on, output } => demo::run(on.into(), output, installing),
