@@ -3,15 +3,19 @@
 //! `cargo run -p sercos --example service_request`
 
 use heapless::{String, Vec};
+use sercos::capacity::{LIVE_LIST_ENTRIES, LIVE_LONG_ENTRIES, LIVE_TEXT_BYTES};
 use sercos::command::{CommandAction, CommandState};
 use sercos::data_block::DataBlock;
+use sercos::error::ServiceError;
 use sercos::parameters::Parameters;
-use sercos::service::{
-    LIVE_LIST_ENTRIES, LIVE_LONG_ENTRIES, LIVE_TEXT_BYTES, Live, Progress, Reply, Server, ServiceError, Step,
-};
+use sercos::service::{Live, Progress, Reply, Server, Step};
 use sercos::telegram::RecordPacket;
 use sercos::word::{Readiness, StatusWord};
 use sercos::{Idn, Phase};
+
+// The table of data blocks, which every product writes for itself.
+mod sample;
+use sample::DICTIONARY;
 
 /// The drive behind the channel. It has one value of its own, the position.
 struct Drive {
@@ -19,32 +23,32 @@ struct Drive {
 }
 
 impl Live for Drive {
-    fn read(&mut self, idn: Idn, _: &Parameters) -> u64 {
-        if idn == Idn::standard(51) { u64::from(self.position.cast_unsigned()) } else { 0 }
+    fn read(&mut self, block: &DataBlock, _: &Parameters) -> u64 {
+        if block.idn == Idn::standard(51) { u64::from(self.position.cast_unsigned()) } else { 0 }
     }
-    fn cyclic(&mut self, _: Idn) -> Option<u64> {
+    fn cyclic(&mut self, _: &DataBlock) -> Option<u64> {
         None
     }
-    fn read_text(&mut self, _: Idn, _: &Parameters, _: &mut String<LIVE_TEXT_BYTES>) -> Option<&'static str> {
+    fn read_text(&mut self, _: &DataBlock, _: &Parameters, _: &mut String<LIVE_TEXT_BYTES>) -> Option<&'static str> {
         Some("a drive")
     }
-    fn read_list(&mut self, _: Idn, _: &mut Vec<u16, LIVE_LIST_ENTRIES>) {}
-    fn read_longs(&mut self, _: Idn, _: &mut Vec<u32, LIVE_LONG_ENTRIES>) {}
-    fn write(&mut self, _: Idn, _: u64) {}
-    fn write_text(&mut self, _: Idn, _: &[u8]) -> Result<(), ServiceError> {
+    fn read_list(&mut self, _: &DataBlock, _: &mut Vec<u16, LIVE_LIST_ENTRIES>) {}
+    fn read_longs(&mut self, _: &DataBlock, _: &mut Vec<u32, LIVE_LONG_ENTRIES>) {}
+    fn write(&mut self, _: &DataBlock, _: u64) {}
+    fn write_text(&mut self, _: &DataBlock, _: &[u8]) -> Result<(), ServiceError> {
         Err(ServiceError::ProtectedByPassword)
     }
-    fn written(&mut self, _: Idn, _: &mut Parameters) -> Result<(), ServiceError> {
+    fn written(&mut self, _: &DataBlock, _: &mut Parameters) -> Result<(), ServiceError> {
         Ok(())
     }
     fn not_taken(&mut self, _: &DataBlock) {}
-    fn command(&mut self, _: Idn, _: CommandAction, _: &mut Parameters) -> Result<CommandState, ServiceError> {
+    fn command(&mut self, _: &DataBlock, _: CommandAction, _: &mut Parameters) -> Result<CommandState, ServiceError> {
         Ok(CommandState::Executed)
     }
     fn phase(&self) -> Phase {
         Phase::Cp2
     }
-    fn refuses(&mut self, _: Idn, _: u64, _: &Parameters) -> Option<ServiceError> {
+    fn refuses(&mut self, _: &DataBlock, _: u64, _: &Parameters) -> Option<ServiceError> {
         None
     }
     fn is_locked(&self) -> bool {
@@ -84,7 +88,8 @@ fn answer(record: &[u8], server: &mut Server, parameters: &mut Parameters, drive
 }
 
 pub(crate) fn main() {
-    let (mut server, mut parameters, mut drive) = (Server::new(), Parameters::new(), Drive { position: 123_456 });
+    let (mut server, mut parameters, mut drive) =
+        (Server::new(&DICTIONARY), Parameters::new(&DICTIONARY), Drive { position: 123_456 });
     let mut dialogue = |what: &str, mdt: [u8; 4]| {
         let at = answer(&mdt, &mut server, &mut parameters, &mut drive);
         println!("{what:<38} MDT {mdt:02X?}  AT {at:02X?}");

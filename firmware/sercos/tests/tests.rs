@@ -7,6 +7,10 @@ mod recording;
 #[path = "../../../tests/recordings/find.rs"]
 mod recordings;
 mod run_up;
+#[path = "../examples/sample/mod.rs"]
+mod sample;
 mod service_channel;
 mod support;
 mod weighting;
+
+use sample::DICTIONARY;

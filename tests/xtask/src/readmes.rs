@@ -76,7 +76,7 @@ fn the_readme_of_a_crate_says_what_its_documentation_says() {
 
 #[test]
 fn links_headings_and_hidden_lines_become_those_of_a_page() {
-    let source = "//! Has [`A`], [the b](c::b), [0] and [x](y.md).\n//!\n//! # Example\n//!\n//! ```\n//! # use hidden;\n//! shown();\n//! ```\n#![no_std]\n//! no more\n";
-    let expected = "# name\n\nHas `A`, the b, [0] and [x](y.md).\n\n## Example\n\n```rust\nshown();\n```\n";
+    let source = "//! Has [`A`], [the b](c::b), [0] and [x](y.html).\n//!\n//! # Example\n//!\n//! ```\n//! # use hidden;\n//! shown();\n//! ```\n#![no_std]\n//! no more\n";
+    let expected = "# name\n\nHas `A`, the b, [0] and [x](y.html).\n\n## Example\n\n```rust\nshown();\n```\n";
     assert_eq!(page("name", source), expected);
 }

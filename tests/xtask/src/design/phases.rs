@@ -61,8 +61,8 @@ impl Seen {
 
 /// The values with which the recorded master ran its first drive up: they pass both checks.
 fn passing() -> (Parameters, Capabilities) {
-    let mut parameters = Parameters::new();
-    let capabilities = Capabilities { bit_rate: BitRate::Mbit2, operation_modes: &[2] };
+    let mut parameters = Parameters::new(&drive::DICTIONARY);
+    let capabilities = Capabilities { bit_rate: BitRate::Mbit2, operation_modes: &[2], feedback_2: false };
     for (number, value) in [(1, 2000), (2, 2000), (6, 92), (89, 1782), (8, 1965), (7, 1698), (9, 1), (10, 32), (15, 7)]
     {
         parameters.set(Idn::standard(number), value).unwrap();
