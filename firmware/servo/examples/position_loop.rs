@@ -1,6 +1,6 @@
 //! Gains from the data of a motor, and an axis that follows a master's positions with them: how far it lags, and what it costs.
 //!
-//! `cargo run -p servo --example position_loop`
+//! `cargo run -p servo-axis --example position_loop`
 
 use servo::{
     Acceleration, Axis, AxisParameters, AxisSettings, CurrentFilterSettings, CurrentFraction, Encoder, EncoderSettings,

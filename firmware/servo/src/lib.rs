@@ -9,7 +9,8 @@
 //! t3 event -> LoopClock -> trim of the loop timer
 //! ```
 //!
-//! [`Axis`] joins the chain; the parts can be used alone. The crate knows no bus and no hardware.
+//! [`Axis`] joins the chain; the parts can be used alone. The crate knows no bus and no hardware. It is `no_std`, allocates nothing and has no
+//! `unsafe`. The package is `servo-axis`, the library `servo`.
 //!
 //! Beside the chain, ticked like it:
 //!
