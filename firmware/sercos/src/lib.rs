@@ -8,7 +8,7 @@
 //! |---|---|
 //! | [`phase`], [`supervision`], [`transition`] | CP0 to CP4, lost telegrams, the checks of S-0-0127 and S-0-0128 |
 //! | [`telegram`], [`word`], [`telegram_type`], [`duration`] | what is on the fibre, and how long it takes |
-//! | [`dictionary`], [`data_block`], [`attribute`], [`parameters`] | the table of all IDNs, which the product writes, and the values in RAM |
+//! | [`dictionary`](mod@dictionary), [`data_block`], [`attribute`], [`parameters`] | the table of all IDNs, which the product writes, and the values in RAM |
 //! | [`service`], [`command`] | the service channel and its procedure commands |
 //! | [`diagnostic`] | the bits of class 1, 2 and 3 diagnostics |
 //!
