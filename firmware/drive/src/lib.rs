@@ -79,7 +79,7 @@ pub use snapshot::Snapshot;
 pub use state::{Conditions, DriveState, StateMachine, Switches, status_bits};
 pub use work::Work;
 
-pub use servo::Scope;
+pub use servo::scope::Scope;
 
 use sercon816::Bus;
 use sercos::parameters::Parameters;

@@ -8,7 +8,9 @@
 use bitflags::bitflags;
 use sercos::attribute::Attribute;
 use sercos::parameters::Parameters;
-use servo::{AxisMovements, MotionLimits, SettingsError, VelocityLimits};
+use servo::SettingsError;
+use servo::axis::{AxisMovements, VelocityLimits};
+use servo::path::MotionLimits;
 
 use crate::settings::LimitScale;
 use crate::signal::limit::{LIMITS, Limit};

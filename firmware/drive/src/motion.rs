@@ -13,9 +13,12 @@ use sercos::command::CommandState;
 use sercos::diagnostic::{Class1, Class2, Class3};
 use sercos::phase::PhaseError;
 use sercos::supervision::Supervision;
-use servo::{
-    Axis, AxisOutput, LOOP_TICKS_PER_SUPERVISION, Limiting, LoopClock, Mode, RangeMonitor, Scope, TwiceReadEncoder,
-};
+use servo::axis::{Axis, AxisOutput, Limiting, Mode};
+use servo::clock::LoopClock;
+use servo::encoder::TwiceReadEncoder;
+use servo::monitor::RangeMonitor;
+use servo::scope::Scope;
+use servo::units::LOOP_TICKS_PER_SUPERVISION;
 
 mod background;
 mod clock_monitor;

@@ -7,13 +7,15 @@
 mod sequence;
 mod supervision;
 
+use servo::arithmetic::Rotation;
+use servo::axis::{CommandedTorqueLimits, Limiting, TorqueLimitSettings, TorqueLimits};
+use servo::brake::{BrakeOutput, BrakeSequencer};
+use servo::commutation::{Alignment, AlignmentError, CommutationAngle, IndexCorrection};
 use servo::current::{BusScale, CurrentCommand, CurrentReadings, FieldWeakening, Trip};
+use servo::encoder::{EncoderMonitor, EncoderMotion};
 use servo::identification::CurrentRequest;
-use servo::{
-    Alignment, AlignmentError, BrakeOutput, BrakeSequencer, BusVoltage, CommandedTorqueLimits, CommutationAngle,
-    CurrentFraction, EncoderMonitor, EncoderMotion, IndexCorrection, Limiting, LoadModel, Position, Rotation,
-    Temperature, TorqueLimitSettings, TorqueLimits, Velocity, VoltageOutput,
-};
+use servo::monitor::{BusVoltage, LoadModel, Temperature, VoltageOutput};
+use servo::units::{CurrentFraction, Position, Velocity};
 
 pub(crate) use sequence::{Progress, Sequence, SequenceInputs};
 pub(crate) use supervision::{Findings, Surroundings, Watched};
@@ -443,7 +445,7 @@ mod tests {
     use std::boxed::Box;
 
     use sercos::parameters::Parameters;
-    use servo::TwiceReadEncoder;
+    use servo::encoder::TwiceReadEncoder;
 
     use super::*;
     use crate::link::set;

@@ -5,11 +5,16 @@ use core::fmt;
 use sercos::Idn;
 use sercos::parameters::Parameters;
 use sercos::transition::OPERATION_MODES;
-use servo::{
+use servo::SettingsError;
+use servo::axis::{
     AxisParameters, AxisSettings, CurrentFilterSettings, FilterSection, FrictionParameters, FrictionSettings,
-    HomingParameters, HomingSettings, Interpolation, LoopClockSettings, MotionLimits, Position, PositionScale,
-    SUPERVISION_PERIOD_MICROSECONDS, SettingsError, TravelRange, TwiceReadSettings, Velocity, VelocityScale,
 };
+use servo::clock::LoopClockSettings;
+use servo::encoder::TwiceReadSettings;
+use servo::homing::{HomingParameters, HomingSettings};
+use servo::monitor::TravelRange;
+use servo::path::{Interpolation, MotionLimits};
+use servo::units::{Position, PositionScale, SUPERVISION_PERIOD_MICROSECONDS, Velocity, VelocityScale};
 
 mod limits;
 pub(crate) mod motor;
@@ -600,7 +605,7 @@ const fn as_measured(settings: AxisSettings) -> AxisSettings {
 mod tests {
     use super::*;
     use crate::dictionary::{DICTIONARY, source};
-    use servo::CurrentFraction;
+    use servo::units::CurrentFraction;
 
     const TIMER: u16 = 10_500;
 

@@ -2,11 +2,13 @@
 //!
 //! `cargo run -p servo-axis --example position_loop`
 
-use servo::{
-    Acceleration, Axis, AxisParameters, AxisSettings, CurrentFilterSettings, CurrentFraction, Encoder, EncoderSettings,
-    FilterSection, FrictionSettings, Interpolation, Limiting, Mode, Position, TorqueLimits, Velocity, VelocityLimits,
-    position_gain, velocity_gains,
+use servo::axis::{
+    Axis, AxisParameters, AxisSettings, CurrentFilterSettings, FilterSection, FrictionSettings, Limiting, Mode,
+    TorqueLimits, VelocityLimits, position_gain, velocity_gains,
 };
+use servo::encoder::{Encoder, EncoderSettings};
+use servo::path::Interpolation;
+use servo::units::{Acceleration, CurrentFraction, Position, Velocity};
 
 /// Increments of the encoder in a revolution.
 const INCREMENTS: u32 = 65_536;

@@ -7,10 +7,9 @@ use crate::machine_bench::measure::{Phasor, Step, deviation, highest, largest, l
 use crate::machine_bench::setup::{Setup, acceleration, starting_at};
 use crate::machine_bench::{Bench, Seen, TICKS_PER_SECOND};
 use plant::ReferenceAxis;
-use servo::{
-    Axis, AxisSettings, CommandSource, CurrentFraction, Interpolation, Jerk, Limiting, Mode, Modulo, MotionLimits,
-    Position, Travel,
-};
+use servo::axis::{Axis, AxisSettings, Limiting, Mode, Travel};
+use servo::path::{CommandSource, Interpolation, MotionLimits};
+use servo::units::{CurrentFraction, Jerk, Modulo, Position};
 
 /// With everything that is known fed forward: a machine tool's axis in use.
 fn precise() -> Setup {

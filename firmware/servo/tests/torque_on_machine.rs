@@ -7,7 +7,8 @@ use crate::machine_bench::measure::{Step, highest, largest, mean, within};
 use crate::machine_bench::setup::Setup;
 use crate::machine_bench::{Bench, Seen, TICKS_PER_SECOND};
 use plant::ReferenceAxis;
-use servo::{CurrentFraction, Limiting, Mode, TorqueLimits, VelocityLimits};
+use servo::axis::{Limiting, Mode, TorqueLimits, VelocityLimits};
+use servo::units::CurrentFraction;
 
 fn share(value: f64) -> CurrentFraction {
     CurrentFraction::saturating_from_num(value)

@@ -9,7 +9,8 @@ use crate::machine_bench::measure::{
 use crate::machine_bench::setup::{Setup, acceleration};
 use crate::machine_bench::{Bench, Seen, TICKS_PER_SECOND};
 use plant::ReferenceAxis;
-use servo::{CurrentFraction, Jerk, Limiting, Mode, TorqueLimits, velocity_gains};
+use servo::axis::{Limiting, Mode, TorqueLimits, velocity_gains};
+use servo::units::{CurrentFraction, Jerk};
 
 /// Commands every 500 us.
 fn precise() -> Setup {
@@ -255,7 +256,7 @@ fn out_of_the_torque_limit_the_velocity_overshoots_no_more_than_a_small_step() {
 #[test]
 fn the_velocity_limit_holds_whatever_is_commanded() {
     let mut setup = precise();
-    setup.axis.velocity_limits = servo::VelocityLimits::new(rpm(500.0), Some(rpm(300.0)), None);
+    setup.axis.velocity_limits = servo::axis::VelocityLimits::new(rpm(500.0), Some(rpm(300.0)), None);
     let mut bench = turning(&setup, 1_000.0);
     let seen = bench.run(0.1);
     within("limited speed in rpm", mean(&speeds(&seen)), 299.9..300.1);

@@ -7,7 +7,7 @@ use std::boxed::Box;
 use std::rc::Rc;
 
 use sercos::parameters::Parameters;
-use servo::Rotation;
+use servo::arithmetic::Rotation;
 use servo::current::BusScale;
 
 use super::*;

@@ -5,7 +5,7 @@ use sercos::Phase;
 use sercos::diagnostic::Class1;
 use sercos::phase::PhaseError;
 use sercos::supervision::Reception;
-use servo::{CurrentFraction, Velocity};
+use servo::units::{CurrentFraction, Velocity};
 
 use super::Motion;
 use crate::hardware::Hardware;

@@ -8,7 +8,8 @@
 
 use sercon816::Bus;
 use sercos::diagnostic::Class3;
-use servo::{Mode, Position, Travel, Velocity};
+use servo::axis::{Mode, Travel};
+use servo::units::{Position, Velocity};
 
 use super::Motion;
 use crate::hardware::Hardware;

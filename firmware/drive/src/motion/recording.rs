@@ -1,7 +1,8 @@
 //! What the oscilloscope records of the motor side.
 
 use sercon816::Bus;
-use servo::{Position, SCOPE_CHANNELS};
+use servo::scope::SCOPE_CHANNELS;
+use servo::units::Position;
 
 use super::Motion;
 use crate::hardware::Hardware;

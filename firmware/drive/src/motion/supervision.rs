@@ -3,7 +3,7 @@
 use sercon816::Bus;
 use sercos::Phase;
 use sercos::diagnostic::{Class1, Class3};
-use servo::Position;
+use servo::units::Position;
 
 use super::Motion;
 use crate::diagnosis::{Manufacturer1, Manufacturer3};

@@ -3,7 +3,9 @@
 use sercon816::Bus;
 use sercos::Phase;
 use sercos::diagnostic::{Class1, Class2, Class3};
-use servo::{Edge, Limiting, Position, Probe, Velocity};
+use servo::axis::Limiting;
+use servo::probe::{Edge, Probe};
+use servo::units::{Position, Velocity};
 
 use super::Motion;
 use crate::diagnosis::{Manufacturer2, Manufacturer3};

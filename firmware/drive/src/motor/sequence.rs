@@ -1,9 +1,8 @@
 //! Switching on and off: commutation angle, proof of the torque, brake, in this order and back.
 
-use servo::{
-    Alignment, AlignmentError, AlignmentState, BrakeError, BrakeInputs, BrakeOutput, BrakeRequest, BrakeSequencer,
-    CommutationAngle, CurrentFraction, IndexState, Position,
-};
+use servo::brake::{BrakeError, BrakeInputs, BrakeOutput, BrakeRequest, BrakeSequencer};
+use servo::commutation::{Alignment, AlignmentError, AlignmentState, CommutationAngle, IndexState};
+use servo::units::{CurrentFraction, Position};
 
 use super::Motor;
 use super::supervision::Findings;
@@ -35,7 +34,7 @@ pub(crate) struct Progress {
     pub(crate) brake: bool,
     /// The velocity loop is to start with this current.
     pub(crate) preload: Option<CurrentFraction>,
-    /// See [`servo::BrakeOutput::anchor`].
+    /// See [`servo::brake::BrakeOutput::anchor`].
     pub(crate) anchor: Option<CurrentFraction>,
 }
 

@@ -1,10 +1,12 @@
 //! What is watched: bus, temperatures, loads, encoder, the current loop itself.
 
 use sercos::diagnostic::Class1;
+use servo::axis::Limiting;
+use servo::commutation::IndexCorrection;
 use servo::current::{BusScale, Trip};
-use servo::{
-    CurrentFraction, EncoderMonitorInputs, IndexCorrection, Limiting, TemperatureOutput, VoltageError, VoltageOutput,
-};
+use servo::encoder::EncoderMonitorInputs;
+use servo::monitor::{TemperatureOutput, VoltageError, VoltageOutput};
+use servo::units::CurrentFraction;
 
 use super::Motor;
 use crate::diagnosis::Manufacturer1;

@@ -2,7 +2,8 @@
 //!
 //! Their numbers, F000H and up, would be product-specific data blocks of parameter set 7, which the drive does not have.
 
-use servo::{AxisOutput, CurrentFraction, Position};
+use servo::axis::AxisOutput;
+use servo::units::{CurrentFraction, Position};
 
 /// What the position and velocity loops had in their last tick (125 us).
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

@@ -8,13 +8,15 @@ use core::fmt;
 
 use sercos::Idn;
 use sercos::parameters::Parameters;
+use servo::SettingsError;
+use servo::axis::{current_gains, position_gain, velocity_gains};
 use servo::identification::{
     FluxSettings, IdentificationError, IdentificationParameters, InductanceSettings, InertiaSettings,
     ResistanceSettings,
 };
-use servo::{Acceleration, Position, SettingsError, Velocity, current_gains, position_gain, velocity_gains};
+use servo::units::{Acceleration, Position, Velocity};
 
-use crate::dictionary::Procedure;
+use crate::dictionary::procedures::Procedure;
 use crate::identification::{Failure, Measurement, Outcome, Plan};
 use crate::settings::InvalidSetting;
 use crate::settings::motor::FREQUENCY;

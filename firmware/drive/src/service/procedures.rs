@@ -6,13 +6,13 @@ use sercos::command::{CommandAction, CommandState};
 use sercos::error::ServiceError;
 use sercos::parameters::Parameters;
 use sercos::{Idn, Phase};
-use servo::ProbeSettings;
+use servo::probe::ProbeSettings;
 
 use super::commissioning::{self, Finding as CommissioningFinding};
 use super::context::Context;
 use super::finding::Finding;
 use super::loops;
-use crate::dictionary::Procedure;
+use crate::dictionary::procedures::Procedure;
 use crate::hardware::Hardware;
 use crate::motion::Motion;
 use crate::settings::homing;

@@ -143,7 +143,7 @@ impl Rig {
         let parameters = Parameters::new(&DICTIONARY);
         let settings = loops::settings::<Still>(&parameters).unwrap();
         let link = Box::leak(Box::new(CurrentLink::new()));
-        let scope = Box::leak(Box::new(servo::Scope::new()));
+        let scope = Box::leak(Box::new(servo::scope::Scope::new()));
         let mut rig = Self {
             parameters,
             motion: Motion::new(bus.clone(), 5, Still, link, scope, settings),

@@ -2,10 +2,10 @@
 
 use sercos::Idn;
 use sercos::parameters::Parameters;
-use servo::{
-    Acceleration, AxisMovements, CommandedTorqueLimits, FeedrateOverride, Jerk, MotionLimits, SettingsError, Velocity,
-    VelocityLimits, VelocityScale,
-};
+use servo::SettingsError;
+use servo::axis::{AxisMovements, CommandedTorqueLimits, VelocityLimits};
+use servo::path::{FeedrateOverride, MotionLimits};
+use servo::units::{Acceleration, Jerk, Velocity, VelocityScale};
 
 use super::scaling::DerivativeScale;
 use super::{InvalidSetting, Polarity, TorqueScale, invalid, signed};

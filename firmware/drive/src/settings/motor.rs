@@ -2,16 +2,20 @@
 
 use sercos::Idn;
 use sercos::parameters::Parameters;
+use servo::SettingsError;
+use servo::arithmetic::Gain;
+use servo::axis::{CommandedTorqueLimits, TorqueLimitParameters, TorqueLimitSettings};
+use servo::brake::{BrakeParameters, BrakeSettings};
+use servo::commutation::{AlignmentSettings, CommutationSettings};
 use servo::current::{
     CurrentLoopParameters, CurrentLoopSettings, FieldWeakeningParameters, FieldWeakeningSettings, MotorModel,
     Protection, PwmFrequency,
 };
-use servo::{
-    AlignmentSettings, BrakeParameters, BrakeSettings, CommandedTorqueLimits, CommutationSettings, CurrentFraction,
-    EncoderMonitorParameters, EncoderMonitorSettings, Gain, LoadParameters, LoadSettings, Position, SettingsError,
-    TemperatureParameters, TemperatureSettings, TorqueLimitParameters, TorqueLimitSettings, Velocity,
-    VoltageParameters, VoltageSettings,
+use servo::encoder::{EncoderMonitorParameters, EncoderMonitorSettings};
+use servo::monitor::{
+    LoadParameters, LoadSettings, TemperatureParameters, TemperatureSettings, VoltageParameters, VoltageSettings,
 };
+use servo::units::{CurrentFraction, Position, Velocity};
 
 use super::InvalidSetting;
 use crate::current_control::CurrentSettings;

@@ -8,7 +8,8 @@ use sercos::Idn;
 use sercos::parameters::Parameters;
 use sercos::unit::Dimension;
 use sercos::weighting::{Increment, Kind, Weighting};
-use servo::{Acceleration, Jerk, Modulo, PositionScale, SettingsError, VelocityScale};
+use servo::SettingsError;
+use servo::units::{Acceleration, Jerk, Modulo, PositionScale, VelocityScale};
 
 use crate::coordinates::Coordinates;
 
@@ -245,7 +246,7 @@ pub(super) const TWO_PI: Ratio = Ratio::new(710, 113);
 mod tests {
     use super::*;
     use crate::dictionary::DICTIONARY;
-    use servo::{Position, Velocity};
+    use servo::units::{Position, Velocity};
 
     fn with(changes: &[(u16, i32)]) -> Parameters {
         let mut parameters = Parameters::new(&DICTIONARY);

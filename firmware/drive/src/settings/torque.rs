@@ -4,7 +4,9 @@ use sercos::Idn;
 use sercos::parameters::Parameters;
 use sercos::unit::Dimension;
 use sercos::weighting::Kind;
-use servo::{CurrentFraction, Gain, SettingsError};
+use servo::SettingsError;
+use servo::arithmetic::Gain;
+use servo::units::CurrentFraction;
 
 use super::InvalidSetting;
 use super::scaling::{FEED_EXPONENT, Ratio, TWO_PI, decimal, feed, gear, weighting};

@@ -12,14 +12,16 @@ pub(crate) mod measure;
 pub(crate) mod setup;
 
 use plant::Machine;
+use servo::arithmetic::Rotation;
+use servo::axis::{Axis, AxisOutput, AxisSettings, Limiting, Mode, TorqueLimits};
+use servo::commutation::CommutationAngle;
 use servo::current::{
     BusScale, CurrentCommand, CurrentLoop, CurrentLoopSettings, FieldWeakening, FieldWeakeningSettings, MotorModel,
     Offsets, Protection, PwmFrequency, SharedCommand, SharedReadings, Trip, WeakeningOutput,
 };
-use servo::{
-    Axis, AxisOutput, AxisSettings, BusVoltage, CommutationAngle, CurrentFraction, LOOP_TICKS_PER_SUPERVISION,
-    Limiting, Mode, Position, Rotation, TorqueLimits, TwiceReadEncoder, TwiceReadSettings, Velocity, VoltageSettings,
-};
+use servo::encoder::{TwiceReadEncoder, TwiceReadSettings};
+use servo::monitor::{BusVoltage, VoltageSettings};
+use servo::units::{CurrentFraction, LOOP_TICKS_PER_SUPERVISION, Position, Velocity};
 
 use setup::Setup;
 

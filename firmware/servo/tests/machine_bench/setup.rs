@@ -1,14 +1,17 @@
 //! Parameters of a drive for a reference axis, as a commissioning engineer finds them.
 
 use plant::ReferenceAxis;
+use servo::axis::{
+    AxisParameters, CurrentFilterSettings, FilterSection, FrictionParameters, FrictionSettings, VelocityLimits,
+    current_gains,
+};
+use servo::commutation::{CommutationAngle, CommutationSettings};
 use servo::current::{
     CurrentLoopParameters, FieldWeakeningParameters, FieldWeakeningSettings, MotorModel, Protection, PwmFrequency,
 };
-use servo::{
-    Acceleration, AxisParameters, CommutationAngle, CommutationSettings, CurrentFilterSettings, FilterSection,
-    FrictionParameters, FrictionSettings, Interpolation, Position, Velocity, VelocityLimits, VoltageParameters,
-    VoltageSettings, current_gains,
-};
+use servo::monitor::{VoltageParameters, VoltageSettings};
+use servo::path::Interpolation;
+use servo::units::{Acceleration, Position, Velocity};
 
 use super::master::{revolutions, rpm};
 

@@ -48,15 +48,15 @@ const FILES: [SafetyFile; 14] = [
     file("drive", "firmware/drive/src/state.rs", "state::"),
     file("drive", "firmware/drive/src/limits.rs", "limits::"),
     file("servo", "firmware/servo/src/current/protection.rs", "protection::"),
-    file("servo", "firmware/servo/src/limits.rs", "limits::"),
-    file("servo", "firmware/servo/src/stopping.rs", "stopping::"),
+    file("servo", "firmware/servo/src/axis/limits.rs", "axis::limits::"),
+    file("servo", "firmware/servo/src/path/stopping.rs", "stopping::"),
     tested_apart("servo", "firmware/servo/src/brake.rs", "brake::"),
-    file("servo", "firmware/servo/src/travel_range.rs", "travel_range::"),
-    file("servo", "firmware/servo/src/motion_limits.rs", "motion_limits::"),
-    file("servo", "firmware/servo/src/encoder_monitor.rs", "encoder_monitor::"),
-    file("servo", "firmware/servo/src/temperature.rs", "temperature::"),
-    file("servo", "firmware/servo/src/voltage.rs", "voltage::"),
-    file("servo", "firmware/servo/src/hidden_motion.rs", "hidden_motion::"),
+    file("servo", "firmware/servo/src/monitor/travel_range.rs", "travel_range::"),
+    file("servo", "firmware/servo/src/path/limits.rs", "path::limits::"),
+    file("servo", "firmware/servo/src/encoder/monitor.rs", "encoder::monitor::"),
+    file("servo", "firmware/servo/src/monitor/temperature.rs", "temperature::"),
+    file("servo", "firmware/servo/src/monitor/bus_voltage.rs", "bus_voltage::"),
+    file("servo", "firmware/servo/src/encoder/hidden_motion.rs", "hidden_motion::"),
     file("sercos", "firmware/sercos/src/supervision.rs", "supervision::"),
     file("sercos", "firmware/sercos/src/phase.rs", "phase::"),
 ];
@@ -221,7 +221,7 @@ mod tests {
     #[test]
     fn every_safety_file_is_there_and_has_tests_of_its_own() {
         for file in FILES {
-            let module = file.tests.trim_end_matches("::");
+            let module = file.tests.trim_end_matches("::").replace("::", "/");
             assert!(file.path.ends_with(&format!("/{module}.rs")), "{}", file.path);
             let path = if file.program == "--lib" {
                 file.path.to_owned()

@@ -10,7 +10,10 @@ use drive::service::scope::{refuses_setting, signal};
 use drive::{Command, Feedback, Source};
 use sercos::Idn;
 use sercos::parameters::Parameters;
-use servo::{AxisOutput, CommandSource, CurrentFraction, Limiting, Position, Scope, Velocity};
+use servo::axis::{AxisOutput, Limiting};
+use servo::path::CommandSource;
+use servo::scope::Scope;
+use servo::units::{CurrentFraction, Position, Velocity};
 use std::collections::BTreeMap;
 
 /// Ticks that every access to the service channel takes: two cycles of 2 ms.
