@@ -138,7 +138,7 @@ impl<B: Bus + Clone, H: Hardware> Motion<B, H> {
         true
     }
 
-    /// Asks for [`Work::SERVICE_CHANNEL`] when the loop clock has locked to the ring, or after so many ticks of the supervision without.
+    /// Asks for `Work::SERVICE_CHANNEL` when the loop clock has locked to the ring, or after so many ticks of the supervision without.
     pub fn wait_for_lock(&mut self, ticks: u16) {
         self.lock_patience = ticks;
     }
