@@ -16,6 +16,16 @@ pub struct Elves {
     pub product: PathBuf,
     /// The bus inside QEMU, a library that it loads.
     pub bus: PathBuf,
+    /// QEMU and the thread that starts it share a CPU, see [`emulator::GuestConfiguration::one_cpu`].
+    pub one_cpu: bool,
+}
+
+impl Elves {
+    /// The usual way, on one CPU.
+    #[must_use]
+    pub fn new(product: impl Into<PathBuf>, bus: impl Into<PathBuf>) -> Self {
+        Self { product: product.into(), bus: bus.into(), one_cpu: true }
+    }
 }
 
 /// Where the drive under test runs. The drives beside it always run on this computer.

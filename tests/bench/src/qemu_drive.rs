@@ -36,8 +36,8 @@ impl QemuDrive {
         bit_rate: BitRate,
         measurements: SharedMeasurements,
     ) -> Result<Self, ProcessorError> {
-        let guest = Guest::start(&GuestConfiguration::new(&elves.product, &elves.bus))
-            .map_err(|error| ProcessorError::Stuck { address, cause: error.to_string() })?;
+        let how = GuestConfiguration { one_cpu: elves.one_cpu, ..GuestConfiguration::new(&elves.product, &elves.bus) };
+        let guest = Guest::start(&how).map_err(|error| ProcessorError::Stuck { address, cause: error.to_string() })?;
         Ok(Self::around(guest, chip, motor_side, address, bit_rate, measurements))
     }
 
