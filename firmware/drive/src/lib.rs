@@ -25,15 +25,13 @@
 #[cfg(test)]
 extern crate std;
 
-mod access;
 mod announcement;
-mod bits;
-mod commissioning;
 mod communication;
 mod coordinates;
 pub mod crash;
 mod current_control;
 mod diagnosis;
+pub mod dictionary;
 mod error_memory;
 mod feedback;
 mod hardware;
@@ -42,37 +40,41 @@ mod identity;
 mod interrupts;
 mod limits;
 mod link;
-mod live;
 mod motion;
 mod motor;
 mod mst;
 pub mod oscilloscope;
-mod record;
-mod rescaling;
+pub mod service;
 mod settings;
+mod signal;
 mod snapshot;
 mod state;
 mod work;
 
-pub use access::{Access, LONGEST_PASSWORD, SHORTEST_PASSWORD};
-pub use bits::{BitSettings, SIGNAL_BITS, Source, SourceBit, Word};
 pub use communication::{Communication, PhaseReport, StartError};
 pub use current_control::{CurrentControl, CurrentSettings};
 pub use diagnosis::{
     Circumstances, DIAGNOSES, Diagnosis, Manufacturer1, Manufacturer2, Manufacturer3, Severity, diagnose,
     of_phase_error,
 };
+pub use dictionary::DICTIONARY;
 pub use error_memory::{ERRORS, ErrorMemory, ErrorRecord};
 pub use hardware::{
     Cycle, Hardware, Inputs, InterruptLine, LOOP_PERIOD_MICROSECONDS, PowerStage, ProbeInput, ResetCause, Samples,
 };
 pub use identity::{DriveAddress, Identity};
 pub use interrupts::Interrupts;
-pub use limits::Limit;
 pub use link::CurrentLink;
 pub use motion::{CommandValues, Motion};
-pub use record::{Command, Feedback, MOST_SIGNALS, Records};
+pub use service::access::{Access, LONGEST_PASSWORD, SHORTEST_PASSWORD};
 pub use settings::{CycleSettings, InvalidSetting, MotionSettings, MotorSettings, OperationMode, Polarity, Reaction};
+pub use signal::bits::{BitSettings, SIGNAL_BITS};
+pub use signal::command::{Command, CommandValue};
+pub use signal::control_bits::Enable;
+pub use signal::feedback::{Feedback, FeedbackValue};
+pub use signal::limit::Limit;
+pub use signal::record::{Datum, MOST_SIGNALS, Records};
+pub use signal::word::{Source, SourceBit, Word};
 pub use snapshot::Snapshot;
 pub use state::{Conditions, DriveState, StateMachine, Switches, status_bits};
 pub use work::Work;
@@ -108,7 +110,7 @@ pub fn new<B: Bus + Clone, H: Hardware, P: PowerStage>(
     scope: &'static mut Scope,
     identity: Identity,
 ) -> Result<Drive<B, H, P>, InvalidSetting> {
-    let settings = MotionSettings::new(&Parameters::new(), H::LOOP_TIMER_COUNTS)?;
+    let settings = service::loops::settings::<H>(&Parameters::new(&DICTIONARY))?;
     Ok(Drive {
         current: CurrentControl::new(stage, link, settings.motor.current),
         interrupts: Interrupts::new(bus.clone()),

@@ -439,6 +439,7 @@ pub(crate) const READ_TWICE: bool = CYCLES_IN_A_TICK == 2;
 mod tests {
     extern crate std;
 
+    use crate::dictionary::{DICTIONARY, source};
     use std::boxed::Box;
 
     use sercos::parameters::Parameters;
@@ -450,7 +451,7 @@ mod tests {
 
     #[test]
     fn the_angle_of_an_order_is_that_of_the_rotor_at_the_sample_at_any_speed_in_both_directions() {
-        let settings = MotionSettings::new(&Parameters::new(), 10_500).unwrap();
+        let settings = MotionSettings::new(&Parameters::new(&DICTIONARY), 10_500, source).unwrap();
         let pole_pairs = f64::from(settings.motor.pole_pairs);
         let increments = f64::from(settings.motor.angle_per_increment).recip() * pole_pairs * 2_f64.powi(32);
         for reversed in [false, true] {

@@ -11,6 +11,7 @@ use servo::Rotation;
 use servo::current::BusScale;
 
 use super::*;
+use crate::dictionary::{DICTIONARY, source};
 use crate::hardware::Cycle;
 use crate::settings::MotionSettings;
 
@@ -73,7 +74,7 @@ impl PowerStage for Stage {
 
 /// 20 A of 25 A, 3 600 counts of bus voltage, 50 increments a cycle.
 fn settings() -> CurrentSettings {
-    let defaults = MotionSettings::new(&Parameters::new(), 10_500).unwrap().motor.current;
+    let defaults = MotionSettings::new(&Parameters::new(&DICTIONARY), 10_500, source).unwrap().motor.current;
     CurrentSettings { protection: Protection::new(20_000, 25_000, 3_600, 50).unwrap(), ..defaults }
 }
 
