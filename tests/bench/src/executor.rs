@@ -16,6 +16,20 @@ pub struct Elves {
     pub product: PathBuf,
     /// The bus inside QEMU, a library that it loads.
     pub bus: PathBuf,
+    /// See [`emulator::GuestConfiguration::one_cpu`]; like the next two it changes no result.
+    pub one_cpu: bool,
+    /// See [`emulator::GuestConfiguration::whole_blocks`].
+    pub whole_blocks: bool,
+    /// See [`emulator::GuestConfiguration::foretells`].
+    pub foretells: bool,
+}
+
+impl Elves {
+    /// Run the usual way, which is the fastest.
+    #[must_use]
+    pub fn new(product: impl Into<PathBuf>, bus: impl Into<PathBuf>) -> Self {
+        Self { product: product.into(), bus: bus.into(), one_cpu: true, whole_blocks: true, foretells: true }
+    }
 }
 
 /// Where the drive under test runs. The drives beside it always run on this computer.

@@ -142,6 +142,7 @@ mod tests {
     fn every_file_beside_a_test_program_is_part_of_it() {
         let folders = [
             "tests",
+            "tests/bench/tests",
             "tests/emulator/tests",
             "tests/plant/tests",
             "tests/ring/tests",
