@@ -98,11 +98,7 @@ where
             Procedure::PositiveStop => self.motion.lock(Motion::cancel_positive_stop),
             Procedure::Probing => self.motion.lock(|motion| motion.set_probing(None)),
             // Over in an instant: there is nothing left to undo.
-            Procedure::ResetClass1
-            | Procedure::CancelReference
-            | Procedure::LoadDefaults
-            | Procedure::SetAbsolutePosition
-            | Procedure::ComputeGains => {}
+            _ => {}
         }
         CommandState::Executed
     }
