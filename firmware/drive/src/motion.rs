@@ -17,6 +17,7 @@ use sercos::diagnostic::Class1;
 use sercos::phase::PhaseError;
 use servo::axis::{Axis, AxisOutput};
 use servo::encoder::TwiceReadEncoder;
+use servo::motor::{CurrentLink, Motor, MotorFaults};
 use servo::path::CommandJump;
 use servo::scope::Scope;
 use servo::units::{LOOP_TICKS_PER_SUPERVISION, Position};
@@ -57,13 +58,13 @@ use ring_side::{Cycle, RingSide};
 use status::Status;
 
 use crate::diagnosis::Manufacturer1;
+use crate::diagnosis::faults::Findings;
 use crate::feedback::ShownValues;
 use crate::hardware::{Hardware, Inputs, InterruptLine};
 use crate::limits::CyclicLimits;
-use crate::link::CurrentLink;
-use crate::motor::{Findings, Motor};
+use crate::operation_mode::OperationMode;
 use crate::oscilloscope::Oscilloscope;
-use crate::settings::{MotionSettings, OperationMode};
+use crate::settings::MotionSettings;
 use crate::signal::record::Datum;
 use crate::state::DriveState;
 use crate::work::Work;
@@ -74,7 +75,7 @@ use crate::work::Work;
 /// reaches, 1 020 bytes, is the axis's.
 #[repr(C)]
 #[derive(Debug)]
-pub struct Motion<B, H> {
+pub struct Motion<B, H: Hardware> {
     /// Loop ticks until the next look of the supervision.
     until_supervision: u8,
     /// Something goes along with the loops, see [`Motion::accompany`], or the oscilloscope records; found out by the supervision.
@@ -93,7 +94,7 @@ pub struct Motion<B, H> {
     positioning: Positioning,
     positive_stop: PositiveStop,
     controls: ControlBits,
-    motor: Motor,
+    motor: Motor<H::Board>,
     clock_monitor: ClockMonitor,
     reference: Reference,
     function: Function,
@@ -198,8 +199,8 @@ impl<B: Bus + Clone, H: Hardware> Motion<B, H> {
         let count = self.counted(now);
         let mut position = self.encoder.update(self.counted(before), count);
         // A counter that says what no shaft does must not wait for the supervision.
-        if let Some(findings) = self.motor.watch_motion(count, self.operation.state().has_torque()) {
-            self.fail(findings);
+        if let Some(faults) = self.motor.watch_motion(count, self.operation.state().has_torque()) {
+            self.take_jump(faults);
         }
         let mut work = Work::empty();
         if self.accompanied {
@@ -352,6 +353,12 @@ impl<B: Bus + Clone, H: Hardware> Motion<B, H> {
         self.ring.lose(error);
         self.communication_fault();
         Work::PHASE_CHANGE
+    }
+
+    #[cold]
+    #[inline(never)]
+    fn take_jump(&mut self, faults: MotorFaults) {
+        self.fail(faults.into());
     }
 
     /// Errors whose consequences cannot wait for the next look at the state.

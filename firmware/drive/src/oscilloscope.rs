@@ -21,6 +21,7 @@ use sercos::Idn;
 use sercos::attribute::{Attribute, Format, Length};
 use sercos::capacity::LIVE_LONG_ENTRIES;
 use sercos::error::ServiceError;
+use servo::motor::CurrentLoopValues;
 use servo::scope::{SCOPE_CHANNELS, Scope, ScopeEdge, ScopeSettings, ScopeSettingsError, ScopeTrigger};
 
 use crate::signal::command::Command;
@@ -29,7 +30,7 @@ use crate::signal::word::Source;
 
 mod internal;
 
-pub use internal::{CurrentLoopValues, INTERNAL_SIGNALS, Internal, InternalSignal, LoopValues};
+pub use internal::{INTERNAL_SIGNALS, Internal, InternalSignal, LoopValues};
 
 /// P-0-0200: a [`servo::scope::ScopeState`] as a number.
 pub const STATE: Idn = Idn::product(200);

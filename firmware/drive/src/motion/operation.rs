@@ -1,12 +1,13 @@
 //! What the drive is told to do and what it does: switches, operation mode, state machine, and the bridge that follows from them.
 
 use servo::axis::Mode;
+use servo::motor::{Progress, Sequence};
 
 use super::function::Function;
 use crate::diagnosis::Manufacturer1;
+use crate::diagnosis::faults::Findings;
 use crate::hardware::{Hardware, Inputs};
-use crate::motor::{Findings, Progress, Sequence};
-use crate::settings::{OperationMode, Reaction};
+use crate::operation_mode::{OperationMode, Reaction};
 use crate::state::{Conditions, DriveState, StateMachine, Switches};
 
 /// So long the two channels of safe torque off may differ, in ticks of the supervision: relays do not switch at the same instant.

@@ -11,7 +11,8 @@ use servo::axis::{Axis, AxisOutput, Mode, Travel};
 use servo::units::{Position, Velocity};
 
 use super::ring_side::CommandValues;
-use crate::settings::{Direction, MotionSettings, OperationMode, TargetSource};
+use crate::operation_mode::{Direction, OperationMode, TargetSource};
+use crate::settings::MotionSettings;
 
 /// What is known of the drive's own movement.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]

@@ -8,7 +8,8 @@ use sercos::supervision::{Reception, Supervision};
 use servo::units::{CurrentFraction, Position, Velocity};
 
 use crate::limits::CyclicLimits;
-use crate::settings::{MotionSettings, Polarity};
+use crate::operation_mode::Polarity;
+use crate::settings::MotionSettings;
 use crate::signal::command::{Command, CommandValue};
 use crate::signal::feedback::Feedback;
 use crate::signal::record::{Datum, Records};

@@ -3,11 +3,12 @@
 
 use sercos::diagnostic::{Class1, Class2, Class3};
 use servo::axis::{AxisOutput, Limiting};
+use servo::motor::Watched;
 use servo::units::{CurrentFraction, Velocity};
 
 use super::positioning::REACHED;
+use crate::diagnosis::faults::Findings;
 use crate::diagnosis::{Manufacturer1, Manufacturer2, Manufacturer3};
-use crate::motor::{Findings, Watched};
 use crate::settings::MotionSettings;
 use crate::state::DriveState;
 

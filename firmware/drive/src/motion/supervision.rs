@@ -5,15 +5,16 @@ use sercos::Phase;
 use sercos::diagnostic::{Class1, Class3};
 use servo::axis::Mode;
 use servo::monitor::Commanded;
+use servo::motor::{MotorFaults, SequenceInputs, Surroundings};
 use servo::units::{Position, Velocity};
 
 use super::Motion;
 use super::operation::permits_torque;
 use super::status::{Look, TORQUE_LIMITS};
 use crate::diagnosis::Manufacturer1;
+use crate::diagnosis::faults::Findings;
 use crate::hardware::Hardware;
-use crate::motor::{Findings, SequenceInputs, Surroundings};
-use crate::settings::Reaction;
+use crate::operation_mode::Reaction;
 use crate::state::Conditions;
 use crate::work::Work;
 
@@ -64,7 +65,7 @@ impl<B: Bus + Clone, H: Hardware> Motion<B, H> {
                 && self.operation.has_switches()
                 && !self.ring.is_lost()
                 && !self.status.is_parked(),
-            power: self.motor.has_power(&self.inputs) && sustained,
+            power: self.motor.has_power(self.inputs.main_power) && sustained,
             sustained,
             fault,
             fatal: self.status.is_fatal() || (fault && self.settings.reaction == Reaction::TorqueFree),
@@ -79,8 +80,8 @@ impl<B: Bus + Clone, H: Hardware> Motion<B, H> {
         let state = self.operation.state();
         let torque = state.has_torque();
         let leaves_its_range = self.leaves_its_range();
-        let findings = self.motor.supervise(&Surroundings { torque, count: self.counted(self.motor.count()), index });
-        self.take(findings);
+        let faults = self.motor.supervise(&Surroundings { torque, count: self.counted(self.motor.count()), index });
+        self.take_faults(faults);
         let findings = self.operation.watch_safe_torque_off(&self.inputs, torque);
         self.take(findings);
         if !torque {
@@ -92,7 +93,7 @@ impl<B: Bus + Clone, H: Hardware> Motion<B, H> {
         {
             findings.add_own(Manufacturer1::AMPLIFIER_FAULT, true);
         } else if !self.motor.link_sustains()
-            || (!self.motor.has_power(&self.inputs) && !self.operation.is_stopping(self.status.has_error()))
+            || (!self.motor.has_power(self.inputs.main_power) && !self.operation.is_stopping(self.status.has_error()))
         {
             // Without power the axis stops or the torque goes, and a drive that does for no reason would help nobody.
             findings.class_1 |= Class1::UNDERVOLTAGE;
@@ -142,9 +143,17 @@ impl<B: Bus + Clone, H: Hardware> Motion<B, H> {
         }
     }
 
+    /// What the motor side has found, if anything.
+    #[inline]
+    fn take_faults(&mut self, faults: MotorFaults) {
+        if !faults.is_empty() {
+            self.take(faults.into());
+        }
+    }
+
     /// One step of switching on or off, and what it asks of bridge and brake.
     fn step_sequence(&mut self, index: Option<Position>) {
-        let mut findings = Findings::default();
+        let mut faults = MotorFaults::NONE;
         let bridge_on = self.operation.bridge_is_on(&mut self.hardware);
         let progress = self.motor.sequence(
             &SequenceInputs {
@@ -160,9 +169,9 @@ impl<B: Bus + Clone, H: Hardware> Motion<B, H> {
                     && self.output.velocity_command.abs() > self.settings.standstill_window,
                 index,
             },
-            &mut findings,
+            &mut faults,
         );
-        self.take(findings);
+        self.take_faults(faults);
         if let Some(current) = progress.preload {
             self.axis.preload(current);
         }
@@ -190,7 +199,7 @@ impl<B: Bus + Clone, H: Hardware> Motion<B, H> {
             torque_current: self.motor.torque_current(),
             motor_limiting: self.motor.limiting(),
             torque,
-            without_power: self.operation.wants_torque() && !torque && !self.motor.has_power(&self.inputs),
+            without_power: self.operation.wants_torque() && !torque && !self.motor.has_power(self.inputs.main_power),
             operating_phase: self.ring.phase() == Phase::Cp4,
             locked: self.clock.is_locked(),
             telegram_lost: self.ring.shows_loss(),

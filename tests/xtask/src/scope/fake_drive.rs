@@ -3,14 +3,15 @@
 use super::channel::{ChannelError, ServiceChannel};
 use drive::DICTIONARY;
 use drive::oscilloscope::{
-    CONTROL, Configuration, CurrentLoopValues, INTERVAL, LoopValues, Oscilloscope, POINTS, SIGNALS, STATE,
-    SignalValues, TRIGGER, Task, WINDOW, sample_source,
+    CONTROL, Configuration, INTERVAL, LoopValues, Oscilloscope, POINTS, SIGNALS, STATE, SignalValues, TRIGGER, Task,
+    WINDOW, sample_source,
 };
 use drive::service::scope::{refuses_setting, signal};
 use drive::{Command, Feedback, Source};
 use sercos::Idn;
 use sercos::parameters::Parameters;
 use servo::axis::{AxisOutput, Limiting};
+use servo::motor::CurrentLoopValues;
 use servo::path::CommandSource;
 use servo::scope::Scope;
 use servo::units::{CurrentFraction, Position, Velocity};

@@ -6,14 +6,12 @@ use core::cell::RefCell;
 use std::boxed::Box;
 use std::rc::Rc;
 
-use sercos::parameters::Parameters;
-use servo::arithmetic::Rotation;
-use servo::current::BusScale;
-
 use super::*;
-use crate::dictionary::{DICTIONARY, source};
-use crate::hardware::Cycle;
-use crate::settings::MotionSettings;
+use crate::arithmetic::trigonometry::Rotation;
+use crate::current::command::BusScale;
+use crate::current::settings::PwmFrequency;
+use crate::motor::example::{self, Example};
+use crate::motor::stage::Cycle;
 
 const HALF: [u16; 3] = [PwmFrequency::Khz16.reload() / 2; 3];
 const NO_CURRENT: Samples = Samples { currents: [2_048; 3], bus: 1_000 };
@@ -37,6 +35,8 @@ struct Noted {
 struct Stage(Rc<RefCell<Noted>>);
 
 impl PowerStage for Stage {
+    type Board = Example;
+
     fn begin(&mut self) -> Cycle {
         let mut noted = self.0.borrow_mut();
         noted.first = !noted.first;
@@ -74,8 +74,7 @@ impl PowerStage for Stage {
 
 /// 20 A of 25 A, 3 600 counts of bus voltage, 50 increments a cycle.
 fn settings() -> CurrentSettings {
-    let defaults = MotionSettings::new(&Parameters::new(&DICTIONARY), 10_500, source).unwrap().motor.current;
-    CurrentSettings { protection: Protection::new(20_000, 25_000, 3_600, 50).unwrap(), ..defaults }
+    CurrentSettings { protection: Protection::new(20_000, 25_000, 3_600, 50).unwrap(), ..example::settings().current }
 }
 
 struct Bench {
@@ -275,5 +274,5 @@ fn a_cycle_reports_its_count_its_angle_and_its_bus_in_its_own_place_and_trims_as
 fn every_first_cycle_of_a_tick_starts_the_control_loop() {
     let mut bench = Bench::new();
     let started = [0; 6].map(|_| bench.control.current_loop());
-    assert_eq!(started, [Work::CONTROL_LOOP, Work::empty()].repeat(3)[..]);
+    assert_eq!(started, [true, false].repeat(3)[..]);
 }

@@ -4,44 +4,69 @@
 //! A loop tick calls [`Motor::measure`] and [`Motor::watch_motion`], then the loops with [`Motor::torque_limits`], and [`Motor::command`]
 //! last; the supervision calls [`Motor::supervise`] and [`Motor::sequence`].
 
-mod sequence;
-mod supervision;
+pub(crate) mod current_task;
+pub(crate) mod cycle_values;
+#[cfg(test)]
+mod example;
+pub(crate) mod facts;
+pub(crate) mod fault;
+pub(crate) mod link;
+pub(crate) mod monitoring;
+pub(crate) mod sequence;
+pub(crate) mod settings;
+pub(crate) mod stage;
+pub(crate) mod watched;
 
-use servo::arithmetic::Rotation;
-use servo::axis::{CommandedTorqueLimits, Limiting, TorqueLimitSettings, TorqueLimits};
-use servo::brake::{BrakeOutput, BrakeSequencer};
-use servo::commutation::{Alignment, AlignmentError, CommutationAngle, IndexCorrection};
-use servo::current::{BusScale, CurrentCommand, CurrentReadings, FieldWeakening, Trip};
-use servo::encoder::{EncoderMonitor, EncoderMotion};
-use servo::identification::CurrentRequest;
-use servo::monitor::{BusVoltage, LoadModel, Temperature, VoltageOutput};
-use servo::units::{CurrentFraction, Position, Velocity};
+pub use current_task::CurrentControl;
+pub use cycle_values::CurrentLoopValues;
+pub use facts::{BoardKind, Facts, TemperatureSensor};
+pub use fault::{FaultReaction, MotorFault, MotorFaults};
+pub use link::CurrentLink;
+pub use monitoring::Surroundings;
+pub use sequence::{Progress, Sequence, SequenceInputs};
+pub use settings::{CurrentSettings, MotorSettings};
+pub use stage::{Cycle, PowerStage, Samples};
+pub use watched::Watched;
 
-pub(crate) use sequence::{Progress, Sequence, SequenceInputs};
-pub(crate) use supervision::{Findings, Surroundings, Watched};
+use core::marker::PhantomData;
 
-use crate::link::{CurrentLink, CycleReport, get};
-use crate::oscilloscope::CurrentLoopValues;
-use crate::settings::MotorSettings;
-use crate::settings::motor::FREQUENCY;
+use link::{CycleReport, get};
+
+use crate::arithmetic::trigonometry::Rotation;
+use crate::axis::limits::{CommandedTorqueLimits, Limiting, TorqueLimitSettings, TorqueLimits};
+use crate::brake::{BrakeInputs, BrakeOutput, BrakeRequest, BrakeSequencer};
+use crate::commutation::CommutationAngle;
+use crate::commutation::alignment::{Alignment, AlignmentError};
+use crate::commutation::index::IndexCorrection;
+use crate::current::command::{BusScale, CurrentCommand};
+use crate::current::protection::Trip;
+use crate::current::readings::CurrentReadings;
+use crate::current::weakening::FieldWeakening;
+use crate::encoder::jump::EncoderMotion;
+use crate::encoder::monitor::EncoderMonitor;
+use crate::identification::CurrentRequest;
+use crate::monitor::bus_voltage::{BusVoltage, VoltageOutput};
+use crate::monitor::load::LoadModel;
+use crate::monitor::temperature::Temperature;
+use crate::units::{CurrentFraction, Position, Velocity};
 
 /// What the current loop reported at the beginning of a tick.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub(crate) struct Measured {
+pub struct Measured {
     /// Torque-producing current.
-    pub(crate) torque_current: CurrentFraction,
+    pub torque_current: CurrentFraction,
     /// Flux-producing current.
-    pub(crate) field_current: CurrentFraction,
+    pub field_current: CurrentFraction,
     /// Currents and voltages of the d and q axis, of the cycle that began the tick.
-    pub(crate) readings: CurrentReadings,
+    pub readings: CurrentReadings,
     /// Bus voltage in counts.
-    pub(crate) bus: u16,
+    pub bus: u16,
     /// The zero of the current sensors is known.
-    pub(crate) calibrated: bool,
+    pub calibrated: bool,
     /// Why the current loop has switched the bridge off.
-    pub(crate) trip: Option<Trip>,
+    pub trip: Option<Trip>,
     /// Cycles of the current loop that came too late, since the start.
-    pub(crate) late: u32,
+    pub late: u32,
 }
 
 /// State of the motor side.
@@ -49,7 +74,7 @@ pub(crate) struct Measured {
 /// Laid out as declared: what every loop tick touches comes first, where an instruction reaches it without an address of its own.
 #[repr(C)]
 #[derive(Debug)]
-pub(crate) struct Motor {
+pub struct Motor<B: BoardKind> {
     link: &'static CurrentLink,
     /// Bridge as it was last set.
     bridge_on: bool,
@@ -78,7 +103,7 @@ pub(crate) struct Motor {
     count: u32,
     encoder_motion: EncoderMotion,
     alignment: Option<Alignment>,
-    /// [`crate::link::Report::changes`] as last seen.
+    /// `Report::changes` as last seen.
     changes_seen: u32,
     voltage: BusVoltage,
     bus: VoltageOutput,
@@ -107,19 +132,22 @@ pub(crate) struct Motor {
     watched: Watched,
     measured: Measured,
     settings: MotorSettings,
+    board: PhantomData<fn() -> B>,
 }
 
 /// From the sample of the currents to the reading of the encoder, in 2^-16 of a tick: 1.9 us of conversion and 0.3 us to the handler.
 const SAMPLE_AGE: i64 = (22 << 16) / 1_250;
 
-impl Motor {
+impl<B: BoardKind> Motor<B> {
+    const CYCLES_IN_A_TICK: i32 = B::FACTS.frequency.cycles_per_tick() as i32;
+
     /// A motor side at rest.
-    pub(crate) fn new(link: &'static CurrentLink, settings: MotorSettings) -> Self {
+    pub fn new(link: &'static CurrentLink, settings: MotorSettings) -> Self {
         let mut voltage = BusVoltage::new(&settings.voltage, 0);
         let bus = voltage.tick(&settings.voltage, 0);
         let count = get(&link.report.cycle(true).count);
         let mut brake = BrakeSequencer::new();
-        let brake_output = sequence::at_rest(&mut brake, &settings);
+        let brake_output = at_rest(&mut brake, &settings);
         link.settings.send(|shared| shared.set(&settings.current));
         let angle_per_increment = settings.angle_per_increment;
         Self {
@@ -163,12 +191,13 @@ impl Motor {
             bridge_on: false,
             direction: 1,
             angle_per_increment,
+            board: PhantomData,
         }
     }
 
     /// Takes new settings over. Another number of pole pairs or increments, or another direction of the encoder, makes the commutation angle
     /// unknown again.
-    pub(crate) fn apply_settings(&mut self, settings: MotorSettings, encoder_reversed: bool) {
+    pub fn apply_settings(&mut self, settings: MotorSettings, encoder_reversed: bool) {
         let direction = if encoder_reversed { u32::MAX } else { 1 };
         if settings.commutation != self.settings.commutation || direction != self.direction {
             self.commutation = None;
@@ -189,7 +218,7 @@ impl Motor {
     }
 
     /// Limits of the control in place of S-0-0082, S-0-0083 and S-0-0092, or these again. They act from the next tick on.
-    pub(crate) fn limit_torque(&mut self, commanded: Option<&CommandedTorqueLimits>) {
+    pub fn limit_torque(&mut self, commanded: Option<&CommandedTorqueLimits>) {
         let stored = self.settings.torque_limits;
         self.torque_limits = commanded.map_or(stored, |commanded| stored.with_commanded(commanded));
         self.combine_limits();
@@ -208,25 +237,25 @@ impl Motor {
 
     /// The encoder counts half a tick before this tick, and with which it began. At 8 kHz there is only the second.
     #[inline]
-    pub(crate) fn take_counts(&mut self) -> [u32; 2] {
+    pub fn take_counts(&mut self) -> [u32; 2] {
         let first = self.link.report.cycle(true);
         self.count = get(&first.count);
-        [if READ_TWICE { get(&first.count_before) } else { self.count }, self.count]
+        [if B::FACTS.reads_the_encoder_twice() { get(&first.count_before) } else { self.count }, self.count]
     }
 
     /// What a count is multiplied with to count in the direction of positive current.
     #[inline]
-    pub(crate) const fn direction(&self) -> u32 {
+    pub const fn direction(&self) -> u32 {
         self.direction
     }
 
     /// The encoder count with which the last tick began.
-    pub(crate) const fn count(&self) -> u32 {
+    pub const fn count(&self) -> u32 {
         self.count
     }
 
     /// What the current loop has to tell of the cycle that began this tick.
-    pub(crate) fn measure(&mut self) {
+    pub fn measure(&mut self) {
         let report = &self.link.report;
         let first = report.cycle(true);
         let measured = &mut self.measured;
@@ -246,45 +275,45 @@ impl Motor {
 
     /// What was last measured.
     #[inline]
-    pub(crate) const fn measured(&self) -> &Measured {
+    pub const fn measured(&self) -> &Measured {
         &self.measured
     }
 
     /// Limits of the torque.
     #[inline]
-    pub(crate) const fn torque_limits(&self) -> &TorqueLimits {
+    pub const fn torque_limits(&self) -> &TorqueLimits {
         &self.limits
     }
 
     /// What limits the motor side, apart from the loops.
-    pub(crate) const fn limiting(&self) -> Limiting {
+    pub const fn limiting(&self) -> Limiting {
         self.limiting
     }
 
     /// Temperatures, loads and voltage as last looked at.
-    pub(crate) const fn watched(&self) -> &Watched {
+    pub const fn watched(&self) -> &Watched {
         &self.watched
     }
 
     /// The commutation angle is known and the loops may use torque.
     #[inline]
-    pub(crate) const fn commutates(&self) -> bool {
+    pub const fn commutates(&self) -> bool {
         self.commutation.is_some() && self.aligning.is_none()
     }
 
     /// The electrical angle of a position, in 2^-32 revolution, if it is known.
-    pub(crate) fn commutation_angle(&self, position: Position) -> Option<u32> {
+    pub fn commutation_angle(&self, position: Position) -> Option<u32> {
         self.commutation.as_ref().map(|commutation| commutation.at(position))
     }
 
     /// Gives the electrical angle of a position (P-0-0118), or takes it away.
-    pub(crate) fn set_commutation_angle(&mut self, position: Position, angle: Option<u32>) {
+    pub fn set_commutation_angle(&mut self, position: Position, angle: Option<u32>) {
         self.commutation = angle.map(|angle| CommutationAngle::new(self.settings.commutation, position, angle));
         self.index_armed = angle.is_some();
     }
 
     /// Moves the zero of the position without a movement.
-    pub(crate) fn shift(&mut self, difference: Position) {
+    pub fn shift(&mut self, difference: Position) {
         if let Some(commutation) = &mut self.commutation {
             commutation.shift(difference);
         }
@@ -295,7 +324,7 @@ impl Motor {
     /// The compiler knows where the drive lies, and reaches what is far from its beginning in two instructions; of a pointer that it knows
     /// nothing about it makes one. [`Motor::measure`] does the same.
     #[inline]
-    pub(crate) fn command(&mut self, position: Position, current: CurrentFraction, velocity: Velocity, trim: i16) {
+    pub fn command(&mut self, position: Position, current: CurrentFraction, velocity: Velocity, trim: i16) {
         // 2^-32 of an electrical revolution a tick, 64 of them at most too low. Beyond half a revolution nothing commutates any more, and the
         // overspeed has long been found.
         let speed = (velocity.to_bits() >> 4).wrapping_mul(self.settings.pole_pairs);
@@ -308,7 +337,7 @@ impl Motor {
         let direct = self.brake_output.test_current.saturating_add(self.weakened);
         let voltages = self.settings.model.induced(speed, direct, quadrature);
         // The position belongs to the middle between the two counts of the tick, the order to the second.
-        let turned = if READ_TWICE { speed >> 2 } else { 0 };
+        let turned = if B::FACTS.reads_the_encoder_twice() { speed >> 2 } else { 0 };
         let angle = commutation.at(position).wrapping_add(turned.cast_unsigned());
         self.send(&Wanted { angle, turning: self.angle_per_increment, speed, direct, quadrature, voltages }, trim);
     }
@@ -347,33 +376,33 @@ impl Motor {
                 .set_currents(CurrentCommand::reference(wanted.direct), CurrentCommand::reference(wanted.quadrature));
             command.set_voltages(direct_voltage, quadrature_voltage);
             command.set_angle(angle, self.count, wanted.turning);
-            command.set_ahead(ahead(wanted.speed));
+            command.set_ahead(Self::ahead(wanted.speed));
         });
     }
 
     /// Holds the angle for an identification, or gives it back to the rotor.
     #[inline]
-    pub(crate) const fn hold(&mut self, held: Option<(u32, CurrentRequest)>) {
+    pub const fn hold(&mut self, held: Option<(u32, CurrentRequest)>) {
         self.held = held;
     }
 
     /// Longest voltage vector of this tick, volt 2^-14.
     #[inline]
-    pub(crate) const fn longest_voltage(&self) -> i32 {
+    pub const fn longest_voltage(&self) -> i32 {
         self.bus_scale.longest()
     }
 
     /// What the oscilloscope shows of the current loop: the second cycle of the tick before, then the first one of this tick. At 8 kHz a
     /// tick has only the first.
     #[inline]
-    pub(crate) fn last_cycles(&self) -> impl Iterator<Item = CurrentLoopValues> {
-        const SKIPPED: usize = if FREQUENCY.cycles_per_tick() < 2 { 1 } else { 0 };
-        [false, true].into_iter().skip(SKIPPED).map(|first| self.values_of(self.link.report.cycle(first)))
+    pub fn last_cycles(&self) -> impl Iterator<Item = CurrentLoopValues> {
+        let skipped = usize::from(Self::CYCLES_IN_A_TICK < 2);
+        [false, true].into_iter().skip(skipped).map(|first| self.values_of(self.link.report.cycle(first)))
     }
 
     /// What the oscilloscope shows of the cycle that began this tick.
     #[inline]
-    pub(crate) fn cycle_values(&self) -> CurrentLoopValues {
+    pub fn cycle_values(&self) -> CurrentLoopValues {
         self.values_of(self.link.report.cycle(true))
     }
 
@@ -398,8 +427,18 @@ impl Motor {
         }
     }
 
+    /// From a sample to the middle of the period in which its voltage acts: one cycle, at a speed in 2^-32 revolution a tick.
+    #[inline]
+    fn ahead(speed: i32) -> Rotation {
+        match Self::CYCLES_IN_A_TICK {
+            // Half a revolution a tick, the end of the range, is a quarter of one a cycle.
+            2 => Rotation::within_a_quarter(speed),
+            _ => Rotation::by(speed.cast_unsigned()),
+        }
+    }
+
     /// The torque-producing current that flows, for S-0-0084.
-    pub(crate) fn torque_current(&self) -> CurrentFraction {
+    pub fn torque_current(&self) -> CurrentFraction {
         if !self.bridge_on {
             return CurrentFraction::ZERO;
         }
@@ -422,46 +461,46 @@ struct Wanted {
     voltages: (i32, i32),
 }
 
-/// From a sample to the middle of the period in which its voltage acts: one cycle, at a speed in 2^-32 revolution a tick.
-#[inline]
-fn ahead(speed: i32) -> Rotation {
-    match CYCLES_IN_A_TICK {
-        // Half a revolution a tick, the end of the range, is a quarter of one a cycle.
-        2 => Rotation::within_a_quarter(speed),
-        _ => Rotation::by((speed / CYCLES_IN_A_TICK).cast_unsigned()),
-    }
+/// The output of a sequence that has never run.
+fn at_rest(brake: &mut BrakeSequencer, settings: &MotorSettings) -> BrakeOutput {
+    brake.tick(
+        &settings.brake,
+        &BrakeInputs {
+            request: BrakeRequest::Immediate,
+            bridge_on: false,
+            standstill: true,
+            position: Position::ZERO,
+            torque_command: CurrentFraction::ZERO,
+            torque_current: CurrentFraction::ZERO,
+            field_current: CurrentFraction::ZERO,
+            contact_open: false,
+            blocked: false,
+        },
+    )
 }
-
-const CYCLES_IN_A_TICK: i32 = FREQUENCY.cycles_per_tick() as i32;
-
-/// The encoder is read twice in a tick.
-pub(crate) const READ_TWICE: bool = CYCLES_IN_A_TICK == 2;
 
 #[cfg(test)]
 mod tests {
     extern crate std;
 
-    use crate::dictionary::{DICTIONARY, source};
     use std::boxed::Box;
 
-    use sercos::parameters::Parameters;
-    use servo::encoder::TwiceReadEncoder;
-
+    use super::example::{self, Example};
+    use super::link::set;
     use super::*;
-    use crate::link::set;
-    use crate::settings::MotionSettings;
+    use crate::encoder::twice_read::{TwiceReadEncoder, TwiceReadSettings};
 
     #[test]
     fn the_angle_of_an_order_is_that_of_the_rotor_at_the_sample_at_any_speed_in_both_directions() {
-        let settings = MotionSettings::new(&Parameters::new(&DICTIONARY), 10_500, source).unwrap();
-        let pole_pairs = f64::from(settings.motor.pole_pairs);
-        let increments = f64::from(settings.motor.angle_per_increment).recip() * pole_pairs * 2_f64.powi(32);
+        let settings = example::settings();
+        let pole_pairs = f64::from(settings.pole_pairs);
+        let increments = f64::from(settings.angle_per_increment).recip() * pole_pairs * 2_f64.powi(32);
         for reversed in [false, true] {
             for moved in [-60_i32, -1, 0, 7, 60] {
                 let link = Box::leak(Box::new(CurrentLink::new()));
-                let mut motor = Motor::new(link, settings.motor);
-                motor.apply_settings(settings.motor, reversed);
-                let mut encoder = TwiceReadEncoder::new(settings.encoder, 0);
+                let mut motor = Motor::<Example>::new(link, settings);
+                motor.apply_settings(settings, reversed);
+                let mut encoder = TwiceReadEncoder::new(TwiceReadSettings::new(example::INCREMENTS).unwrap(), 0);
                 motor.set_commutation_angle(encoder.position(), Some(0));
                 let sign = if reversed { -1.0 } else { 1.0 };
                 // Two cycles a tick, `moved` increments of the counter in each.

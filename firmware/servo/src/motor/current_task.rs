@@ -1,25 +1,12 @@
 //! The task of highest priority: one cycle of the current loop, with everything that must not wait for another task.
 
-use core::sync::atomic::AtomicU32;
-
-use servo::current::{CurrentLoop, CurrentLoopSettings, Offsets, Protection, PwmFrequency, SharedCommand, Trip};
-
-use crate::hardware::{PowerStage, Samples};
-use crate::link::{CurrentLink, CycleReport, get, set};
-use crate::settings::motor::FREQUENCY;
-use crate::work::Work;
-
-/// Everything the current loop needs of the parameters.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-#[cfg_attr(feature = "defmt", derive(defmt::Format))]
-pub struct CurrentSettings {
-    /// Gains.
-    pub current_loop: CurrentLoopSettings,
-    /// Trip levels.
-    pub protection: Protection,
-    /// Cycles a second.
-    pub frequency: PwmFrequency,
-}
+use super::facts::{BoardKind, Facts};
+use super::link::{CurrentLink, CycleReport, get, set};
+use super::settings::CurrentSettings;
+use super::stage::{PowerStage, Samples};
+use crate::current::control::CurrentLoop;
+use crate::current::protection::{Offsets, Protection, Trip};
+use crate::current::shared::SharedCommand;
 
 /// The current loop of a drive: inverter, sensors and the state between two cycles.
 #[derive(Debug)]
@@ -29,7 +16,6 @@ pub struct CurrentControl<P: 'static> {
     current_loop: CurrentLoop,
     offsets: Offsets,
     protection: Protection,
-    frequency: PwmFrequency,
     settings_read: u32,
     orders_seen: u32,
     count: u32,
@@ -49,6 +35,8 @@ enum Control {
 }
 
 impl<P: PowerStage> CurrentControl<P> {
+    const FACTS: Facts = <P::Board as BoardKind>::FACTS;
+
     /// A current loop at rest. `settings` are those of the drive's start; later ones come through `link`.
     pub fn new(mut stage: P, link: &'static CurrentLink, settings: CurrentSettings) -> Self {
         stage.switch_off();
@@ -63,7 +51,6 @@ impl<P: PowerStage> CurrentControl<P> {
             current_loop: CurrentLoop::new(settings.current_loop),
             offsets: Offsets::default(),
             protection: settings.protection,
-            frequency: settings.frequency,
             settings_read: link.settings.sent(),
             orders_seen: link.order.sent(),
             count,
@@ -75,9 +62,11 @@ impl<P: PowerStage> CurrentControl<P> {
     /// Task of the end of conversion, every 62.5 us (125 us at 8 kHz): samples in, compare values out.
     ///
     /// Contract: from the end of the conversion to the compare registers in at most 600 instructions, and before the bottom of the period,
-    /// 28 us after the samples; a cycle that is later switches the bridge off. Starts the control loop in the first cycle of a tick.
+    /// 28 us after the samples; a cycle that is later switches the bridge off. Returns whether a loop tick begins: the control loop is to be
+    /// started.
     #[inline]
-    pub fn current_loop(&mut self) -> Work {
+    #[must_use = "without a control loop the current stays what it was"]
+    pub fn current_loop(&mut self) -> bool {
         let cycle = self.stage.begin();
         let count = self.stage.encoder_count();
         let before = core::mem::replace(&mut self.count, count);
@@ -101,13 +90,13 @@ impl<P: PowerStage> CurrentControl<P> {
         } else {
             self.regulate(&order.command, report, &samples, moved);
         }
-        if !cycle.first || FREQUENCY.cycles_per_tick() < 2 {
+        if !cycle.first || Self::FACTS.frequency.cycles_per_tick() < 2 {
             self.take_settings();
             self.tell_life();
             let [heat_sink, motor] = self.stage.temperatures();
             set(&link.report.temperatures, heat_sink | motor << 16);
         }
-        if cycle.first { Work::CONTROL_LOOP } else { Work::empty() }
+        cycle.first
     }
 
     #[inline]
@@ -153,7 +142,7 @@ impl<P: PowerStage> CurrentControl<P> {
             for first in [true, false] {
                 report.cycle(first).readings.without_current();
             }
-            self.stage.set_compare([self.frequency.reload() / 2; 3]);
+            self.stage.set_compare([Self::FACTS.frequency.reload() / 2; 3]);
         }
         self.offsets.calibrate(samples.currents);
         let calibrated = self.offsets.is_calibrated().into();
@@ -191,62 +180,6 @@ impl<P: PowerStage> CurrentControl<P> {
             let settings = self.link.settings.last().get();
             self.current_loop.set(settings.current_loop);
             self.protection = settings.protection;
-            self.frequency = settings.frequency;
-        }
-    }
-}
-
-/// What the tasks of the loop tick ask of the current loop.
-#[derive(Debug)]
-pub(crate) struct SharedOrder {
-    /// Reference, angle, feed-forward, bus.
-    pub(crate) command: SharedCommand,
-    on: AtomicU32,
-    trim: AtomicU32,
-}
-
-impl SharedOrder {
-    pub(crate) const fn new() -> Self {
-        Self { command: SharedCommand::new(), on: AtomicU32::new(0), trim: AtomicU32::new(0) }
-    }
-
-    /// * `on`: current flows as commanded; otherwise the bridge is off and the current sensors find their zero.
-    /// * `trim`: counts by which the next loop tick is to be longer.
-    #[inline]
-    pub(crate) fn set(&self, on: bool, trim: i16) {
-        set(&self.on, on.into());
-        set(&self.trim, i32::from(trim).cast_unsigned());
-    }
-}
-
-/// [`CurrentSettings`] in the mailbox.
-#[derive(Debug)]
-pub(crate) struct SharedSettings([AtomicU32; 13]);
-
-impl SharedSettings {
-    pub(crate) const fn new() -> Self {
-        Self([const { AtomicU32::new(0) }; 13])
-    }
-
-    pub(crate) fn set(&self, settings: &CurrentSettings) {
-        let [alpha, beta, proportional, integral, middle, first, second, third] = settings.current_loop.to_words();
-        let [current, sum, bus, increments] = settings.protection.to_words();
-        let slow = (settings.frequency == PwmFrequency::Khz8).into();
-        let words =
-            [alpha, beta, proportional, integral, middle, first, second, third, current, sum, bus, increments, slow];
-        for (place, word) in self.0.iter().zip(words) {
-            set(place, word);
-        }
-    }
-
-    fn get(&self) -> CurrentSettings {
-        let words = self.0.each_ref().map(get);
-        let [alpha, beta, proportional, integral, middle, first, second, third, protection @ .., slow] = words;
-        let current_loop = [alpha, beta, proportional, integral, middle, first, second, third];
-        CurrentSettings {
-            current_loop: CurrentLoopSettings::from_words(current_loop),
-            protection: Protection::from_words(protection),
-            frequency: if slow == 0 { PwmFrequency::Khz16 } else { PwmFrequency::Khz8 },
         }
     }
 }

@@ -12,9 +12,10 @@
 
 use core::sync::atomic::{AtomicU32, Ordering, compiler_fence};
 
-use servo::current::SharedReadings;
-
-use crate::current_control::{SharedOrder, SharedSettings};
+use super::settings::CurrentSettings;
+use crate::current::protection::Protection;
+use crate::current::settings::CurrentLoopSettings;
+use crate::current::shared::{SharedCommand, SharedReadings};
 
 /// The words of both directions; one for each drive.
 #[derive(Debug)]
@@ -84,6 +85,58 @@ impl<T> Mailbox<T> {
     }
 }
 
+/// What the tasks of the loop tick ask of the current loop.
+#[derive(Debug)]
+pub(crate) struct SharedOrder {
+    /// Reference, angle, feed-forward, bus.
+    pub(crate) command: SharedCommand,
+    pub(crate) on: AtomicU32,
+    pub(crate) trim: AtomicU32,
+}
+
+impl SharedOrder {
+    pub(crate) const fn new() -> Self {
+        Self { command: SharedCommand::new(), on: AtomicU32::new(0), trim: AtomicU32::new(0) }
+    }
+
+    /// * `on`: current flows as commanded; otherwise the bridge is off and the current sensors find their zero.
+    /// * `trim`: counts by which the next loop tick is to be longer.
+    #[inline]
+    pub(crate) fn set(&self, on: bool, trim: i16) {
+        set(&self.on, on.into());
+        set(&self.trim, i32::from(trim).cast_unsigned());
+    }
+}
+
+/// [`CurrentSettings`] in the mailbox.
+#[derive(Debug)]
+pub(crate) struct SharedSettings([AtomicU32; 12]);
+
+impl SharedSettings {
+    pub(crate) const fn new() -> Self {
+        Self([const { AtomicU32::new(0) }; 12])
+    }
+
+    pub(crate) fn set(&self, settings: &CurrentSettings) {
+        let [alpha, beta, proportional, integral, middle, first, second, third] = settings.current_loop.to_words();
+        let [current, sum, bus, increments] = settings.protection.to_words();
+        let words = [alpha, beta, proportional, integral, middle, first, second, third, current, sum, bus, increments];
+        for (place, word) in self.0.iter().zip(words) {
+            set(place, word);
+        }
+    }
+
+    pub(crate) fn get(&self) -> CurrentSettings {
+        let words = self.0.each_ref().map(get);
+        let [alpha, beta, proportional, integral, middle, first, second, third, protection @ ..] = words;
+        let current_loop = [alpha, beta, proportional, integral, middle, first, second, third];
+        CurrentSettings {
+            current_loop: CurrentLoopSettings::from_words(current_loop),
+            protection: Protection::from_words(protection),
+        }
+    }
+}
+
 /// What the current loop tells.
 #[derive(Debug)]
 pub(crate) struct Report {
@@ -91,7 +144,7 @@ pub(crate) struct Report {
     cycles: [CycleReport; 2],
     /// Heat sink (low half) and motor temperature in counts.
     pub(crate) temperatures: AtomicU32,
-    /// [`servo::current::Trip::code`], 0: none.
+    /// [`Trip::code`](crate::current::Trip::code), 0: none.
     pub(crate) trip: AtomicU32,
     /// 1: the zero of the current sensors is known.
     pub(crate) calibrated: AtomicU32,

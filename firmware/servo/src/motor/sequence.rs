@@ -1,18 +1,18 @@
 //! Switching on and off: commutation angle, proof of the torque, brake, in this order and back.
 
-use servo::brake::{BrakeError, BrakeInputs, BrakeOutput, BrakeRequest, BrakeSequencer};
-use servo::commutation::{Alignment, AlignmentError, AlignmentState, CommutationAngle, IndexState};
-use servo::units::{CurrentFraction, Position};
-
 use super::Motor;
-use super::supervision::Findings;
-use crate::diagnosis::Manufacturer1;
-use crate::settings::MotorSettings;
-use sercos::diagnostic::Class1;
+use super::facts::BoardKind;
+use super::fault::{MotorFault, MotorFaults};
+use crate::brake::error::BrakeError;
+use crate::brake::{BrakeInputs, BrakeRequest};
+use crate::commutation::CommutationAngle;
+use crate::commutation::alignment::{Alignment, AlignmentError, AlignmentState};
+use crate::commutation::index::IndexState;
+use crate::units::{CurrentFraction, Position};
 
 /// What the state of the drive asks of the sequence.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(crate) enum Sequence {
+pub enum Sequence {
     /// Torque on, brake open, free to move.
     Start,
     /// Brake closed, torque off, in order.
@@ -23,60 +23,47 @@ pub(crate) enum Sequence {
 
 /// How far the sequence has come.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub(crate) struct Progress {
+pub struct Progress {
     /// The axis may move.
-    pub(crate) released: bool,
+    pub released: bool,
     /// There is no torque any more, or not yet.
-    pub(crate) torque_off: bool,
+    pub torque_off: bool,
     /// The bridge is to switch.
-    pub(crate) bridge: bool,
+    pub bridge: bool,
     /// The brake's coil is to have current.
-    pub(crate) brake: bool,
+    pub brake: bool,
     /// The velocity loop is to start with this current.
-    pub(crate) preload: Option<CurrentFraction>,
-    /// See [`servo::brake::BrakeOutput::anchor`].
-    pub(crate) anchor: Option<CurrentFraction>,
+    pub preload: Option<CurrentFraction>,
+    /// See [`BrakeOutput::anchor`](crate::brake::BrakeOutput::anchor).
+    pub anchor: Option<CurrentFraction>,
 }
 
 /// What the sequence needs to know of the rest of the drive.
-pub(crate) struct SequenceInputs {
-    pub(crate) wanted: Sequence,
+#[derive(Clone, Copy, Debug)]
+pub struct SequenceInputs {
+    /// What is asked of it.
+    pub wanted: Sequence,
     /// The bridge switches.
-    pub(crate) bridge_on: bool,
-    pub(crate) standstill: bool,
-    pub(crate) position: Position,
+    pub bridge_on: bool,
+    /// The axis stands.
+    pub standstill: bool,
+    /// Where it is.
+    pub position: Position,
     /// Torque-producing current as the loops commanded it in the last tick.
-    pub(crate) torque_command: CurrentFraction,
-    pub(crate) brake_contact: bool,
+    pub torque_command: CurrentFraction,
+    /// The contact of the brake says that it is open.
+    pub brake_contact: bool,
     /// Motion is commanded at high torque, but nothing moves.
-    pub(crate) blocked: bool,
+    pub blocked: bool,
     /// Position latched at an index pulse since the last tick.
-    pub(crate) index: Option<Position>,
+    pub index: Option<Position>,
 }
 
-/// The output of a sequence that has never run.
-pub(super) fn at_rest(brake: &mut BrakeSequencer, settings: &MotorSettings) -> BrakeOutput {
-    brake.tick(
-        &settings.brake,
-        &BrakeInputs {
-            request: BrakeRequest::Immediate,
-            bridge_on: false,
-            standstill: true,
-            position: Position::ZERO,
-            torque_command: CurrentFraction::ZERO,
-            torque_current: CurrentFraction::ZERO,
-            field_current: CurrentFraction::ZERO,
-            contact_open: false,
-            blocked: false,
-        },
-    )
-}
-
-impl Motor {
+impl<B: BoardKind> Motor<B> {
     /// One step of the sequence.
-    pub(crate) fn sequence(&mut self, inputs: &SequenceInputs, findings: &mut Findings) -> Progress {
-        self.correct_at_the_index(inputs.index, findings);
-        let aligning = self.align(inputs, findings);
+    pub fn sequence(&mut self, inputs: &SequenceInputs, faults: &mut MotorFaults) -> Progress {
+        self.correct_at_the_index(inputs.index, faults);
+        let aligning = self.align(inputs, faults);
         let request = match inputs.wanted {
             Sequence::Off => BrakeRequest::Immediate,
             Sequence::Stop => BrakeRequest::Engage,
@@ -100,7 +87,7 @@ impl Motor {
         );
         let output = self.brake_output;
         if let Some(error) = output.event {
-            self.take_brake_error(error, findings);
+            self.take_brake_error(error, faults);
         }
         let bridge = aligning || output.torque;
         self.bridge_on = bridge;
@@ -116,7 +103,7 @@ impl Motor {
     }
 
     /// Has the commutation angle searched for when torque is wanted and the angle is not known. Returns whether that is under way.
-    fn align(&mut self, inputs: &SequenceInputs, findings: &mut Findings) -> bool {
+    fn align(&mut self, inputs: &SequenceInputs, faults: &mut MotorFaults) -> bool {
         if inputs.wanted != Sequence::Start || self.commutation.is_some() {
             self.alignment = None;
             self.alignment_error = None;
@@ -128,17 +115,15 @@ impl Motor {
         }
         if self.settings.has_brake && !self.settings.aligns_with_open_brake {
             // Without an angle there is no torque to hold a load with, and the load may be a vertical one.
-            findings.add_fatal(Class1::COMMUTATION);
+            faults.add(MotorFault::Commutation);
             return false;
         }
         if let Some(error) = self.alignment_error.take() {
-            let own = match error {
-                AlignmentError::NoMovement => Manufacturer1::ALIGNMENT_NO_MOVEMENT,
-                AlignmentError::WrongDirection => Manufacturer1::ALIGNMENT_DIRECTION,
-                _ => Manufacturer1::ALIGNMENT,
-            };
-            findings.add_own(own, true);
-            findings.add_fatal(Class1::COMMUTATION);
+            faults.add(match error {
+                AlignmentError::NoMovement => MotorFault::AlignmentNoMovement,
+                AlignmentError::WrongDirection => MotorFault::AlignmentDirection,
+                _ => MotorFault::Alignment,
+            });
             return false;
         }
         if self.alignment.is_none() {
@@ -151,12 +136,12 @@ impl Motor {
 
     /// A search for the commutation angle is under way.
     #[inline]
-    pub(crate) const fn is_searching(&self) -> bool {
+    pub const fn is_searching(&self) -> bool {
         self.alignment.is_some()
     }
 
     /// One loop tick of the search, while the bridge switches.
-    pub(crate) fn search(&mut self, position: Position) {
+    pub fn search(&mut self, position: Position) {
         let Some(alignment) = &mut self.alignment else { return };
         let output = alignment.tick(position);
         match output.state {
@@ -174,7 +159,7 @@ impl Motor {
         self.aligning = None;
     }
 
-    fn correct_at_the_index(&mut self, index: Option<Position>, findings: &mut Findings) {
+    fn correct_at_the_index(&mut self, index: Option<Position>, faults: &mut MotorFaults) {
         let Some(commutation) = &mut self.commutation else { return };
         if !self.index_armed {
             return;
@@ -185,23 +170,23 @@ impl Motor {
             IndexState::Waiting | IndexState::Correcting => {}
             IndexState::Failed(_) => {
                 self.index_armed = false;
-                findings.add_fatal(Class1::COMMUTATION);
+                faults.add(MotorFault::Commutation);
             }
             _ => self.index_armed = false,
         }
     }
 
     /// A bridge that does not answer is the amplifier's doing. What is the brake's can only be told where there is one.
-    fn take_brake_error(&mut self, error: BrakeError, findings: &mut Findings) {
+    fn take_brake_error(&mut self, error: BrakeError, faults: &mut MotorFaults) {
         match error {
-            BrakeError::BridgeOff | BrakeError::TorqueLost => findings.add_own(Manufacturer1::AMPLIFIER_FAULT, true),
+            BrakeError::BridgeOff | BrakeError::TorqueLost => faults.add(MotorFault::Bridge),
             _ if error.is_warning() || !self.settings.has_brake => {}
-            _ => findings.add_own(Manufacturer1::BRAKE, false),
+            _ => faults.add(MotorFault::Brake),
         }
     }
 
     /// How well the commutation angle is known (P-0-0119): 0 not at all, 1 aligned or given, 2 by the index.
-    pub(crate) fn commutation_state(&self) -> u16 {
+    pub fn commutation_state(&self) -> u16 {
         match (&self.commutation, self.index_armed) {
             (None, _) => 0,
             (Some(_), true) => 1,
