@@ -6,183 +6,102 @@
 //!
 //! What the loops themselves need stays in the loop tick. All that looks after them (bus, loads, temperatures, brake, state machine,
 //! diagnostic words) has time constants of milliseconds and its own, slower task.
+//!
+//! What is to be known between two tasks lies in parts, each in a file of its own that nobody else may change: [`RingSide`], [`RingClock`],
+//! [`Status`], [`Operation`], [`Function`] and the smaller ones beside it. The tasks hand values from one to the other. `docs/motion-parts.md`
+//! says what each part owns.
 
-use sercon816::{Bus, CommandPort, FeedbackPort};
+use sercon816::Bus;
 use sercos::Phase;
-use sercos::command::CommandState;
-use sercos::diagnostic::{Class1, Class2, Class3};
+use sercos::diagnostic::Class1;
 use sercos::phase::PhaseError;
-use sercos::supervision::Supervision;
-use servo::axis::{Axis, AxisOutput, Limiting, Mode};
-use servo::clock::LoopClock;
+use servo::axis::{Axis, AxisOutput};
 use servo::encoder::TwiceReadEncoder;
-use servo::monitor::RangeMonitor;
-use servo::motor::{CurrentLink, Motor, Progress};
+use servo::motor::{CurrentLink, Motor, MotorFaults};
+use servo::path::CommandJump;
 use servo::scope::Scope;
-use servo::units::LOOP_TICKS_PER_SUPERVISION;
+use servo::units::{LOOP_TICKS_PER_SUPERVISION, Position};
 
-mod background;
-mod clock_monitor;
-mod coordinates;
-mod cycle;
-mod following;
-mod identifying;
+mod control_bits;
+mod function;
+mod homing;
+pub(crate) mod identification;
 mod limiting;
+mod movements;
+mod operation;
 mod positioning;
 mod positive_stop;
-mod range;
+mod probing;
 mod recording;
+mod reference;
+mod requests;
+mod ring_clock;
+mod ring_side;
+mod signals;
+mod status;
 mod supervision;
-mod travel;
-mod words;
+#[cfg(test)]
+mod tests;
 
-use clock_monitor::ClockMonitor;
+pub(crate) use homing::HomingFailure;
+pub use ring_side::CommandValues;
+
+use control_bits::ControlBits;
+use function::Function;
+use operation::{Operation, Selection};
 use positioning::Positioning;
 use positive_stop::PositiveStop;
-pub(crate) use travel::HomingFailure;
-use travel::{HomingRun, ProbeRun};
+use probing::Probing;
+use reference::Reference;
+use ring_clock::{ClockMonitor, RingClock};
+use ring_side::{Cycle, RingSide};
+use status::Status;
 
-use crate::diagnosis::{Manufacturer1, Manufacturer2, Manufacturer3};
+use crate::diagnosis::Manufacturer1;
+use crate::diagnosis::faults::Findings;
 use crate::feedback::ShownValues;
 use crate::hardware::{Hardware, Inputs, InterruptLine};
-use crate::identification::{Identification, Outcome};
 use crate::limits::CyclicLimits;
-use crate::mst::MstMonitor;
-use crate::operation_mode::{OperationMode, Reaction};
+use crate::operation_mode::OperationMode;
 use crate::oscilloscope::Oscilloscope;
 use crate::settings::MotionSettings;
-use crate::signal::record::{Datum, Records};
-use crate::state::{DriveState, StateMachine, Switches};
+use crate::signal::record::Datum;
+use crate::state::DriveState;
 use crate::work::Work;
-
-/// The cyclic command values as they came last, each in the weight of its IDN.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub struct CommandValues {
-    /// S-0-0134, the control word with its service bits.
-    pub control_word: u16,
-    /// S-0-0036.
-    pub velocity: i32,
-    /// S-0-0037.
-    pub additive_velocity: i32,
-    /// S-0-0047.
-    pub position: i32,
-    /// S-0-0048.
-    pub additive_position: i32,
-    /// S-0-0080.
-    pub torque: i16,
-    /// S-0-0081.
-    pub additive_torque: i16,
-    /// S-0-0145.
-    pub signal_control: u16,
-    /// S-0-0258.
-    pub target_position: i32,
-    /// S-0-0282.
-    pub positioning_value: i32,
-    /// S-0-0346.
-    pub positioning_control: u16,
-}
-
-impl CommandValues {
-    /// The values that make a point of a path: with one of them changed, the control unit has given a new one.
-    const fn path(&self) -> (i32, i32, i32, i32) {
-        (self.velocity, self.additive_velocity, self.position, self.additive_position)
-    }
-}
 
 /// The motor side of the drive and the cyclic half of the bus.
 ///
-/// Laid out as declared: what every loop tick touches comes first, where an instruction reaches it without an address of its own.
+/// Laid out as declared: what every loop tick touches comes first, where an instruction reaches it without an address of its own. What an instruction for two words
+/// reaches, 1 020 bytes, is the axis's.
 #[repr(C)]
 #[derive(Debug)]
 pub struct Motion<B, H: Hardware> {
-    /// Loop ticks until a t3 event is overdue; 0 outside the cyclic phases.
-    until_overdue: u16,
     /// Loop ticks until the next look of the supervision.
     until_supervision: u8,
     /// Something goes along with the loops, see [`Motion::accompany`], or the oscilloscope records; found out by the supervision.
     accompanied: bool,
-    class_1: Class1,
     encoder: TwiceReadEncoder,
-    clock: LoopClock,
+    clock: RingClock,
     /// What the loops gave in the last tick.
     output: AxisOutput,
     axis: Axis,
-    motor: Motor<H::Board>,
-    machine: StateMachine,
+    status: Status,
+    operation: Operation,
     hardware: H,
-    /// The bridge as it was last set.
-    bridge_on: bool,
-    command_port: CommandPort<B>,
-    feedback_port: FeedbackPort<B>,
-    mst: MstMonitor<B>,
-    clock_monitor: ClockMonitor,
-    records: Records,
+    ring: RingSide<B>,
     inputs: Inputs,
-    progress: Progress,
-    /// What limits the drive right now (P-0-0160).
-    limiting: Limiting,
-    /// Ticks of the supervision for which the two channels of safe torque off have differed.
-    channels_differ: u16,
-    /// Phase of the last edge of t3.
-    edge_phase: u16,
-    /// Of the last MDT; `None` until one has come in this phase.
-    switches: Option<Switches>,
-    mode: Option<OperationMode>,
-    phase: Phase,
-    commands: CommandValues,
     shown: ShownValues,
-    supervision: Supervision,
-    lost: Option<PhaseError>,
-    /// The control asks for a mode that is not set.
-    uninitialised_mode: bool,
-    /// Control word bits 11, 9, 8 of the mode in force.
-    mode_bits: u16,
-    class_2: Class2,
-    class_3: Class3,
-    manufacturer_1: Manufacturer1,
-    manufacturer_2: Manufacturer2,
-    manufacturer_3: Manufacturer3,
-    class_2_change: bool,
-    class_3_change: bool,
-    /// State and diagnostic words that the background has been told of.
-    told: (DriveState, Class1, Class2),
-    oscilloscope: Oscilloscope<'static>,
-    /// P-0-0224, P-0-0225 or P-0-0226 is under way.
-    identification: Option<Identification>,
-    /// What came of it, until the background has asked.
-    identified: Option<Outcome>,
-    /// P-0-0227.
-    identification_percent: u8,
-    /// P-0-0019 in the low half, the enable bits of S-0-0400 and S-0-0405 to S-0-0407 above.
-    controlled: u32,
-    homing_run: HomingRun,
-    probe_run: ProbeRun,
     positioning: Positioning,
-    /// S-0-0403 bit 0.
-    referenced: bool,
-    /// S-0-0049 and S-0-0050, while they are in force.
-    range_monitor: Option<RangeMonitor>,
-    /// S-0-0148 holds the position until it is cancelled.
-    homing: bool,
-    /// S-0-0149.
     positive_stop: PositiveStop,
-    /// How it has ended, until the service channel has taken it.
-    positive_stop_result: Option<CommandState>,
-    /// Ticks of the supervision for which a lost telegram is still a warning.
-    loss_shown: u16,
+    controls: ControlBits,
+    motor: Motor<H::Board>,
+    clock_monitor: ClockMonitor,
+    reference: Reference,
+    function: Function,
+    probing: Probing,
+    oscilloscope: Oscilloscope<'static>,
     /// Ticks of the supervision since the start.
     supervisions: u64,
-    diagnostic_number: u16,
-    interface_status: u16,
-    latch: u32,
-    fatal: bool,
-    without_lag: bool,
-    /// Cycles since a command value was last handed to the axis.
-    cycles_since_command: u16,
-    /// Ticks of the supervision for which somebody still waits for the loop clock to lock, see [`Motion::wait_for_lock`].
-    lock_patience: u16,
-    /// CP3 was entered in this cycle.
-    entered_cyclic: bool,
     /// Limits of the MDT.
     cyclic_limits: CyclicLimits,
     settings: MotionSettings,
@@ -204,70 +123,30 @@ impl<B: Bus + Clone, H: Hardware> Motion<B, H> {
         let inputs = hardware.inputs();
         let position = encoder.position();
         Self {
-            hardware,
-            command_port: CommandPort::new(bus.clone(), address),
-            feedback_port: FeedbackPort::new(bus.clone()),
-            mst: MstMonitor::new(bus),
-            axis: Axis::new(settings.with_lag, position),
-            encoder,
-            clock: LoopClock::new(settings.cycle.clock),
-            clock_monitor: ClockMonitor::default(),
-            settings,
-            records: Records::default(),
-            machine: StateMachine::default(),
-            motor: Motor::new(link, settings.motor),
-            inputs,
-            progress: Progress::default(),
-            bridge_on: false,
-            output: AxisOutput::at_rest(position),
-            limiting: Limiting::empty(),
-            accompanied: false,
             until_supervision: 1,
-            channels_differ: 0,
-            edge_phase: 0,
-            switches: None,
-            mode: None,
-            phase: Phase::Cp0,
-            commands: CommandValues::default(),
+            accompanied: false,
+            encoder,
+            output: AxisOutput::at_rest(position),
+            axis: Axis::new(settings.with_lag, position),
+            motor: Motor::new(link, settings.motor),
+            clock: RingClock::new(settings.cycle.clock),
+            status: Status::default(),
+            operation: Operation::default(),
+            hardware,
+            ring: RingSide::new(bus, address),
+            clock_monitor: ClockMonitor::new(),
+            inputs,
             shown: ShownValues::default(),
-            supervision: Supervision::new(),
-            lost: None,
-            uninitialised_mode: false,
-            mode_bits: 0,
-            class_1: Class1::empty(),
-            class_2: Class2::empty(),
-            class_3: Class3::empty(),
-            manufacturer_1: Manufacturer1::empty(),
-            manufacturer_2: Manufacturer2::empty(),
-            manufacturer_3: Manufacturer3::empty(),
-            class_2_change: false,
-            class_3_change: false,
-            told: (DriveState::Off, Class1::empty(), Class2::empty()),
-            oscilloscope: Oscilloscope::new(scope),
-            identification: None,
-            identified: None,
-            identification_percent: 0,
-            controlled: 0,
-            homing_run: HomingRun::default(),
-            probe_run: ProbeRun::default(),
             positioning: Positioning::default(),
-            referenced: false,
-            range_monitor: None,
-            homing: false,
-            positive_stop: PositiveStop::Inactive,
-            positive_stop_result: None,
-            loss_shown: 0,
+            positive_stop: PositiveStop::default(),
+            reference: Reference::default(),
+            controls: ControlBits::default(),
+            function: Function::default(),
+            probing: Probing::default(),
+            oscilloscope: Oscilloscope::new(scope),
             supervisions: 0,
-            diagnostic_number: 0,
-            interface_status: 0,
-            latch: 0,
-            until_overdue: 0,
-            fatal: false,
-            without_lag: false,
-            cycles_since_command: 0,
-            lock_patience: 0,
-            entered_cyclic: false,
             cyclic_limits: CyclicLimits::default(),
+            settings,
         }
     }
 
@@ -277,20 +156,18 @@ impl<B: Bus + Clone, H: Hardware> Motion<B, H> {
     /// Contract: at most 15 us at 168 MHz from the interrupt to the command in force, with the slowest bus timing; 5 to 8 bus
     /// accesses. The emulator measures it.
     pub fn command_valid(&mut self) -> Work {
-        match self.phase {
+        match self.ring.phase() {
             Phase::Cp0 => Work::empty(),
             Phase::Cp1 | Phase::Cp2 => {
-                let addressed = self.command_port.take_initial();
-                self.command_port.answer_once(addressed);
+                self.ring.answer();
                 self.refresh_values(self.encoder.position());
                 let status = self.status_word();
-                self.feedback_port.set_initial_status(status);
+                self.ring.show_initial_status(status);
                 Work::empty()
             }
             Phase::Cp3 | Phase::Cp4 => {
-                self.clock.on_t3(self.edge_phase);
+                self.clock.on_t3(self.settings.cycle.ticks_to_overdue);
                 self.clock_monitor.take(self.clock.phase_error(), self.clock.is_locked());
-                self.until_overdue = self.settings.cycle.ticks_to_overdue;
                 self.take_cycle()
             }
         }
@@ -301,19 +178,15 @@ impl<B: Bus + Clone, H: Hardware> Motion<B, H> {
     /// Contract: within t5 (S-0-0005, 30 us) from the interrupt to the last word written, with the task of t3 in between; 2 to 18
     /// bus accesses. The emulator measures it.
     pub fn capture_feedback(&mut self) {
-        let position = self.encoder.position_of(self.counted(self.latch));
+        let position = self.encoder.position_of(self.counted(self.clock.latch()));
         self.refresh_values(position);
         let status = self.status_word();
-        self.feedback_port.set_status(status);
-        let mut word = 0;
-        for &Datum { signal, words } in &self.records.feedback {
+        self.ring.show_status(status);
+        let (mut index, mut word) = (0_usize, 0_u16);
+        while let Some(Datum { signal, words }) = self.ring.feedback(index) {
             let value = self.signal(signal);
-            if words == 2 {
-                self.feedback_port.set_double_word(word, value);
-            } else {
-                self.feedback_port.set_word(word, (value & 0xFFFF) as u16);
-            }
-            word = word.wrapping_add(words);
+            word = self.ring.show(word, words, value);
+            index = index.wrapping_add(1);
         }
     }
 
@@ -325,7 +198,10 @@ impl<B: Bus + Clone, H: Hardware> Motion<B, H> {
         let [before, now] = self.motor.take_counts();
         let count = self.counted(now);
         let mut position = self.encoder.update(self.counted(before), count);
-        self.watch_encoder(count);
+        // A counter that says what no shaft does must not wait for the supervision.
+        if let Some(faults) = self.motor.watch_motion(count, self.operation.state().has_torque()) {
+            self.fail_by_jump(faults);
+        }
         let mut work = Work::empty();
         if self.accompanied {
             work = self.accompany();
@@ -333,8 +209,8 @@ impl<B: Bus + Clone, H: Hardware> Motion<B, H> {
             position = self.encoder.position();
         }
         self.output = self.axis.tick(position, self.motor.torque_limits());
-        if self.output.excessive_deviation && !self.expects_a_stop() {
-            self.class_1 |= Class1::EXCESSIVE_DEVIATION;
+        if self.output.excessive_deviation && !self.positive_stop.is_expected() {
+            self.status.raise(Findings { class_1: Class1::EXCESSIVE_DEVIATION, ..Findings::default() });
         }
         let trim = self.clock.on_tick();
         self.motor.command(position, self.output.current, self.output.loop_velocity, trim);
@@ -346,8 +222,8 @@ impl<B: Bus + Clone, H: Hardware> Motion<B, H> {
             self.until_supervision = LOOP_TICKS_PER_SUPERVISION as u8;
             work |= Work::SUPERVISION;
         }
-        if self.until_overdue != 0 {
-            work |= self.flywheel();
+        if self.clock.is_overdue(self.settings.cycle.ticks_per_cycle) {
+            work |= self.take_cycle();
         }
         work
     }
@@ -356,21 +232,18 @@ impl<B: Bus + Clone, H: Hardware> Motion<B, H> {
     #[cold]
     fn accompany(&mut self) -> Work {
         self.motor.measure();
-        self.align();
+        if self.motor.is_searching() && self.operation.bridge_is_on(&mut self.hardware) {
+            self.motor.search(self.encoder.position());
+        }
         let homed = self.home();
         self.identify();
         if homed { Work::SERVICE_CHANNEL } else { Work::empty() }
     }
 
-    /// The drive goes to a target by itself, or waits in HALT to go on.
-    const fn is_positioning(&self) -> bool {
-        self.positioning.is_active()
-    }
-
     /// Keeps the phase that the edge of t3 on this interrupt line has to the loop tick; to be called before the interrupt is acknowledged.
     #[inline]
     pub fn take_edge(&mut self, line: InterruptLine) {
-        self.edge_phase = self.hardware.edge_phase(line);
+        self.clock.take_edge(self.hardware.edge_phase(line));
     }
 
     /// See [`Hardware::edge_waits`].
@@ -383,44 +256,135 @@ impl<B: Bus + Clone, H: Hardware> Motion<B, H> {
     /// acknowledged.
     #[inline]
     pub fn take_latch(&mut self, line: InterruptLine) {
-        self.latch = self.hardware.encoder_latch(line);
+        self.clock.take_latch(self.hardware.encoder_latch(line));
     }
 
     /// Takes the position of this moment where the latch of an interrupt edge is missing (polled events).
     pub fn latch_now(&mut self) {
-        self.latch = self.hardware.encoder_count();
-        self.edge_phase = self.hardware.phase_now();
+        self.clock.take_latch(self.hardware.encoder_count());
+        self.clock.take_edge(self.hardware.phase_now());
+    }
+
+    /// What one communication cycle brought: supervision, control word, command values.
+    fn take_cycle(&mut self) -> Work {
+        match self.ring.take_cycle() {
+            Cycle::WithCommands => self.take_commands(),
+            Cycle::WithoutCommands => Work::empty(),
+            Cycle::Lost(error) => self.lose(error),
+        }
+    }
+
+    fn take_commands(&mut self) -> Work {
+        let fresh = self.ring.take_commands(self.settings.cycle.cycles_per_command, &mut self.cyclic_limits);
+        if self.ring.passes_on() {
+            self.pass_on(self.ring.carries_target(), self.ring.carries_signals());
+        }
+        let control_word = self.ring.commands().control_word;
+        self.controls.take_control_word(&self.settings.bits, control_word);
+        let mut work = Work::empty();
+        match self.operation.take_control_word(control_word, &self.settings.modes) {
+            Selection::Kept => {}
+            Selection::Changed(mode) => self.change_mode(mode),
+            Selection::Missing { selected } => work = self.refuse_mode(selected),
+        }
+        if self.operation.would_switch_on(|| self.conditions()) {
+            self.look_before_switching_on();
+        }
+        self.update_state();
+        if self.cyclic_limits.is_carried() {
+            self.obey_limits();
+        }
+        if self.positioning.is_active() {
+            self.position_to_target();
+        }
+        if fresh {
+            self.axis.command_velocity(self.ring.commands().velocity(&self.settings));
+            if let Err(jump) = self.axis.command_position(self.ring.commands().position(&self.settings)) {
+                // Stops the axis, from as fast as it is, in place of taking the command.
+                self.fail(errors_of(jump));
+            }
+        }
+        // A torque command is no point of a path: nothing is interpolated.
+        self.axis.command_torque(self.ring.commands().torque(&self.settings));
+        work
+    }
+
+    /// What others have to do about S-0-0258 and S-0-0145.
+    #[inline(never)]
+    fn pass_on(&mut self, target: bool, signals: bool) {
+        if target {
+            self.positioning.target_is_written();
+        }
+        if signals {
+            self.controls.take_signal_control(&self.settings.bits, self.ring.commands().signal_control);
+        }
+    }
+
+    /// The motor stops with C1D bit 12 and S-0-0014 bit 9, told once, and again after S-0-0099. The ring goes on.
+    #[cold]
+    fn refuse_mode(&mut self, selected: u8) -> Work {
+        if self.operation.misses_its_mode(self.status.class_1().contains(Class1::COMMUNICATION)) {
+            self.lose(PhaseError::UninitialisedMode { selected })
+        } else {
+            Work::empty()
+        }
+    }
+
+    /// A drive that is to be switched on far from its command stays off: neither the torque nor the brake has to come for it.
+    ///
+    /// A drive that stays off anyway is not asked: commands may run away from it, and after an error they do.
+    #[cold]
+    fn look_before_switching_on(&mut self) {
+        // A movement of the drive's own begins where the axis stands.
+        let positioned = matches!(
+            self.operation.mode(),
+            None | Some(OperationMode::PositionWithLag | OperationMode::PositionWithoutLag)
+        );
+        if !positioned {
+            return;
+        }
+        if let Err(jump) = self.axis.would_follow(self.ring.commands().position(&self.settings)) {
+            self.take(errors_of(jump));
+        }
+    }
+
+    #[cold]
+    fn lose(&mut self, error: PhaseError) -> Work {
+        self.ring.lose(error);
+        self.communication_fault();
+        Work::PHASE_CHANGE
+    }
+
+    #[cold]
+    #[inline(never)]
+    fn fail_by_jump(&mut self, faults: MotorFaults) {
+        self.fail(faults.into());
+    }
+
+    /// Errors whose consequences cannot wait for the next look at the state.
+    #[inline]
+    fn fail(&mut self, findings: Findings) {
+        self.take(findings);
+        self.update_state();
     }
 
     /// Steps the state machine and puts its state into axis, bridge and brake.
     fn update_state(&mut self) {
-        let before = self.machine.state();
+        let before = self.operation.state();
         let conditions = self.conditions();
-        // A homing that is not cancelled holds the drive as HALT does.
-        let switches = self.switches.unwrap_or_default();
-        let switches = Switches { run: switches.run && !self.homing, ..switches };
-        let state = self.machine.update(switches, conditions);
-        if state != DriveState::Halted {
-            self.abandon_identification();
+        let state = self.operation.step(self.function.holds(), conditions);
+        if state != DriveState::Halted && self.function.interrupt_identification() {
+            self.motor.hold(None);
         }
         if self.cyclic_limits.is_carried() {
             self.choose_limits(state);
         }
-        self.watch_positioning(state);
-        let mode = match (state, self.mode) {
-            (DriveState::Off | DriveState::Fault, _) => Mode::Off,
-            // Without an angle there is no torque that a loop could use.
-            (DriveState::SwitchingOn, _) if !self.motor.commutates() => Mode::Off,
-            (DriveState::FaultReaction, _) if self.settings.reaction == Reaction::TorqueLimit => Mode::Braking,
-            (DriveState::SwitchingOff | DriveState::FaultReaction, _) => Mode::Stopping,
-            (DriveState::Halted, _) if self.identification.is_some() => self.identification_mode(),
-            (DriveState::Following | DriveState::Halted, _) if self.is_travelling_home() => Mode::Travel,
-            (DriveState::Halted | DriveState::SwitchingOn | DriveState::Engaging, _) => Mode::Halt,
-            (DriveState::Following, Some(OperationMode::Torque)) => Mode::Torque,
-            (DriveState::Following, Some(OperationMode::Velocity)) => Mode::Velocity,
-            (DriveState::Following, _) if self.is_positioning() => Mode::Travel,
-            (DriveState::Following, _) => Mode::Position,
-        };
+        if self.positioning.is_concerned(self.operation.mode()) {
+            self.watch_positioning();
+        }
+        let mode = self.operation.axis_mode(self.motor.commutates(), self.settings.reaction, &self.function, || {
+            self.positioning.is_active()
+        });
         if mode != self.axis.mode() {
             // An axis that stands although it is to move, because it is blocked, has a ramp before it.
             self.output.standstill &= self.output.velocity_command.abs() <= self.settings.standstill_window;
@@ -428,18 +392,16 @@ impl<B: Bus + Clone, H: Hardware> Motion<B, H> {
             self.positioning.begin_again();
         }
         if state != before && !state.has_torque() {
-            self.set_bridge(false);
-            self.hardware.set_brake(false);
+            self.operation.switch_off(&mut self.hardware);
         }
     }
 
     /// Puts an operation mode into force; its state follows with [`Motion::update_state`].
     #[cold]
     fn change_mode(&mut self, mode: Option<OperationMode>) {
-        self.mode = mode;
-        let without_lag = mode.is_some_and(OperationMode::is_without_lag);
-        if without_lag != self.without_lag {
-            self.without_lag = without_lag;
+        let without_lag = self.operation.is_without_lag();
+        self.operation.set_mode(mode);
+        if self.operation.is_without_lag() != without_lag {
             self.apply_axis_settings();
         }
     }
@@ -449,9 +411,30 @@ impl<B: Bus + Clone, H: Hardware> Motion<B, H> {
         count.wrapping_mul(self.motor.direction())
     }
 
+    /// What is shown from now on is `position` and what the loops gave in their last tick.
+    #[inline]
+    fn refresh_values(&mut self, position: Position) {
+        self.shown = ShownValues::at(position, &self.output, self.motor.torque_current());
+    }
+
     fn apply_axis_settings(&mut self) {
         let before = self.axis.settings().velocity_limits();
-        self.axis.apply_settings(if self.without_lag { self.settings.without_lag } else { self.settings.with_lag });
+        let without_lag = self.operation.is_without_lag();
+        self.axis.apply_settings(if without_lag { self.settings.without_lag } else { self.settings.with_lag });
         self.keep_limits(before);
     }
+}
+
+/// What a command is that jumps. It is never taken: an error comes before anything moves towards it.
+///
+/// Following begins wherever the axis comes into [`servo::axis::Mode::Position`]: switched on, at the end of HALT, of homing, of an identification
+/// or of a positioning, with another mode of operation, or when bit 15 comes back during a stop. There the interpolator starts at the shaft,
+/// and the first command must lie within S-0-0159 of it; each later one within a step of the one before.
+fn errors_of(jump: CommandJump) -> Findings {
+    let mut findings = Findings::default();
+    match jump {
+        CommandJump::FarFromAxis { .. } => findings.class_1 = Class1::EXCESSIVE_DEVIATION,
+        CommandJump::Step { .. } => findings.add_own(Manufacturer1::COMMAND_JUMP, false),
+    }
+    findings
 }

@@ -9,14 +9,13 @@ use crate::hardware::Hardware;
 use crate::limits::{Effects, Preparation, Prepared};
 use crate::signal::limit::Limit;
 use crate::state::DriveState;
-use crate::work::Work;
 
 impl<B: Bus + Clone, H: Hardware> Motion<B, H> {
     /// Whether the limits of the MDT are in force now: not in a stop of the drive's own.
     #[cold]
     pub(super) fn choose_limits(&mut self, state: DriveState) {
         let stopping = matches!(state, DriveState::SwitchingOff | DriveState::FaultReaction);
-        let obeyed = self.phase == Phase::Cp4 && !stopping;
+        let obeyed = self.ring.phase() == Phase::Cp4 && !stopping;
         if self.cyclic_limits.obey(obeyed) && !obeyed {
             self.motor.limit_torque(None);
             self.apply_axis_settings();
@@ -55,11 +54,6 @@ impl<B: Bus + Clone, H: Hardware> Motion<B, H> {
         }
     }
 
-    /// Accelerations and jerks of the MDT that wait for the background.
-    pub(super) const fn tell_limits(&self) -> Work {
-        if self.cyclic_limits.needs_preparation() { Work::SERVICE_CHANNEL } else { Work::empty() }
-    }
-
     /// What the background is to prepare, once.
     pub(crate) fn take_preparation(&mut self) -> Option<Preparation> {
         self.cyclic_limits.take_preparation(&self.settings.limit_scale)
@@ -73,6 +67,6 @@ impl<B: Bus + Clone, H: Hardware> Motion<B, H> {
 
     /// The last value of a limit that the MDT carries, in CP4.
     pub(crate) fn cyclic_limit(&self, limit: Limit) -> Option<u32> {
-        self.cyclic_limits.shown(limit).filter(|_| self.phase == Phase::Cp4)
+        self.cyclic_limits.shown(limit).filter(|_| self.ring.phase() == Phase::Cp4)
     }
 }

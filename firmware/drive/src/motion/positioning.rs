@@ -6,15 +6,13 @@
 //!
 //! Sources: sercos2.md 4.3 and Appendix B for the words. What S-0-0437 has in which bit is in no public paper: it is this drive's own.
 
-use sercon816::Bus;
 use sercos::diagnostic::Class3;
-use servo::axis::{Mode, Travel};
+use servo::axis::{Axis, AxisOutput, Mode, Travel};
 use servo::units::{Position, Velocity};
 
-use super::Motion;
-use crate::hardware::Hardware;
+use super::ring_side::CommandValues;
 use crate::operation_mode::{Direction, OperationMode, TargetSource};
-use crate::state::DriveState;
+use crate::settings::MotionSettings;
 
 /// What is known of the drive's own movement.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -33,6 +31,8 @@ pub(super) struct Positioning {
     acknowledged: bool,
     /// Turns by bits 2 and 1 of S-0-0346.
     jogging: bool,
+    /// The target has become another one in this step.
+    renewed: bool,
 }
 
 /// Where a movement ends.
@@ -49,7 +49,7 @@ struct Target {
 }
 
 /// C3D bits that tell of the drive's own movements.
-const REACHED: Class3 = Class3::IN_POSITION
+pub(super) const REACHED: Class3 = Class3::IN_POSITION
     .union(Class3::AT_ACTIVE_TARGET)
     .union(Class3::IN_COARSE_POSITION)
     .union(Class3::TARGET_ATTAINED)
@@ -64,11 +64,54 @@ const IS_DISTANCE: u16 = 1 << 3;
 const FROM_ACTUAL: u16 = 1 << 4;
 const AT_ONCE: u16 = 1 << 5;
 
+/// The axis that is moved, as it is now.
+pub(super) struct Scene<'a> {
+    axis: &'a Axis,
+    output: &'a AxisOutput,
+    settings: &'a MotionSettings,
+    /// Measured.
+    position: Position,
+}
+
+impl<'a> Scene<'a> {
+    /// `output`: what the loops gave in their last tick.
+    #[inline]
+    pub(super) const fn new(
+        axis: &'a Axis,
+        output: &'a AxisOutput,
+        settings: &'a MotionSettings,
+        position: Position,
+    ) -> Self {
+        Self { axis, output, settings, position }
+    }
+
+    /// Position data of a place near the axis.
+    fn data_at(&self, place: Position) -> i32 {
+        self.settings.coordinates.data(self.axis.cyclic_position(place))
+    }
+}
+
+/// One step on the way. Plain values, for who moves the axis and tells of it.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) struct PositioningStep {
+    /// The movement of the axis.
+    pub(super) travel: Travel,
+    /// The target is another one now.
+    pub(super) renewed: bool,
+    /// The axis stays where it is, which is to be the value of S-0-0258.
+    pub(super) stays_at: Option<i32>,
+}
+
 impl Positioning {
     /// A mode with a target is active.
     #[inline]
     pub(super) const fn is_active(&self) -> bool {
         self.source.is_some()
+    }
+
+    /// A phase begins: nothing is left of the last one.
+    pub(super) fn reset(&mut self) {
+        *self = Self::default();
     }
 
     /// S-0-0258 has a new value, or its old one once more.
@@ -78,6 +121,7 @@ impl Positioning {
     }
 
     /// A movement stops or goes on: the way to the target is another one now.
+    #[inline]
     pub(super) const fn begin_again(&mut self) {
         self.begins = true;
     }
@@ -91,236 +135,163 @@ impl Positioning {
     const fn is_asked(&self, control: u16) -> bool {
         (control ^ self.seen) & TOGGLE != 0
     }
-}
 
-impl<B: Bus + Clone, H: Hardware> Motion<B, H> {
-    /// Notices that a mode with a target begins or ends.
+    /// Something may begin or end with this mode. Most modes have no target.
     #[inline]
-    pub(super) fn watch_positioning(&mut self, state: DriveState) {
-        let source = self.mode.and_then(OperationMode::target_source);
-        // Most modes have none.
-        if source.is_some() || self.positioning.source.is_some() {
-            self.change_positioning(state, source);
-        }
+    pub(super) fn is_concerned(&self, mode: Option<OperationMode>) -> bool {
+        mode.and_then(OperationMode::target_source).is_some() || self.source.is_some()
     }
 
-    #[inline(never)]
-    fn change_positioning(&mut self, state: DriveState, source: Option<TargetSource>) {
-        let active = matches!(state, DriveState::Following | DriveState::Halted)
-            && !self.homing
-            && self.identification.is_none();
-        let source = source.filter(|_| active);
-        let positioning = &mut self.positioning;
-        if source == positioning.source {
+    /// Notices that a mode with a target begins or ends. `free`: the drive follows or is halted, and no function moves or holds the axis;
+    /// `control`: S-0-0346.
+    pub(super) fn watch(&mut self, mode: Option<OperationMode>, free: bool, control: u16, drops_target: bool) {
+        let source = mode.and_then(OperationMode::target_source).filter(|_| free);
+        if source == self.source {
             return;
         }
-        positioning.source = source;
-        positioning.jogging = false;
+        self.source = source;
+        self.jogging = false;
         if source.is_none() {
             // What is written from now on is meant for the next time.
-            positioning.written = false;
+            self.written = false;
             return;
         }
-        positioning.seen = self.commands.positioning_control;
-        if self.settings.positioning.drops_target {
-            positioning.target = None;
+        self.seen = control;
+        if drops_target {
+            self.target = None;
         }
     }
 
     /// One step on the way to the target. In HALT the target may become another one, and the axis stays.
-    #[inline(never)]
-    pub(super) fn position_to_target(&mut self) {
-        let travel = match self.positioning.source {
-            Some(TargetSource::Control) => self.controlled_travel(),
-            _ => self.targeted_travel(),
-        };
-        let limits = self.cyclic_limits.movements().positioning.unwrap_or(self.settings.positioning.limits);
-        self.axis.travel(limits, travel);
-    }
-
-    fn targeted_travel(&mut self) -> Travel {
-        let commanded = self.commands.target_position;
-        let begins = core::mem::take(&mut self.positioning.begins);
-        if core::mem::take(&mut self.positioning.written)
-            && self.positioning.target.is_none_or(|target| target.commanded != Some(commanded))
-        {
-            self.aim_at(commanded);
-        } else if begins {
-            self.aim_again();
+    #[inline]
+    pub(super) fn step(&mut self, scene: &Scene<'_>, commands: &CommandValues) -> PositioningStep {
+        self.renewed = false;
+        if self.source == Some(TargetSource::Control) {
+            let travel = self.controlled_travel(scene, commands);
+            return PositioningStep { travel, renewed: self.renewed, stays_at: None };
         }
-        self.travel_to_target()
+        let travel = self.targeted_travel(scene, commands.target_position);
+        let stays = self.target.filter(|target| self.renewed && target.commanded.is_none());
+        PositioningStep { travel, renewed: self.renewed, stays_at: stays.map(|target| target.data) }
     }
 
-    fn controlled_travel(&mut self) -> Travel {
-        let control = self.commands.positioning_control;
+    fn targeted_travel(&mut self, scene: &Scene<'_>, commanded: i32) -> Travel {
+        let begins = core::mem::take(&mut self.begins);
+        if core::mem::take(&mut self.written) && self.target.is_none_or(|target| target.commanded != Some(commanded)) {
+            self.aim_at(scene, commanded);
+        } else if begins {
+            self.aim_again(scene);
+        }
+        self.travel_to_target(scene)
+    }
+
+    fn controlled_travel(&mut self, scene: &Scene<'_>, commands: &CommandValues) -> Travel {
+        let control = commands.positioning_control;
         let jog = control & JOG;
         let upwards = jog == JOG_POSITIVE;
-        self.positioning.jogging = upwards || jog == JOG_NEGATIVE;
-        if self.positioning.jogging {
-            if self.positioning.target.take().is_some() {
-                self.refresh_reached();
-            }
-            let upwards = upwards != self.settings.coordinates.reversed;
+        self.jogging = upwards || jog == JOG_NEGATIVE;
+        if self.jogging {
+            self.renewed = self.target.take().is_some();
+            let upwards = upwards != scene.settings.coordinates.reversed;
             return Travel::AtVelocity(if upwards { Velocity::MAX } else { -Velocity::MAX });
         }
         if jog != 0 {
-            self.positioning.begins = true;
+            self.begins = true;
             return Travel::Hold;
         }
-        let begins = core::mem::take(&mut self.positioning.begins);
-        if self.positioning.is_asked(control) && (control & AT_ONCE != 0 || self.is_ready_for_next()) {
-            self.take_over(control);
+        let begins = core::mem::take(&mut self.begins);
+        if self.is_asked(control) && (control & AT_ONCE != 0 || self.is_ready_for_next(scene)) {
+            self.take_over(scene, control, commands.positioning_value);
         } else if begins {
-            self.aim_again();
+            self.aim_again(scene);
         }
-        self.travel_to_target()
+        self.travel_to_target(scene)
     }
 
     /// On the way, or where the axis stands once it does.
-    fn travel_to_target(&mut self) -> Travel {
-        if self.positioning.target.is_none() && self.axis.setpoint_rests() {
-            self.stay_here();
+    fn travel_to_target(&mut self, scene: &Scene<'_>) -> Travel {
+        if self.target.is_none() && scene.axis.setpoint_rests() {
+            let place = scene.output.position_command;
+            self.renew(Target { place, data: scene.data_at(place), commanded: None, attained: false });
         }
-        let attained = self.is_ready_for_next();
-        if let Some(target) = &mut self.positioning.target {
+        let attained = self.is_ready_for_next(scene);
+        if let Some(target) = &mut self.target {
             target.attained |= attained;
         }
-        self.positioning.target.map_or(Travel::Hold, |target| Travel::To(target.place))
+        self.target.map_or(Travel::Hold, |target| Travel::To(target.place))
     }
 
     /// Nothing is left of the last movement.
-    fn is_ready_for_next(&self) -> bool {
-        self.axis.setpoint_rests()
-            && self
-                .positioning
-                .target
-                .is_none_or(|target| target.attained || target.place == self.output.position_command)
+    fn is_ready_for_next(&self, scene: &Scene<'_>) -> bool {
+        scene.axis.setpoint_rests()
+            && self.target.is_none_or(|target| target.attained || target.place == scene.output.position_command)
     }
 
     #[cold]
-    fn stay_here(&mut self) {
-        let place = self.output.position_command;
-        let data = self.data_at(place);
-        self.positioning.target = Some(Target { place, data, commanded: None, attained: false });
-        if self.positioning.source == Some(TargetSource::Target) {
-            self.commands.target_position = data;
-        }
-        self.refresh_reached();
+    fn renew(&mut self, target: Target) {
+        self.target = Some(target);
+        self.renewed = true;
     }
 
     /// S-0-0282, taken over by S-0-0346.
     #[cold]
-    fn take_over(&mut self, control: u16) {
-        self.positioning.seen = control;
-        self.positioning.acknowledged = control & TOGGLE != 0;
-        let value = self.commands.positioning_value;
+    fn take_over(&mut self, scene: &Scene<'_>, control: u16, value: i32) {
+        self.seen = control;
+        self.acknowledged = control & TOGGLE != 0;
         if control & IS_DISTANCE == 0 {
-            return self.aim_at(value);
+            return self.aim_at(scene, value);
         }
-        let target = match self.positioning.target {
-            _ if control & FROM_ACTUAL != 0 => {
-                let here = self.encoder.position();
-                self.further(here, self.data_at(here), value)
-            }
-            Some(Target { place, data, .. }) => self.further(place, data, value),
-            None => {
-                let here = self.output.position_command;
-                self.further(here, self.data_at(here), value)
-            }
+        let (place, data) = match self.target {
+            _ if control & FROM_ACTUAL != 0 => (scene.position, scene.data_at(scene.position)),
+            Some(Target { place, data, .. }) => (place, data),
+            None => (scene.output.position_command, scene.data_at(scene.output.position_command)),
         };
-        self.positioning.target = Some(target);
-        self.refresh_reached();
-    }
-
-    /// The target at a distance from a place. Its place is that of its data, so that no sum of many distances drifts.
-    fn further(&self, place: Position, data: i32, distance: i32) -> Target {
-        let coordinates = &self.settings.coordinates;
-        let here = self.output.position_command;
-        let within = self.axis.cyclic_position(here);
-        let ahead = place + coordinates.place(distance);
-        let data = match coordinates.modulo {
-            None => data.wrapping_add(distance),
-            Some(_) => coordinates.data(coordinates.range.reduce(within + (ahead - here))),
-        };
-        // The nearest place with these data.
-        let exact = here + coordinates.place(data) - within;
-        let rounding = coordinates.range.around_zero(coordinates.range.reduce(ahead - exact));
-        Target { place: ahead - rounding, data, commanded: None, attained: false }
+        self.renew(further(scene, place, data, value));
     }
 
     #[cold]
-    fn aim_at(&mut self, commanded: i32) {
-        let coordinates = &self.settings.coordinates;
+    fn aim_at(&mut self, scene: &Scene<'_>, commanded: i32) {
+        let coordinates = &scene.settings.coordinates;
         let wanted = coordinates.place(commanded);
-        let here = self.output.position_command;
-        let within = self.axis.cyclic_position(here);
+        let here = scene.output.position_command;
+        let within = scene.axis.cyclic_position(here);
         let way = match coordinates.modulo {
             // The way that the numbers go, never over the border between the highest and the lowest: behind it may be the end of the axis.
             None => wanted - coordinates.range.around_zero(within),
-            Some(_) => self.way_to(coordinates.range.reduce(wanted - within)),
+            Some(_) => way_to(scene, coordinates.range.reduce(wanted - within)),
         };
         let data = coordinates.data(coordinates.range.reduce(wanted));
-        self.positioning.target = Some(Target { place: here + way, data, commanded: Some(commanded), attained: false });
-        self.refresh_reached();
+        self.renew(Target { place: here + way, data, commanded: Some(commanded), attained: false });
     }
 
     /// The way to a position that was commanded, from where the axis is now.
     #[cold]
-    fn aim_again(&mut self) {
-        let unfinished = self.positioning.target.filter(|target| !target.attained);
+    fn aim_again(&mut self, scene: &Scene<'_>) {
+        let unfinished = self.target.filter(|target| !target.attained);
         if let Some(commanded) = unfinished.and_then(|target| target.commanded) {
-            self.aim_at(commanded);
+            self.aim_at(scene, commanded);
         }
-    }
-
-    /// The way of a modulo axis in the direction of S-0-0393, from the way in the direction of the motor, `0 ..` modulo value.
-    fn way_to(&self, forwards: Position) -> Position {
-        let range = self.settings.coordinates.range;
-        let settings = &self.settings.positioning;
-        let reversed = self.settings.coordinates.reversed;
-        let is_forwards = match settings.direction {
-            Direction::Shortest => return range.around_zero(forwards),
-            Direction::Positive => !reversed,
-            Direction::Negative => reversed,
-        };
-        let signed = |way: Position| if is_forwards { way } else { -way };
-        let ahead = if is_forwards || forwards == Position::ZERO { forwards } else { range.value() - forwards };
-        let shortest = range.around_zero(ahead);
-        if self.axis.setpoint_rests() {
-            let is_just_behind = shortest < Position::ZERO && -shortest <= settings.window_behind;
-            return signed(if is_just_behind { shortest } else { ahead });
-        }
-        // Too near to stop there: the axis would come back.
-        let stops = self.axis.stops_before(&settings.limits, self.output.position_command + signed(ahead));
-        signed(if stops { ahead } else { ahead + range.value() })
-    }
-
-    /// Position data of a place near the axis.
-    fn data_at(&self, place: Position) -> i32 {
-        self.settings.coordinates.data(self.axis.cyclic_position(place))
     }
 
     /// S-0-0430.
-    pub(super) fn effective_target(&self) -> i32 {
-        self.positioning.target.map_or_else(|| self.data_at(self.output.position_command), |target| target.data)
+    pub(super) fn effective_target(&self, scene: &Scene<'_>) -> i32 {
+        self.target.map_or_else(|| scene.data_at(scene.output.position_command), |target| target.data)
     }
 
-    /// S-0-0437.
-    pub(super) fn positioning_status(&self) -> u16 {
-        let positioning = &self.positioning;
-        let reached = |bit: Class3| self.class_3.contains(bit);
-        let waits = positioning.source == Some(TargetSource::Control)
-            && positioning.is_asked(self.commands.positioning_control);
+    /// S-0-0437; `control`: S-0-0346.
+    pub(super) fn status(&self, class_3: Class3, control: u16) -> u16 {
+        let reached = |bit: Class3| class_3.contains(bit);
+        let waits = self.source == Some(TargetSource::Control) && self.is_asked(control);
         [
-            positioning.acknowledged,
+            self.acknowledged,
             reached(Class3::TARGET_ATTAINED),
             reached(Class3::INTERPOLATOR_HALTED),
             reached(Class3::AT_ACTIVE_TARGET),
             reached(Class3::IN_COARSE_POSITION),
             reached(Class3::IN_POSITION),
-            positioning.jogging,
+            self.jogging,
             waits,
-            positioning.source.is_some(),
+            self.source.is_some(),
         ]
         .into_iter()
         .rev()
@@ -332,34 +303,66 @@ impl<B: Bus + Clone, H: Hardware> Motion<B, H> {
     /// In position is an axis near a command that it follows, but not on the way of a movement of its own. The target is attained by the
     /// set-point, as on other drives; being near it is another bit.
     #[inline(never)]
-    pub(super) fn reached(&self) -> Class3 {
+    pub(super) fn reached(&self, scene: &Scene<'_>, in_operation: bool, travels_home: bool) -> Class3 {
         let mut reached = Class3::empty();
-        let near = self.output.following_error.abs() <= self.settings.position_window;
-        match self.axis.mode() {
+        let near = scene.output.following_error.abs() <= scene.settings.position_window;
+        match scene.axis.mode() {
             Mode::Position => reached.set(Class3::IN_POSITION, near),
-            Mode::Halt | Mode::Travel if self.machine.state().is_in_operation() => {
-                let rests = self.axis.setpoint_rests();
-                if self.positioning.source.is_none() {
-                    reached.set(Class3::IN_POSITION, near && rests && !self.is_travelling_home());
+            Mode::Halt | Mode::Travel if in_operation => {
+                let rests = scene.axis.setpoint_rests();
+                if self.source.is_none() {
+                    reached.set(Class3::IN_POSITION, near && rests && !travels_home);
                     return reached;
                 }
                 reached.set(Class3::INTERPOLATOR_HALTED, rests);
-                let Some(target) = self.positioning.target else { return reached };
-                let attained = self.is_ready_for_next();
-                let distance = (target.place - self.encoder.position()).abs();
+                let Some(target) = self.target else { return reached };
+                let attained = self.is_ready_for_next(scene);
+                let distance = (target.place - scene.position).abs();
                 reached.set(Class3::TARGET_ATTAINED, attained);
                 reached.set(Class3::IN_POSITION, attained && near);
-                reached.set(Class3::AT_ACTIVE_TARGET, distance <= self.settings.position_window);
-                reached.set(Class3::IN_COARSE_POSITION, distance <= self.settings.coarse_window);
+                reached.set(Class3::AT_ACTIVE_TARGET, distance <= scene.settings.position_window);
+                reached.set(Class3::IN_COARSE_POSITION, distance <= scene.settings.coarse_window);
             }
             _ => {}
         }
         reached
     }
+}
 
-    /// A new target is not reached by having reached the old one, not even until the supervision looks.
-    fn refresh_reached(&mut self) {
-        let class_3 = self.class_3.difference(REACHED) | self.reached();
-        self.show_class_3(class_3);
+/// The target at a distance from a place. Its place is that of its data, so that no sum of many distances drifts.
+fn further(scene: &Scene<'_>, place: Position, data: i32, distance: i32) -> Target {
+    let coordinates = &scene.settings.coordinates;
+    let here = scene.output.position_command;
+    let within = scene.axis.cyclic_position(here);
+    let ahead = place + coordinates.place(distance);
+    let data = match coordinates.modulo {
+        None => data.wrapping_add(distance),
+        Some(_) => coordinates.data(coordinates.range.reduce(within + (ahead - here))),
+    };
+    // The nearest place with these data.
+    let exact = here + coordinates.place(data) - within;
+    let rounding = coordinates.range.around_zero(coordinates.range.reduce(ahead - exact));
+    Target { place: ahead - rounding, data, commanded: None, attained: false }
+}
+
+/// The way of a modulo axis in the direction of S-0-0393, from the way in the direction of the motor, `0 ..` modulo value.
+fn way_to(scene: &Scene<'_>, forwards: Position) -> Position {
+    let range = scene.settings.coordinates.range;
+    let settings = &scene.settings.positioning;
+    let reversed = scene.settings.coordinates.reversed;
+    let is_forwards = match settings.direction {
+        Direction::Shortest => return range.around_zero(forwards),
+        Direction::Positive => !reversed,
+        Direction::Negative => reversed,
+    };
+    let signed = |way: Position| if is_forwards { way } else { -way };
+    let ahead = if is_forwards || forwards == Position::ZERO { forwards } else { range.value() - forwards };
+    let shortest = range.around_zero(ahead);
+    if scene.axis.setpoint_rests() {
+        let is_just_behind = shortest < Position::ZERO && -shortest <= settings.window_behind;
+        return signed(if is_just_behind { shortest } else { ahead });
     }
+    // Too near to stop there: the axis would come back.
+    let stops = scene.axis.stops_before(&settings.limits, scene.output.position_command + signed(ahead));
+    signed(if stops { ahead } else { ahead + range.value() })
 }

@@ -3,19 +3,23 @@
 use sercon816::Bus;
 use sercos::Phase;
 use sercos::diagnostic::{Class1, Class3};
-use servo::motor::{MotorFaults, Sequence, SequenceInputs, Surroundings};
-use servo::units::Position;
+use servo::axis::Mode;
+use servo::monitor::Commanded;
+use servo::units::{Position, Velocity};
 
 use super::Motion;
+use super::operation::permits_torque;
+use super::status::{Look, TORQUE_LIMITS};
+use crate::diagnosis::Manufacturer1;
 use crate::diagnosis::faults::Findings;
-use crate::diagnosis::{Manufacturer1, Manufacturer3};
 use crate::hardware::Hardware;
 use crate::operation_mode::Reaction;
-use crate::state::{Conditions, DriveState};
+use crate::state::Conditions;
 use crate::work::Work;
+use servo::motor::{MotorFaults, SequenceInputs, Surroundings};
 
-/// So long the two channels of safe torque off may differ, in ticks of the supervision: relays do not switch at the same instant.
-const CHANNELS_DIFFER_TICKS: u16 = 200;
+/// Ticks of the supervision after the start in which the current sensors have found their zero.
+const CALIBRATION_TICKS: u64 = 500;
 
 impl<B: Bus + Clone, H: Hardware> Motion<B, H> {
     /// Task of the supervision, every 500 us, started by every fourth loop tick: looks after the motor side, steps the state machine, brake
@@ -31,98 +35,65 @@ impl<B: Bus + Clone, H: Hardware> Motion<B, H> {
         self.look_after_the_motor(index);
         self.update_state();
         let index = index.map(|count| self.encoder.position_of(count));
-        self.note_marker(index);
+        self.function.note_marker(index);
         self.step_sequence(index);
         self.probe();
-        if self.is_positioning() {
+        if self.positioning.is_active() {
             self.position_to_target();
         }
-        self.limiting = self.output.limiting | self.motor.limiting();
         self.refresh_words();
         self.accompanied = self.motor.is_searching()
-            || self.is_travelling_home()
-            || self.is_identifying()
+            || self.function.is_travelling_home()
+            || self.function.is_identifying()
             || self.oscilloscope.is_recording();
-        self.watch_positive_stop() | self.tell_lock() | self.tell_news() | self.tell_limits()
+        // Each of them is to be asked.
+        let news = self.has_come_to_a_stop()
+            | self.clock.has_waited()
+            | self.status.is_news(self.operation.state())
+            | self.function.has_identified()
+            | self.cyclic_limits.needs_preparation();
+        if news { Work::SERVICE_CHANNEL } else { Work::empty() }
     }
 
-    /// One loop tick of what must not wait for the supervision: a counter that says what no shaft does.
-    #[inline]
-    pub(super) fn watch_encoder(&mut self, count: u32) {
-        if let Some(faults) = self.motor.watch_motion(count, self.machine.state().has_torque()) {
-            self.take_jump(faults);
-        }
-    }
-
-    #[cold]
-    #[inline(never)]
-    fn take_jump(&mut self, faults: MotorFaults) {
-        self.take(faults.into());
-        self.update_state();
-    }
-
-    /// One loop tick of the search for the commutation angle, if it is under way.
-    pub(super) fn align(&mut self) {
-        if self.motor.is_searching() && self.bridge_on && self.hardware.bridge_is_on() {
-            self.motor.search(self.encoder.position());
-        }
-    }
-
+    /// What the state machine has to know.
     pub(super) fn conditions(&self) -> Conditions {
-        let sustained = self.motor.link_sustains() && self.inputs.bridge_ready && self.permits_torque();
+        let sustained = self.motor.link_sustains() && self.inputs.bridge_ready && permits_torque(&self.inputs);
+        let fault = self.status.has_error();
+        let (released, torque_off) = self.operation.progress();
         Conditions {
-            operating_phase: self.phase == Phase::Cp4
-                && self.switches.is_some()
-                && self.lost.is_none()
-                && !self.manufacturer_3.contains(Manufacturer3::PARKED),
+            operating_phase: self.ring.phase() == Phase::Cp4
+                && self.operation.has_switches()
+                && !self.ring.is_lost()
+                && !self.status.is_parked(),
             power: self.motor.has_power(self.inputs.main_power) && sustained,
             sustained,
-            fault: !self.class_1.is_empty(),
-            fatal: self.fatal || (!self.class_1.is_empty() && self.settings.reaction == Reaction::TorqueFree),
+            fault,
+            fatal: self.status.is_fatal() || (fault && self.settings.reaction == Reaction::TorqueFree),
             standstill: self.output.standstill,
-            released: self.progress.released,
-            torque_off: self.progress.torque_off,
+            released,
+            torque_off,
         }
-    }
-
-    /// The control asks for torque: bits 15 and 14 of an MDT of this CP4.
-    pub(super) fn wants_torque(&self) -> bool {
-        self.switches.is_some_and(|switches| switches.on && switches.enable)
-    }
-
-    /// A stop is under way that the control or an error has asked for, and the control has not asked for torque again since. The main
-    /// contactor may open then: an emergency stop circuit does it.
-    fn is_stopping(&self) -> bool {
-        let requested = self.wants_torque();
-        match self.machine.state() {
-            DriveState::SwitchingOff => !requested,
-            DriveState::Engaging => !requested || !self.class_1.is_empty(),
-            state => state == DriveState::FaultReaction,
-        }
-    }
-
-    /// Both channels of safe torque off permit torque.
-    const fn permits_torque(&self) -> bool {
-        self.inputs.safe_torque_1 && self.inputs.safe_torque_2
     }
 
     /// Supervision of everything below the velocity loop, and of what only counts while torque is on.
     fn look_after_the_motor(&mut self, index: Option<u32>) {
-        let torque = self.machine.state().has_torque();
-        let in_operation = self.machine.state().is_in_operation();
-        let leaves_its_range = self.watch_range();
+        let state = self.operation.state();
+        let torque = state.has_torque();
+        let leaves_its_range = self.leaves_its_range();
         let faults = self.motor.supervise(&Surroundings { torque, count: self.counted(self.motor.count()), index });
         self.take_faults(faults);
-        self.watch_safe_torque_off(torque);
+        let findings = self.operation.watch_safe_torque_off(&self.inputs, torque);
+        self.take(findings);
         if !torque {
             return;
         }
         let mut findings = Findings::default();
         if !self.inputs.bridge_ready
-            || (self.bridge_on && !self.hardware.bridge_is_on() && self.motor.measured().trip.is_none())
+            || (self.operation.bridge_is_lost(&mut self.hardware) && self.motor.measured().trip.is_none())
         {
             findings.add_own(Manufacturer1::AMPLIFIER_FAULT, true);
-        } else if !self.motor.link_sustains() || (!self.motor.has_power(self.inputs.main_power) && !self.is_stopping())
+        } else if !self.motor.link_sustains()
+            || (!self.motor.has_power(self.inputs.main_power) && !self.operation.is_stopping(self.status.has_error()))
         {
             // Without power the axis stops or the torque goes, and a drive that does for no reason would help nobody.
             findings.class_1 |= Class1::UNDERVOLTAGE;
@@ -133,24 +104,43 @@ impl<B: Bus + Clone, H: Hardware> Motion<B, H> {
         if leaves_its_range {
             findings.class_1 |= Class1::POSITION_LIMIT;
         }
-        if in_operation && self.phase == Phase::Cp4 && self.lost.is_none() && !self.clock.is_locked() {
+        let on_the_ring = self.ring.phase() == Phase::Cp4 && !self.ring.is_lost();
+        if state.is_in_operation() && on_the_ring && !self.clock.is_locked() {
             findings.add_own(Manufacturer1::SYNCHRONISATION, false);
         }
         self.take(findings);
     }
 
-    /// The two channels are observed, never relied on: the hardware behind them takes the torque away by itself.
-    fn watch_safe_torque_off(&mut self, torque: bool) {
-        let differ = self.inputs.safe_torque_1 != self.inputs.safe_torque_2;
-        self.channels_differ = if differ { self.channels_differ.saturating_add(1) } else { 0 };
-        let mut findings = Findings::default();
-        if self.channels_differ >= CHANNELS_DIFFER_TICKS {
-            findings.add_own(Manufacturer1::SAFE_TORQUE_CHANNELS, true);
+    /// A command leads the axis beyond its position limits.
+    fn leaves_its_range(&mut self) -> bool {
+        let (axis, encoder, output) = (&self.axis, &self.encoder, &self.output);
+        let in_operation = self.operation.state().is_in_operation();
+        let range = self.settings.coordinates.range;
+        self.reference.is_left(self.settings.position_limits, || {
+            let position = encoder.position();
+            // With the zero of the data: the nearer one of a modulo axis.
+            let measured = range.around_zero(axis.cyclic_position(position));
+            let commanded = match axis.mode() {
+                _ if !in_operation => Commanded::Nothing,
+                // A stop leads nowhere, and a place is held where the axis has come to.
+                Mode::Off | Mode::Stopping | Mode::Braking | Mode::Halt => Commanded::Nothing,
+                Mode::Position | Mode::Travel => Commanded::At(measured + (output.position_command - position)),
+                Mode::Velocity => Commanded::Turn(output.velocity_command),
+                // No velocity is commanded, and the measured one of a standing axis is noise.
+                Mode::Torque if output.standstill => Commanded::Turn(Velocity::ZERO),
+                Mode::Torque => Commanded::Turn(output.velocity),
+            };
+            (measured, commanded)
+        })
+    }
+
+    /// Errors have been found; the state follows with [`Motion::update_state`].
+    pub(super) fn take(&mut self, findings: Findings) {
+        self.status.raise(findings);
+        // Increments were lost or added: nobody knows any more where the axis is.
+        if findings.class_1.contains(Class1::FEEDBACK) {
+            self.reference.forget();
         }
-        if torque && !self.permits_torque() {
-            findings.add_own(Manufacturer1::SAFE_TORQUE_OFF, true);
-        }
-        self.take(findings);
     }
 
     #[inline]
@@ -160,78 +150,63 @@ impl<B: Bus + Clone, H: Hardware> Motion<B, H> {
         }
     }
 
-    pub(super) fn take(&mut self, findings: Findings) {
-        self.class_1 |= findings.class_1;
-        self.manufacturer_1 |= findings.manufacturer_1;
-        self.fatal |= findings.fatal;
-        // Increments were lost or added: nobody knows any more where the axis is.
-        self.referenced &= !findings.class_1.contains(Class1::FEEDBACK);
-    }
-
     /// One step of switching on or off, and what it asks of bridge and brake.
     fn step_sequence(&mut self, index: Option<Position>) {
-        let state = self.machine.state();
-        let wanted = match state {
-            DriveState::Off | DriveState::Fault => Sequence::Off,
-            DriveState::Engaging => Sequence::Stop,
-            _ => Sequence::Start,
-        };
         let mut faults = MotorFaults::NONE;
-        let bridge_on = self.bridge_on && self.hardware.bridge_is_on();
-        self.progress = self.motor.sequence(
+        let bridge_on = self.operation.bridge_is_on(&mut self.hardware);
+        let progress = self.motor.sequence(
             &SequenceInputs {
-                wanted,
+                wanted: self.operation.sequence(),
                 bridge_on,
                 standstill: self.output.standstill,
                 position: self.encoder.position(),
                 torque_command: self.output.current,
                 brake_contact: self.inputs.brake_open,
-                blocked: !self.expects_a_stop()
+                blocked: !self.positive_stop.is_expected()
                     && self.output.standstill
-                    && self.class_3.contains(Class3::TORQUE_LIMIT)
+                    && self.status.class_3().contains(Class3::TORQUE_LIMIT)
                     && self.output.velocity_command.abs() > self.settings.standstill_window,
                 index,
             },
             &mut faults,
         );
         self.take_faults(faults);
-        if let Some(current) = self.progress.preload {
+        if let Some(current) = progress.preload {
             self.axis.preload(current);
         }
-        if let Some(current) = self.progress.anchor {
+        if let Some(current) = progress.anchor {
             self.axis.anchor(current);
         }
-        self.set_bridge(self.progress.bridge);
-        self.hardware.set_brake(self.progress.brake);
+        self.operation.take_progress(&progress, &mut self.hardware);
     }
 
-    pub(super) fn set_bridge(&mut self, on: bool) {
-        if on == self.bridge_on {
-            return;
-        }
-        self.bridge_on = on;
-        if on {
-            // A break without torque, as when the gate drivers had no supply yet, was nobody's error; one with torque is kept in C1D.
-            self.hardware.reset_bridge();
-        }
-        self.hardware.set_bridge(on);
+    /// The positive stop is reached, or out of reach.
+    fn has_come_to_a_stop(&mut self) -> bool {
+        let (output, window) = (&self.output, self.settings.standstill_window);
+        // The shaft stands, whatever is commanded.
+        let pressed = || output.limiting.intersects(TORQUE_LIMITS) && output.velocity.abs() <= window;
+        self.positive_stop.look(self.operation.state().has_torque(), pressed)
     }
 
-    fn tell_lock(&mut self) -> Work {
-        if self.lock_patience == 0 {
-            return Work::empty();
-        }
-        self.lock_patience = if self.clock.is_locked() { 0 } else { self.lock_patience.saturating_sub(1) };
-        if self.lock_patience == 0 { Work::SERVICE_CHANNEL } else { Work::empty() }
-    }
-
-    /// Asks the background to look at what has become of the drive: its diagnosis and its error memory.
-    fn tell_news(&mut self) -> Work {
-        let now = (self.machine.state(), self.class_1, self.class_2);
-        if now == self.told && self.identified.is_none() {
-            return Work::empty();
-        }
-        self.told = now;
-        Work::SERVICE_CHANNEL
+    /// The diagnostic words, from what the loops gave in their last tick.
+    fn refresh_words(&mut self) {
+        let torque = self.operation.state().has_torque();
+        let look = Look {
+            settings: &self.settings,
+            output: &self.output,
+            watched: self.motor.watched(),
+            torque_current: self.motor.torque_current(),
+            motor_limiting: self.motor.limiting(),
+            torque,
+            without_power: self.operation.wants_torque() && !torque && !self.motor.has_power(self.inputs.main_power),
+            operating_phase: self.ring.phase() == Phase::Cp4,
+            locked: self.clock.is_locked(),
+            telegram_lost: self.ring.shows_loss(),
+            bridge_ready: self.inputs.bridge_ready,
+            limit_out_of_range: self.cyclic_limits.complains(),
+            not_calibrated: !self.motor.measured().calibrated && self.supervisions > CALIBRATION_TICKS,
+            reached: self.reached(),
+        };
+        self.status.look(&look);
     }
 }

@@ -18,7 +18,7 @@ use servo::identification::{
 use servo::units::{Acceleration, Position, Velocity};
 
 use crate::dictionary::procedures::Procedure;
-use crate::identification::{Failure, Measurement, Outcome, Plan};
+use crate::motion::identification::{Failure, Measurement, Outcome, Plan};
 use crate::settings::invalid::InvalidSetting;
 
 const S: fn(u16) -> Idn = Idn::standard;

@@ -2,17 +2,25 @@
 
 use sercon816::Bus;
 use sercos::Phase;
+use sercos::command::CommandState;
 use sercos::diagnostic::Class1;
 use sercos::phase::{InterfaceStatus, PhaseError};
 use servo::axis::Axis;
-use servo::clock::LoopClock;
 use servo::encoder::TwiceReadEncoder;
+use servo::homing::HomingSettings;
+use servo::path::MotionLimits;
+use servo::probe::ProbeSettings;
 use servo::units::SUPERVISION_PERIOD_MICROSECONDS;
 
-use super::{CommandValues, Motion, Positioning};
-use crate::diagnosis::{Circumstances, Manufacturer1, Manufacturer3};
+use super::Motion;
+use super::function::Function;
+use super::homing::HomingFailure;
+use super::identification::{Outcome, Plan};
+use super::ring_clock::{ClockMonitor, PHASE_ERROR_CLASSES};
+use super::ring_side::CommandValues;
+use crate::diagnosis::Circumstances;
+use crate::diagnosis::faults::Findings;
 use crate::hardware::{Hardware, ResetCause};
-use crate::motion::clock_monitor::{ClockMonitor, PHASE_ERROR_CLASSES};
 use crate::settings::{CycleSettings, MotionSettings};
 use crate::signal::bits::BitSettings;
 use crate::signal::command::{Command, CommandValue};
@@ -20,6 +28,7 @@ use crate::signal::control_bits::Enable;
 use crate::signal::feedback::Feedback;
 use crate::signal::record::Records;
 use crate::snapshot::Snapshot;
+use crate::state::DriveState;
 
 impl<B: Bus + Clone, H: Hardware> Motion<B, H> {
     /// Enters a communication phase that the slave has accepted.
@@ -27,37 +36,26 @@ impl<B: Bus + Clone, H: Hardware> Motion<B, H> {
     /// CP3 clears the supervision and fills the AT record, so that the first AT is complete. Every phase below CP4 takes the
     /// command values away: a motor that runs is stopped.
     pub fn enter_phase(&mut self, phase: Phase) {
-        self.phase = phase;
-        self.switches = None;
-        self.commands = CommandValues::default();
-        self.uninitialised_mode = false;
-        self.mode_bits = 0;
-        self.homing = false;
-        self.abandon_homing();
-        self.cancel_positive_stop();
+        self.ring.enter(phase);
+        self.operation.enter_phase();
+        self.function.release();
+        self.positive_stop.cancel();
         self.set_probing(None);
-        self.positioning = Positioning::default();
-        self.until_overdue = if phase < Phase::Cp3 { 0 } else { self.settings.cycle.ticks_to_overdue };
-        self.cycles_since_command = 0;
-        self.entered_cyclic = phase == Phase::Cp3;
+        self.positioning.reset();
+        self.clock.expect(if phase < Phase::Cp3 { 0 } else { self.settings.cycle.ticks_to_overdue });
         self.cyclic_limits.restart(&self.settings.limits);
         match phase {
             Phase::Cp3 => {
-                self.mst.restart();
-                let _ = self.command_port.take_cyclic();
-                self.supervision.clear();
-                self.clock = LoopClock::new(self.settings.cycle.clock);
+                self.clock.restart(self.settings.cycle.clock);
                 self.latch_now();
                 self.capture_feedback();
             }
             Phase::Cp4 => self.change_mode(self.settings.modes.first().copied().flatten()),
             Phase::Cp2 => {
-                self.clock_monitor = ClockMonitor::default();
-                self.loss_shown = 0;
+                self.clock_monitor = ClockMonitor::new();
                 self.park(false);
-                self.supervision.end_bursts();
             }
-            _ => self.supervision.end_bursts(),
+            _ => {}
         }
         self.update_state();
     }
@@ -65,7 +63,7 @@ impl<B: Bus + Clone, H: Hardware> Motion<B, H> {
     /// Which values the cyclic records carry; before CP3.
     pub fn set_records(&mut self, records: Records) {
         self.cyclic_limits.configure(records.limits());
-        self.records = records;
+        self.ring.set_records(records);
     }
 
     /// Settings from changed parameters. Another encoder resolution starts the position at zero again.
@@ -76,13 +74,13 @@ impl<B: Bus + Clone, H: Hardware> Motion<B, H> {
         self.settings = settings;
         self.motor.apply_settings(settings.motor, settings.encoder_reversed);
         if clock {
-            self.clock = LoopClock::new(settings.cycle.clock);
+            self.clock.restart(settings.cycle.clock);
         }
         if encoder {
             let count = self.hardware.encoder_count();
             self.encoder = TwiceReadEncoder::new(settings.encoder, self.counted(count));
             self.axis = Axis::new(settings.with_lag, self.encoder.position());
-            self.referenced = false;
+            self.reference.forget();
             self.positioning.forget();
         }
         self.cyclic_limits.rescale(&self.settings.limits);
@@ -96,7 +94,7 @@ impl<B: Bus + Clone, H: Hardware> Motion<B, H> {
     /// The ring's cycle that S-0-0127 has accepted, before CP3 can begin.
     pub(crate) fn apply_cycle(&mut self, cycle: CycleSettings) {
         if cycle.clock != self.settings.cycle.clock {
-            self.clock = LoopClock::new(cycle.clock);
+            self.clock.restart(cycle.clock);
         }
         self.settings.cycle = cycle;
     }
@@ -108,44 +106,40 @@ impl<B: Bus + Clone, H: Hardware> Motion<B, H> {
 
     /// The error that supervision has found, once.
     pub fn take_loss(&mut self) -> Option<PhaseError> {
-        self.lost.take()
+        self.ring.take_loss()
     }
 
     /// A communication error found elsewhere (an illegal phase): C1D bit 12 and best possible deceleration.
     pub fn communication_fault(&mut self) {
-        self.class_1 |= Class1::COMMUNICATION;
-        self.update_state();
+        self.fail(Findings { class_1: Class1::COMMUNICATION, ..Findings::default() });
     }
 
     /// S-0-0014 and S-0-0390, for the AT.
     pub fn set_diagnostics(&mut self, interface_status: u16, diagnostic_number: u16) {
-        self.interface_status = interface_status;
-        self.diagnostic_number = diagnostic_number;
+        self.status.set_diagnostics(interface_status, diagnostic_number);
     }
 
     /// S-0-0099: clears C1D unless a cause is still there or the error reaction still runs.
     ///
     /// Returns whether the drive is free of errors now.
     pub fn reset_class_1(&mut self) -> bool {
-        let reacting = self.machine.state().has_torque() && !self.class_1.is_empty();
+        let reacting = self.operation.state().has_torque() && self.status.has_error();
         if reacting || !self.inputs.bridge_ready {
             return false;
         }
-        self.class_1 = Class1::empty();
-        self.manufacturer_1 = Manufacturer1::empty();
-        self.fatal = false;
+        self.status.clear_errors();
         self.update_state();
         true
     }
 
     /// Asks for `Work::SERVICE_CHANNEL` when the loop clock has locked to the ring, or after so many ticks of the supervision without.
     pub fn wait_for_lock(&mut self, ticks: u16) {
-        self.lock_patience = ticks;
+        self.clock.wait_for_lock(ticks);
     }
 
     /// Whether the wait that [`Motion::wait_for_lock`] began still lasts.
     pub const fn waits_for_lock(&self) -> bool {
-        self.lock_patience != 0
+        self.clock.is_awaited()
     }
 
     /// Whether the loops run in a fixed phase to the ring.
@@ -155,27 +149,28 @@ impl<B: Bus + Clone, H: Hardware> Motion<B, H> {
 
     /// What the service channel may ask for.
     pub fn snapshot(&mut self) -> Snapshot {
+        let [mst_errors, mdt_errors] = self.ring.errors();
         Snapshot {
-            state: self.machine.state(),
+            state: self.operation.state(),
             conditions: self.conditions(),
-            class_1: self.class_1,
-            class_2: self.class_2,
-            class_3: self.class_3,
-            manufacturer_1: self.manufacturer_1,
-            manufacturer_2: self.manufacturer_2,
-            manufacturer_3: self.manufacturer_3,
-            homing: self.homing,
+            class_1: self.status.class_1(),
+            class_2: self.status.class_2(),
+            class_3: self.status.class_3(),
+            manufacturer_1: self.status.manufacturer_1(),
+            manufacturer_2: self.status.manufacturer_2(),
+            manufacturer_3: self.status.manufacturer_3(),
+            homing: self.function.holds(),
             status_word: self.status_word(),
-            commands: CommandValues { position: self.position_command_data(), ..self.commands },
-            mst_errors: self.supervision.mst_errors(),
-            mdt_errors: self.supervision.mdt_errors(),
+            commands: CommandValues { position: self.position_command_data(), ..*self.ring.commands() },
+            mst_errors,
+            mdt_errors,
             operating_time: self.operating_time(),
         }
     }
 
     /// A homing, an identification or a positive stop has ended, and nobody has asked yet how.
     pub(crate) const fn has_results(&self) -> bool {
-        self.identified.is_some() || self.has_homing_result() || self.positive_stop_result.is_some()
+        self.function.has_results() || self.positive_stop.has_result()
     }
 
     /// Time since the processor was started, in us.
@@ -188,20 +183,20 @@ impl<B: Bus + Clone, H: Hardware> Motion<B, H> {
         Circumstances {
             phase,
             interface,
-            state: self.machine.state(),
+            state: self.operation.state(),
             power: self.conditions().power,
-            homing: self.homing,
-            class_1: self.class_1,
-            class_2: self.class_2,
-            manufacturer_1: self.manufacturer_1,
-            manufacturer_2: self.manufacturer_2,
-            manufacturer_3: self.manufacturer_3,
+            homing: self.function.holds(),
+            class_1: self.status.class_1(),
+            class_2: self.status.class_2(),
+            manufacturer_1: self.status.manufacturer_1(),
+            manufacturer_2: self.status.manufacturer_2(),
+            manufacturer_3: self.status.manufacturer_3(),
         }
     }
 
     /// One value of the AT, as the service channel shows it (from the last t4, or from now before CP3).
     pub fn feedback(&mut self, feedback: Feedback) -> u32 {
-        if self.phase < Phase::Cp3 {
+        if self.ring.phase() < Phase::Cp3 {
             self.refresh_values(self.encoder.position());
         }
         self.signal(feedback)
@@ -209,43 +204,41 @@ impl<B: Bus + Clone, H: Hardware> Motion<B, H> {
 
     /// Ends the change bit of C2D: the master has read S-0-0012.
     pub fn clear_class_2_change(&mut self) {
-        self.class_2_change = false;
+        self.status.clear_class_2_change();
     }
 
     /// Ends the change bit of C3D: the master has read S-0-0013.
     pub fn clear_class_3_change(&mut self) {
-        self.class_3_change = false;
+        self.status.clear_class_3_change();
     }
 
     /// A command value over the service channel, while it is not cyclic.
     pub(crate) fn set_command(&mut self, value: CommandValue, raw: u32) {
-        self.put_command(Command::Value(value), raw);
-        if value == CommandValue::SignalControl {
-            self.apply_signal_control();
-        }
+        // The axis takes a point of the path with the next MDT.
+        let _ = self.ring.put_command(Command::Value(value), raw, &mut self.cyclic_limits);
+        self.pass_on(value == CommandValue::TargetPosition, value == CommandValue::SignalControl);
         // What is reached is told of the new target as soon as it is acknowledged.
-        if self.is_positioning() {
+        if self.positioning.is_active() {
             self.position_to_target();
         }
     }
 
     /// One of the bits above P-0-0019, over the service channel.
     pub(crate) fn set_enable(&mut self, enable: Enable, set: bool) {
-        let bit = enable.mask();
-        self.controlled = if set { self.controlled | bit } else { self.controlled & !bit };
+        self.controls.set_enable(enable, set);
     }
 
     /// P-0-0019 and the bits above it as they are, and those of them that somebody else sets: the MDT in every cycle, or an input.
     pub(crate) fn controlled_bits(&self) -> (u32, u32) {
         let BitSettings { control: [first, second], signal_control, .. } = self.settings.bits;
         let mut owned = 0;
-        if self.phase == Phase::Cp4 {
+        if self.ring.phase() == Phase::Cp4 {
             owned = first | second;
-            if self.records.carry(CommandValue::SignalControl) {
+            if self.ring.carries_signals() {
                 owned = signal_control.into_iter().fold(owned, |all, bit| all | bit);
             }
         }
-        let mut bits = self.controlled;
+        let mut bits = self.controls.all();
         if self.settings.home_switch_at_drive {
             let switch = Enable::HomeSwitch.mask();
             owned |= switch;
@@ -256,12 +249,12 @@ impl<B: Bus + Clone, H: Hardware> Motion<B, H> {
 
     /// P-0-0019 over the service channel.
     pub fn set_application_word(&mut self, word: u16) {
-        self.controlled = self.controlled & !0xFFFF | u32::from(word);
+        self.controls.set_application_word(word);
     }
 
     /// Whether torque is on.
     pub const fn has_torque(&self) -> bool {
-        self.machine.state().has_torque()
+        self.operation.state().has_torque()
     }
 
     /// Whether the motor stands (C3D bit 1).
@@ -271,33 +264,120 @@ impl<B: Bus + Clone, H: Hardware> Motion<B, H> {
 
     /// S-0-0191.
     pub fn cancel_reference(&mut self) {
-        self.referenced = false;
+        self.reference.forget();
+    }
+
+    /// S-0-0149. `false`: the drive does not follow and is not halted.
+    pub(crate) fn start_positive_stop(&mut self) -> bool {
+        let may =
+            matches!(self.operation.state(), DriveState::Following | DriveState::Halted) && !self.status.has_error();
+        if may {
+            self.positive_stop.start();
+        }
+        may
+    }
+
+    /// S-0-0149 is cancelled.
+    pub(crate) fn cancel_positive_stop(&mut self) {
+        self.positive_stop.cancel();
+    }
+
+    /// How S-0-0149 has ended, once.
+    pub(crate) fn take_positive_stop_result(&mut self) -> Option<CommandState> {
+        self.positive_stop.take_result()
+    }
+
+    /// S-0-0170 with S-0-0169, or its end.
+    pub(crate) fn set_probing(&mut self, settings: Option<ProbeSettings>) {
+        self.probing.set(settings, &mut self.hardware);
+    }
+
+    /// Starts S-0-0148 with a movement. The old reference is gone from now on. `false`: the drive is not in operation.
+    pub(crate) fn start_homing(&mut self, settings: HomingSettings, limits: MotionLimits) -> bool {
+        if !matches!(self.operation.state(), DriveState::Following | DriveState::Halted) {
+            return false;
+        }
+        let position = self.encoder.position();
+        self.reference.forget();
+        self.with_function(|function| function.start_homing(position, settings, limits))
     }
 
     /// S-0-0148 holds the position, or is cancelled.
     pub fn hold_for_homing(&mut self, hold: bool) {
-        if !hold {
-            // Where S-0-0047 is not cyclic nobody else brings it into the new coordinates.
-            self.commands.position = self.position_command_data();
+        if hold {
+            return self.with_function(Function::hold);
         }
-        self.homing = hold;
-        self.abandon_homing();
-        self.update_state();
+        // Where S-0-0047 is not cyclic nobody else brings it into the new coordinates.
+        self.ring.replace_position(self.position_command_data());
+        self.with_function(Function::release);
     }
 
-    /// S-0-0148 holds the position.
+    /// S-0-0148 moves or holds the axis.
     pub const fn is_homing(&self) -> bool {
-        self.homing
+        self.function.holds()
+    }
+
+    /// How a homing has ended, once.
+    pub(crate) const fn take_homing_result(&mut self) -> Option<CommandState> {
+        self.function.take_homing_result()
+    }
+
+    /// Why the last homing failed.
+    pub(crate) const fn homing_error(&self) -> Option<HomingFailure> {
+        self.function.homing_error()
+    }
+
+    /// The place where the motor stands is the position `value`, in the weight of S-0-0052, from now on. Divides.
+    pub fn set_reference(&mut self, value: i32) {
+        self.shift_zero(self.settings.coordinates.place(value) - self.encoder.position());
+        self.reference.set();
+    }
+
+    /// The drive holds a motor that stands, by HALT, and nothing else is made of that.
+    pub(crate) const fn may_identify(&self) -> bool {
+        matches!(self.operation.state(), DriveState::Halted)
+            && self.is_standing()
+            && self.function.is_none()
+            && self.motor.commutates()
+    }
+
+    /// Starts an identification; `false` if it may not.
+    pub(crate) fn start_identification(&mut self, plan: &Plan) -> bool {
+        if !self.may_identify() {
+            return false;
+        }
+        let position = self.encoder.position();
+        // Known, see `may_identify`.
+        let angle = self.motor.commutation_angle(position).unwrap_or(0);
+        self.with_function(|function| function.start_identification(plan, position, angle))
+    }
+
+    /// Gives up an identification. Nobody is told of it.
+    pub(crate) fn cancel_identification(&mut self) {
+        if self.function.interrupt_identification() {
+            self.let_go();
+        }
+        let _ = self.with_function(Function::take_identified);
+    }
+
+    /// An identification is under way.
+    pub(crate) const fn is_identifying(&self) -> bool {
+        self.function.is_identifying()
+    }
+
+    /// What came of an identification, once.
+    pub(crate) const fn take_identified(&mut self) -> Option<Outcome> {
+        self.function.take_identified()
     }
 
     /// S-0-0139 and its cancellation.
     pub fn park(&mut self, parked: bool) {
-        self.manufacturer_3.set(Manufacturer3::PARKED, parked);
+        self.status.park(parked);
     }
 
     /// Shows in S-0-0182 whether the password locks the parameters.
     pub fn show_lock(&mut self, locked: bool) {
-        self.manufacturer_3.set(Manufacturer3::PASSWORD, locked);
+        self.status.show_lock(locked);
     }
 
     /// P-0-0118 in 0.01 degree; -1: not known.
@@ -336,12 +416,12 @@ impl<B: Bus + Clone, H: Hardware> Motion<B, H> {
 
     /// P-0-0227 in %.
     pub(crate) const fn identification_percent(&self) -> u8 {
-        self.identification_percent
+        self.function.percent()
     }
 
     /// S-0-0028 and S-0-0029.
     pub(crate) const fn lost_telegrams(&self) -> [u16; 2] {
-        [self.supervision.mst_errors(), self.supervision.mdt_errors()]
+        self.ring.errors()
     }
 
     /// P-0-0152.
