@@ -637,7 +637,7 @@ fn a_command_that_is_not_cyclic_is_brought_into_the_new_coordinates_by_homing() 
 
 #[test]
 fn no_data_block_with_a_direction_is_missing_from_the_table_of_polarities() {
-    use sercos::weighting::Unit;
+    use sercos::unit::Unit;
     let page = include_str!("../docs/polarity.md");
     let rows: Vec<&str> = page.lines().filter(|line| line.starts_with("| S-") || line.starts_with("| P-")).collect();
     let has_motion = |unit: Unit| match unit {
@@ -645,7 +645,7 @@ fn no_data_block_with_a_direction_is_missing_from_the_table_of_polarities() {
         Unit::Fixed(unit) => ["deg", "rpm", "rad/s^2", "rad/s^3", "mm", "Nm", "N"].contains(&unit),
     };
     let mut found = 0;
-    for block in sercos::dictionary::DICTIONARY.iter().filter(|block| has_motion(block.unit)) {
+    for block in drive::DICTIONARY.blocks().iter().filter(|block| has_motion(block.unit)) {
         let row = format!("| {} | {} | ", block.idn, block.name);
         let rows = rows.iter().filter(|line| line.starts_with(&row)).count();
         assert_eq!(rows, 1, "docs/polarity.md has no row {row}");

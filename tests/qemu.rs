@@ -7,12 +7,12 @@ use crate::elf::on_qemu;
 use bench::report::Platform;
 use bench::{DriveSetup, ReplayOptions, demo, replay, ring_of_drives_on};
 use conformance::{Configuration, Slave, walk};
+use drive::DICTIONARY;
 use ring::master::ScriptedMaster;
 use ring::tester::Plan;
 use ring::wire::BitRate;
 use ring::{Nanoseconds, RingConfiguration, Tester};
 use sercos::Phase;
-use sercos::dictionary::DICTIONARY;
 
 #[test]
 #[ignore = "needs QEMU and the ELF: cargo xtask test"]
@@ -130,16 +130,16 @@ fn the_flashed_elf_releases_every_step_of_every_element_within_100_us_of_the_mdt
     slave.releases.clear();
     let report = walk::read_all(&mut slave, Phase::Cp2).unwrap();
     assert_eq!(report.verdict(), Ok(()));
-    released_in_time(&slave, "CP2, every element of every data block", 7 * DICTIONARY.len());
+    released_in_time(&slave, "CP2, every element of every data block", 7 * DICTIONARY.blocks().len());
     // In CP4 the tasks of the cycle come in between.
     slave.configure(Configuration::standard(5).with(32, &[11])).unwrap();
     slave.to_cp3().unwrap();
     slave.to_cp4().unwrap();
     slave.releases.clear();
-    for block in DICTIONARY {
+    for block in DICTIONARY.blocks() {
         slave.get(block.idn.0).unwrap();
     }
-    released_in_time(&slave, "CP4, operation data of every data block", 2 * DICTIONARY.len());
+    released_in_time(&slave, "CP4, operation data of every data block", 2 * DICTIONARY.blocks().len());
 }
 
 /// Prints the longest and the mean time, and judges.

@@ -6,6 +6,7 @@
 //! A seed goes when its events can no longer be made, not when it has passed. `PROPTEST_CASES` asks for more cases.
 
 use bench::{Amplifier, DriveHandle, DriveSetup, World, parameters_of, ring_of_drives};
+use drive::DICTIONARY;
 use plant::ReferenceAxis;
 use proptest::prelude::*;
 use proptest::test_runner::FileFailurePersistence;
@@ -17,7 +18,6 @@ use ring::slots::{MdtPlace, Slots};
 use ring::wire::BitRate;
 use ring::{Nanoseconds, RingConfiguration};
 use sercos::data_block::{DataBlock, Location, NeededFor};
-use sercos::dictionary::DICTIONARY;
 
 /// Cases in a run without `PROPTEST_CASES`: some ten seconds.
 const CASES: u32 = 150;
@@ -206,7 +206,7 @@ impl Script {
 /// What a control restores of a drive before S-0-0127 (S-0-0192), and what S-0-0128 looks at besides.
 fn defaults() -> impl Iterator<Item = (Idn, Value)> {
     let restored = |block: &&DataBlock| is_value(block) && (block.stored || block.needed_for == NeededFor::Cp4);
-    DICTIONARY.iter().filter(restored).map(|block| (Idn(block.idn.0), value_of(block, block.default as u64)))
+    DICTIONARY.blocks().iter().filter(restored).map(|block| (Idn(block.idn.0), value_of(block, block.default as u64)))
 }
 
 /// The motor of [`DriveSetup::new`], and loops that suit it.
@@ -223,7 +223,7 @@ fn is_value(block: &DataBlock) -> bool {
 
 /// One of the parameters with a value that it may or may not take.
 fn garbage_value(number: usize, value: u64) -> (Idn, Value) {
-    let blocks: Vec<_> = DICTIONARY.iter().filter(|block| is_value(block)).collect();
+    let blocks: Vec<_> = DICTIONARY.blocks().iter().filter(|block| is_value(block)).collect();
     let block = blocks[number % blocks.len()];
     (Idn(block.idn.0), value_of(block, value))
 }
@@ -324,7 +324,8 @@ fn any_step() -> impl Strategy<Value = Step> {
 
 /// Any data block but the password: a drive that is locked with garbage needs somebody who knows it, or its supply taken away.
 fn any_idn() -> impl Strategy<Value = Idn> {
-    let idns: Vec<_> = DICTIONARY.iter().map(|block| Idn(block.idn.0)).filter(|idn| *idn != Idn(267)).collect();
+    let idns: Vec<_> =
+        DICTIONARY.blocks().iter().map(|block| Idn(block.idn.0)).filter(|idn| *idn != Idn(267)).collect();
     prop::sample::select(idns)
 }
 

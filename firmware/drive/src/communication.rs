@@ -11,18 +11,20 @@ use sercos::service::{Progress, Reply, Server, Step};
 use sercos::transition::OPERATION_MODES;
 use sercos::{Idn, Phase, PhaseMachine};
 
-use crate::access::Access;
 use crate::announcement::Announcement;
-use crate::commissioning::Commissioning;
 use crate::crash::{CrashRecord, LastCrash};
 use crate::diagnosis::of_phase_error;
-use crate::error_memory::{ErrorMemory, ErrorRecord};
+use crate::dictionary::{DICTIONARY, Procedure};
+use crate::error_memory::{ErrorMemory, ErrorRecord, seconds};
 use crate::hardware::Hardware;
 use crate::identity::Identity;
 use crate::interrupts::Interrupts;
-use crate::live::{Checks, Context, Finding, POSITIVE_STOP};
 use crate::motion::Motion;
-use crate::rescaling::Rescaling;
+use crate::service::access::Access;
+use crate::service::commissioning::Commissioning;
+use crate::service::context::{Checks, Context};
+use crate::service::finding::Finding;
+use crate::service::rescaling::Rescaling;
 
 /// Why the drive cannot start.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -80,13 +82,13 @@ pub struct Communication<B> {
 impl<B: Bus + Clone> Communication<B> {
     /// A drive that has not touched its chip yet.
     pub fn new(bus: B, identity: Identity) -> Self {
-        let parameters = Parameters::new();
+        let parameters = Parameters::new(&DICTIONARY);
         Self {
             identity,
             slave: Slave::new(bus.clone()),
             service: ServicePort::new(bus),
             phases: PhaseMachine::new(),
-            server: Server::with_segment_words(SEGMENT_WORDS),
+            server: Server::with_segment_words(&DICTIONARY, SEGMENT_WORDS),
             rescaling: Rescaling::new(&parameters),
             parameters,
             checks: Checks::default(),
@@ -222,7 +224,7 @@ impl<B: Bus + Clone> Communication<B> {
             }
             if let Some(state) = context.motion.lock(Motion::take_positive_stop_result) {
                 context.checks.finding = (state == CommandState::Failed).then_some(Finding::PositiveStop);
-                self.server.command_progress(POSITIVE_STOP, state);
+                self.server.command_progress(Procedure::PositiveStop.idn(), state);
                 self.service.set_command_change(self.server.command_change());
             }
         }
@@ -300,11 +302,6 @@ impl<B: Bus + Clone> Communication<B> {
             self.errors.add(ErrorRecord { number: error.number, seconds: seconds(operating_time) });
         }
     }
-}
-
-/// Whole seconds of a time in us; after 136 years it stands.
-pub(crate) fn seconds(microseconds: u64) -> u32 {
-    u32::try_from(microseconds / 1_000_000).unwrap_or(u32::MAX)
 }
 
 fn protocol_step(step: &ServiceStep) -> Step {

@@ -260,7 +260,7 @@ mod tests {
     use std::string::ToString;
 
     use proptest::prelude::*;
-    use sercos::service::LIVE_TEXT_BYTES;
+    use sercos::capacity::LIVE_TEXT_BYTES;
 
     use super::*;
 
@@ -367,6 +367,6 @@ mod tests {
         let shown = record().shown();
         assert_eq!(shown[2], 0x0800_1234);
         assert_eq!(shown[..], record().emit()[1..CRASH_WORDS - 1]);
-        const { assert!(SHOWN_WORDS <= sercos::service::LIVE_LONG_ENTRIES) };
+        const { assert!(SHOWN_WORDS <= sercos::capacity::LIVE_LONG_ENTRIES) };
     }
 }

@@ -43,6 +43,11 @@ impl ErrorMemory {
     }
 }
 
+/// Whole seconds of a time in us; after 136 years it stands.
+pub(crate) fn seconds(microseconds: u64) -> u32 {
+    u32::try_from(microseconds / 1_000_000).unwrap_or(u32::MAX)
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;

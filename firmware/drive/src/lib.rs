@@ -25,14 +25,12 @@
 #[cfg(test)]
 extern crate std;
 
-mod access;
 mod announcement;
-mod bits;
-mod commissioning;
 mod communication;
 mod coordinates;
 pub mod crash;
 mod diagnosis;
+pub mod dictionary;
 mod error_memory;
 mod feedback;
 mod hardware;
@@ -40,40 +38,42 @@ mod identification;
 mod identity;
 mod interrupts;
 mod limits;
-mod live;
 mod motion;
 mod mst;
 pub mod oscilloscope;
-mod record;
-mod rescaling;
+pub mod service;
 mod settings;
+mod signal;
 mod snapshot;
 mod state;
 mod work;
 
-pub use access::{Access, LONGEST_PASSWORD, SHORTEST_PASSWORD};
-pub use bits::{BitSettings, SIGNAL_BITS, Source, SourceBit, Word};
 pub use communication::{Communication, PhaseReport, StartError};
 pub use diagnosis::{
     Circumstances, DIAGNOSES, Diagnosis, Manufacturer1, Manufacturer2, Manufacturer3, Severity, diagnose,
     of_phase_error,
 };
+pub use dictionary::DICTIONARY;
 pub use error_memory::{ERRORS, ErrorMemory, ErrorRecord};
 pub use hardware::{Hardware, Inputs, InterruptLine, LOOP_PERIOD_MICROSECONDS, ProbeInput, ResetCause};
 pub use identity::{DriveAddress, Identity};
 pub use interrupts::Interrupts;
-pub use limits::Limit;
 pub use motion::{CommandValues, Motion};
-pub use record::{Command, Feedback, MOST_SIGNALS, Records};
+pub use service::access::{Access, LONGEST_PASSWORD, SHORTEST_PASSWORD};
 pub use settings::{CycleSettings, InvalidSetting, MotionSettings, OperationMode, Polarity, Reaction};
+pub use signal::bits::{BitSettings, SIGNAL_BITS};
+pub use signal::command::{Command, CommandValue};
+pub use signal::control_bits::Enable;
+pub use signal::feedback::{Feedback, FeedbackValue};
+pub use signal::limit::Limit;
+pub use signal::record::{Datum, MOST_SIGNALS, Records};
+pub use signal::word::{Source, SourceBit, Word};
 pub use snapshot::Snapshot;
 pub use state::{Conditions, DriveState, StateMachine, Switches, status_bits};
 pub use work::Work;
 
 pub use servo::current::PwmFrequency;
-pub use servo::motor::{
-    BoardKind, CurrentControl, CurrentLink, CurrentLoopValues, Cycle, Facts, PowerStage, Samples, TemperatureSensor,
-};
+pub use servo::motor::{BoardKind, CurrentControl, CurrentLink, CurrentLoopValues, Cycle, Facts, PowerStage, Samples, TemperatureSensor};
 pub use servo::scope::Scope;
 
 use sercon816::Bus;
@@ -105,7 +105,7 @@ pub fn new<B: Bus + Clone, H: Hardware, P: PowerStage<Board = H::Board>>(
     scope: &'static mut Scope,
     identity: Identity,
 ) -> Result<Drive<B, H, P>, InvalidSetting> {
-    let settings = MotionSettings::new(&Parameters::new(), &<H::Board>::FACTS)?;
+    let settings = service::loops::settings::<H>(&Parameters::new(&DICTIONARY))?;
     Ok(Drive {
         current: CurrentControl::new(stage, link, settings.motor.current),
         interrupts: Interrupts::new(bus.clone()),

@@ -6,100 +6,22 @@
 //! impossible.
 
 use bitflags::bitflags;
-use sercos::Idn;
+use sercos::attribute::Attribute;
 use sercos::parameters::Parameters;
-use sercos::{attribute::Attribute, dictionary};
 use servo::SettingsError;
 use servo::axis::{AxisMovements, VelocityLimits};
 use servo::path::MotionLimits;
 
 use crate::settings::LimitScale;
+use crate::signal::limit::{LIMITS, Limit};
 
-/// A limit that the MDT can carry.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-#[cfg_attr(feature = "defmt", derive(defmt::Format))]
-pub enum Limit {
-    /// S-0-0038.
-    PositiveVelocity,
-    /// S-0-0039.
-    NegativeVelocity,
-    /// S-0-0082.
-    PositiveTorque,
-    /// S-0-0083.
-    NegativeTorque,
-    /// S-0-0091.
-    BipolarVelocity,
-    /// S-0-0092.
-    BipolarTorque,
-    /// S-0-0136.
-    PositiveAcceleration,
-    /// S-0-0137.
-    NegativeAcceleration,
-    /// S-0-0138.
-    BipolarAcceleration,
-    /// S-0-0193.
-    PositioningJerk,
-    /// S-0-0259.
-    PositioningVelocity,
-    /// S-0-0260.
-    PositioningAcceleration,
-    /// S-0-0349.
-    BipolarJerk,
-}
-
-/// How many there are.
-const LIMITS: usize = 13;
+/// How many limits there are.
+const COUNT: usize = LIMITS.len();
 
 impl Limit {
     /// All of them, in the order of their IDNs.
-    pub const ALL: [Self; LIMITS] = [
-        Self::PositiveVelocity,
-        Self::NegativeVelocity,
-        Self::PositiveTorque,
-        Self::NegativeTorque,
-        Self::BipolarVelocity,
-        Self::BipolarTorque,
-        Self::PositiveAcceleration,
-        Self::NegativeAcceleration,
-        Self::BipolarAcceleration,
-        Self::PositioningJerk,
-        Self::PositioningVelocity,
-        Self::PositioningAcceleration,
-        Self::BipolarJerk,
-    ];
-
-    /// Its data block.
-    #[must_use]
-    pub const fn idn(self) -> Idn {
-        Idn::standard(match self {
-            Self::PositiveVelocity => 38,
-            Self::NegativeVelocity => 39,
-            Self::PositiveTorque => 82,
-            Self::NegativeTorque => 83,
-            Self::BipolarVelocity => 91,
-            Self::BipolarTorque => 92,
-            Self::PositiveAcceleration => 136,
-            Self::NegativeAcceleration => 137,
-            Self::BipolarAcceleration => 138,
-            Self::PositioningJerk => 193,
-            Self::PositioningVelocity => 259,
-            Self::PositioningAcceleration => 260,
-            Self::BipolarJerk => 349,
-        })
-    }
-
-    /// The limit of an IDN.
-    #[must_use]
-    pub fn from_idn(idn: Idn) -> Option<Self> {
-        Self::ALL.into_iter().find(|limit| limit.idn() == idn)
-    }
-
-    /// Words in the record.
-    pub(crate) const fn words(self) -> u16 {
-        match self {
-            Self::PositiveTorque | Self::NegativeTorque | Self::BipolarTorque => 1,
-            _ => 2,
-        }
+    pub(crate) fn all() -> impl Iterator<Item = Self> {
+        LIMITS.iter().map(|&(_, limit)| limit)
     }
 
     /// What has to be worked out anew when it changes.
@@ -142,12 +64,16 @@ const PREPARED: Effects = Effects::AXIS.union(Effects::POSITIONING);
 /// All limits, each in the increments of its scaling.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
-pub struct LimitValues([i32; LIMITS]);
+pub struct LimitValues([i32; COUNT]);
 
 impl LimitValues {
     /// As the parameters say; what needs 32 bits without sign saturates.
     pub(crate) fn new(parameters: &Parameters) -> Self {
-        Self(Limit::ALL.map(|limit| i32::try_from(parameters.get_signed(limit.idn())).unwrap_or(i32::MAX)))
+        let mut values = Self::default();
+        for (block, limit) in LIMITS {
+            values.set(*limit, i32::try_from(parameters.get_signed(block.idn)).unwrap_or(i32::MAX));
+        }
+        values
     }
 
     /// One of them.
@@ -162,7 +88,7 @@ impl LimitValues {
     }
 }
 
-/// Format and range of a limit, from the dictionary.
+/// Format and range of a limit, from its data block.
 #[derive(Clone, Copy, Debug)]
 struct Range {
     attribute: Attribute,
@@ -173,7 +99,7 @@ struct Range {
 impl Range {
     /// `None` for a limit that no data block stands for; a test looks.
     fn of(limit: Limit) -> Option<Self> {
-        let block = dictionary::find(limit.idn())?;
+        let (block, _) = LIMITS.get(limit as usize)?;
         let maximum = block.maximum?.min(i32::MAX.into());
         Some(Self { attribute: block.attribute, minimum: block.minimum?, maximum })
     }
@@ -195,7 +121,7 @@ pub(crate) struct CyclicLimits {
     refused: Effects,
     changed: Effects,
     unprepared: Effects,
-    ranges: [Option<Range>; LIMITS],
+    ranges: [Option<Range>; COUNT],
     /// What the values mean.
     velocity: Option<VelocityLimits>,
     movements: Movements,
@@ -259,7 +185,7 @@ impl CyclicLimits {
 
     /// Other settings: what the MDT does not carry follows them, and everything is worked out anew.
     pub(crate) fn rescale(&mut self, stored: &LimitValues) {
-        for limit in Limit::ALL.into_iter().filter(|limit| self.carried & limit.bit() == 0) {
+        for limit in Limit::all().filter(|limit| self.carried & limit.bit() == 0) {
             self.values.set(limit, stored.get(limit));
         }
         self.changed = Effects::all();
@@ -370,11 +296,12 @@ impl CyclicLimits {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::dictionary::{DICTIONARY, source};
 
     fn carried(limits: &[Limit]) -> CyclicLimits {
         let mut cyclic = CyclicLimits::default();
         cyclic.configure(limits.iter().copied());
-        cyclic.restart(&LimitValues::new(&Parameters::new()));
+        cyclic.restart(&LimitValues::new(&Parameters::new(&DICTIONARY)));
         cyclic.obey(true);
         cyclic.take_changed();
         cyclic
@@ -382,11 +309,9 @@ mod tests {
 
     #[test]
     fn every_limit_has_a_data_block_with_a_range_that_the_mdt_can_carry() {
-        for limit in Limit::ALL {
-            assert_eq!(Limit::from_idn(limit.idn()), Some(limit));
+        for limit in Limit::all() {
             assert!(Range::of(limit).is_some(), "{limit:?}");
-            let block = dictionary::find(limit.idn()).unwrap();
-            assert_eq!(block.fixed_bytes(), Some(limit.words() * 2), "{limit:?}");
+            let block = DICTIONARY.find(limit.idn()).unwrap();
             assert!(block.is_in(sercos::data_block::Selection::ConfigurableInMdt), "{limit:?}");
         }
     }
@@ -485,7 +410,7 @@ mod tests {
     }
 
     fn scale() -> LimitScale {
-        crate::settings::MotionSettings::new(&Parameters::new(), &crate::live::FACTS).unwrap().limit_scale
+        crate::settings::MotionSettings::new(&Parameters::new(&DICTIONARY), &crate::service::FACTS, source).unwrap().limit_scale
     }
 
     #[test]

@@ -36,11 +36,10 @@ mod supervision;
 mod travel;
 mod words;
 
-pub(crate) use background::MotorValue;
 use clock_monitor::ClockMonitor;
 use positioning::Positioning;
 use positive_stop::PositiveStop;
-pub(crate) use travel::{HOME_SWITCH, HOMING_ENABLE, HomingFailure, PROBE_1_ENABLE, PROBE_2_ENABLE};
+pub(crate) use travel::HomingFailure;
 use travel::{HomingRun, ProbeRun};
 
 use crate::diagnosis::{Manufacturer1, Manufacturer2, Manufacturer3};
@@ -50,8 +49,8 @@ use crate::identification::{Identification, Outcome};
 use crate::limits::CyclicLimits;
 use crate::mst::MstMonitor;
 use crate::oscilloscope::Oscilloscope;
-use crate::record::Records;
 use crate::settings::{MotionSettings, OperationMode, Reaction};
+use crate::signal::record::{Datum, Records};
 use crate::state::{DriveState, StateMachine, Switches};
 use crate::work::Work;
 
@@ -306,14 +305,14 @@ impl<B: Bus + Clone, H: Hardware> Motion<B, H> {
         let status = self.status_word();
         self.feedback_port.set_status(status);
         let mut word = 0;
-        for &signal in &self.records.feedback {
+        for &Datum { signal, words } in &self.records.feedback {
             let value = self.signal(signal);
-            if signal.words() == 2 {
+            if words == 2 {
                 self.feedback_port.set_double_word(word, value);
             } else {
                 self.feedback_port.set_word(word, (value & 0xFFFF) as u16);
             }
-            word = word.wrapping_add(signal.words());
+            word = word.wrapping_add(words);
         }
     }
 

@@ -17,16 +17,16 @@
 
 use core::fmt;
 
+use sercos::Idn;
 use sercos::attribute::{Attribute, Format, Length};
-use sercos::data_block::Location;
-use sercos::parameters::Parameters;
-use sercos::service::{LIVE_LONG_ENTRIES, ServiceError};
-use sercos::{Idn, dictionary};
+use sercos::capacity::LIVE_LONG_ENTRIES;
+use sercos::error::ServiceError;
 use servo::motor::CurrentLoopValues;
 use servo::scope::{SCOPE_CHANNELS, Scope, ScopeEdge, ScopeSettings, ScopeSettingsError, ScopeTrigger};
 
-use crate::bits::Source;
-use crate::record::{Command, Feedback};
+use crate::signal::command::Command;
+use crate::signal::feedback::Feedback;
+use crate::signal::word::Source;
 
 mod internal;
 
@@ -141,44 +141,11 @@ impl Width {
         }
     }
 
-    const fn extend(self, raw: u32) -> i32 {
+    pub(crate) const fn extend(self, raw: u32) -> i32 {
         match self {
             Self::Word => (raw & 0xFFFF) as i32,
             Self::SignedWord => (raw as u16).cast_signed() as i32,
             Self::Long => raw.cast_signed(),
-        }
-    }
-}
-
-impl Signal {
-    /// The signal of a number in P-0-0201 to P-0-0204.
-    ///
-    /// # Errors
-    /// [`ServiceError::IdnNotAvailable`] if there is neither such a data block nor such an internal signal,
-    /// [`ServiceError::InvalidData`] for a data block whose operation data cannot be followed in every tick: lists, texts, commands,
-    /// numbers of eight bytes, and what the drive puts together only when it is asked.
-    pub fn new(number: u16, parameters: &Parameters) -> Result<Self, ServiceError> {
-        let idn = Idn(number);
-        if number == 0 {
-            return Ok(Self::Off);
-        }
-        if let Some(internal) = Internal::from_number(number) {
-            return Ok(Self::Internal(internal));
-        }
-        let block = dictionary::find(idn).ok_or(ServiceError::IdnNotAvailable)?;
-        let width = Width::of(block.attribute);
-        if let Some(source) = Source::from_idn(idn) {
-            return Ok(Self::Bits(source));
-        }
-        if let Some(feedback) = Feedback::from_idn(idn) {
-            return Ok(Self::Feedback(feedback, width));
-        }
-        if let Some(command) = Command::from_idn(idn) {
-            return Ok(Self::Command(command, width));
-        }
-        match (block.location, block.fixed_bytes()) {
-            (Location::Parameter, Some(2 | 4)) => Ok(Self::Constant(width.extend(parameters.get(idn)))),
-            _ => Err(ServiceError::InvalidData),
         }
     }
 }
@@ -271,20 +238,19 @@ pub struct Configuration {
 }
 
 impl Configuration {
-    /// From P-0-0201 to P-0-0208, which `setting` gives as they are transmitted, and from the parameters that a channel records.
+    /// From P-0-0201 to P-0-0208, which `setting` gives as they are transmitted; `signal` is what the number in one of the first four means.
     ///
     /// # Errors
     /// The first setting that no recording can be made with.
-    pub fn new(setting: impl Fn(Idn) -> u32, parameters: &Parameters) -> Result<Self, InvalidConfiguration> {
+    pub fn new(
+        setting: impl Fn(Idn) -> u32,
+        signal: impl Fn(u16) -> Result<Signal, ServiceError>,
+    ) -> Result<Self, InvalidConfiguration> {
         let word = |idn| (setting(idn) & 0xFFFF) as u16;
         let mut signals = [Signal::Off; SCOPE_CHANNELS];
         for ((slot, idn), channel) in signals.iter_mut().zip(SIGNALS).zip(0_u8..) {
             let actual = word(idn);
-            *slot = Signal::new(actual, parameters).map_err(|error| InvalidConfiguration::Signal {
-                channel,
-                actual,
-                error,
-            })?;
+            *slot = signal(actual).map_err(|error| InvalidConfiguration::Signal { channel, actual, error })?;
         }
         let (channel, edge) = trigger(word(TRIGGER))?;
         let trigger = ScopeTrigger { channel, edge, level: setting(LEVEL).cast_signed() };
@@ -295,27 +261,8 @@ impl Configuration {
     }
 }
 
-/// Whether a data block is one of the oscilloscope's (P-0-0200 to P-0-0215), of which the loops know nothing.
-#[must_use]
-pub fn is_own(idn: Idn) -> bool {
-    (STATE..=INTERVAL).contains(&idn)
-}
-
-/// Why this value cannot be written to a setting; `None` for one that can, and for all other data blocks.
-#[must_use]
-pub fn refuses_setting(idn: Idn, value: u64, parameters: &Parameters) -> Option<ServiceError> {
-    let word = (value & 0xFFFF) as u16;
-    if SIGNALS.contains(&idn) {
-        Signal::new(word, parameters).err()
-    } else if idn == TRIGGER {
-        trigger(word).err().map(InvalidConfiguration::service_error)
-    } else {
-        None
-    }
-}
-
 /// Channel and edge of P-0-0205.
-fn trigger(value: u16) -> Result<(u8, ScopeEdge), InvalidConfiguration> {
+pub(crate) fn trigger(value: u16) -> Result<(u8, ScopeEdge), InvalidConfiguration> {
     let edge = match value >> 8 {
         0 => ScopeEdge::Immediate,
         1 => ScopeEdge::Rising,

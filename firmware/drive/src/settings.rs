@@ -6,9 +6,7 @@ use sercos::Idn;
 use sercos::parameters::Parameters;
 use sercos::transition::OPERATION_MODES;
 use servo::SettingsError;
-use servo::axis::{
-    AxisParameters, AxisSettings, CurrentFilterSettings, FilterSection, FrictionParameters, FrictionSettings,
-};
+use servo::axis::{AxisParameters, AxisSettings, CurrentFilterSettings, FilterSection, FrictionParameters, FrictionSettings};
 use servo::clock::LoopClockSettings;
 use servo::encoder::TwiceReadSettings;
 use servo::homing::{HomingParameters, HomingSettings};
@@ -28,10 +26,11 @@ pub(crate) use scaling::{Ratio, increments};
 pub(crate) use limits::LimitScale;
 pub(crate) use torque::TorqueScale;
 
-use crate::bits::BitSettings;
 use crate::coordinates::Coordinates;
 use crate::hardware::LOOP_PERIOD_MICROSECONDS;
 use crate::limits::LimitValues;
+use crate::signal::bits::BitSettings;
+use crate::signal::word::Source;
 
 /// A parameter that the drive cannot work with: a write in operation is refused for it, and S-0-0128 lists it in S-0-0022.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -308,12 +307,25 @@ pub struct MotionSettings {
     pub home_switch_at_drive: bool,
 }
 
+/// P-0-2705: where position feedback 2 comes from; 0: there is none. The number is far from those that controls write to every drive of
+/// another maker (P-0-0005 is the language there).
+pub(crate) const POSITION_FEEDBACK_2_SOURCE: Idn = Idn::product(2705);
+
+/// There is a position feedback 2.
+pub(crate) fn has_feedback_2(parameters: &Parameters) -> bool {
+    parameters.get_word(POSITION_FEEDBACK_2_SOURCE) != 0
+}
+
 impl MotionSettings {
     /// Scales the parameters. Divides: for the service channel, never for a loop.
     ///
     /// # Errors
     /// The first parameter that the drive cannot work with.
-    pub fn new(parameters: &Parameters, facts: &Facts) -> Result<Self, InvalidSetting> {
+    pub fn new(
+        parameters: &Parameters,
+        facts: &Facts,
+        sources: impl Fn(Idn) -> Option<Source>,
+    ) -> Result<Self, InvalidSetting> {
         let position = scaling::position_scale(parameters)?;
         let velocity = scaling::velocity_scale(parameters)?;
         let derivatives = DerivativeScale::new(parameters)?;
@@ -384,7 +396,7 @@ impl MotionSettings {
             torque_polarity: Polarity::from_parameter(parameters.get_word(Idn::standard(85))),
             encoder: TwiceReadSettings::new(increments).map_err(invalid(116))?,
             encoder_reversed: feedback_type & REVERSED != 0,
-            has_feedback_2: parameters.get_word(Idn::POSITION_FEEDBACK_2_SOURCE) != 0,
+            has_feedback_2: has_feedback_2(parameters),
             cycle,
             position_window: position.to_position(signed(parameters, 57)),
             velocity_window: velocity.to_velocity(signed(parameters, 157)),
@@ -411,7 +423,7 @@ impl MotionSettings {
             velocity_monitoring_window: velocity.to_velocity(signed(parameters, 377)),
             class_2_mask: parameters.get_word(Idn::standard(97)),
             class_3_mask: parameters.get_word(Idn::standard(98)),
-            bits: BitSettings::new(parameters),
+            bits: BitSettings::new(parameters, sources),
             home_switch_at_drive: parameters.get_word(Idn::standard(147)) & SWITCH_AT_DRIVE != 0,
         })
     }
@@ -590,11 +602,12 @@ const fn as_measured(settings: AxisSettings, facts: &Facts) -> AxisSettings {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::live::FACTS;
+    use crate::dictionary::{DICTIONARY, source};
+    use crate::service::FACTS;
     use servo::units::CurrentFraction;
 
     fn with(changes: &[(u16, u32)]) -> Parameters {
-        let mut parameters = Parameters::new();
+        let mut parameters = Parameters::new(&DICTIONARY);
         for &(number, value) in changes {
             parameters.set(Idn::standard(number), value.into()).unwrap();
         }
@@ -603,7 +616,7 @@ mod tests {
 
     #[test]
     fn the_defaults_of_the_table_make_a_drive() {
-        let settings = MotionSettings::new(&Parameters::new(), &FACTS).unwrap();
+        let settings = MotionSettings::new(&Parameters::new(&DICTIONARY), &FACTS, source).unwrap();
         assert_eq!(settings.cycle.ticks_per_cycle, 16);
         assert_eq!(settings.modes[0], Some(OperationMode::Velocity));
         assert_eq!(settings.modes[1..], [None; 7]);
@@ -626,14 +639,15 @@ mod tests {
             (&[(44, 0x0A), (46, 32)], 46),
             (&[(76, 0x0A), (79, 1)], 79),
         ] {
-            let result = MotionSettings::new(&with(changes), &FACTS);
+            let result = MotionSettings::new(&with(changes), &FACTS, source);
             assert_eq!(result.map_err(|error| error.idn).err(), Some(Idn::standard(culprit)), "{changes:?}");
         }
     }
 
     #[test]
     fn a_feedrate_override_beyond_100_per_cent_is_more_velocity_within_s_0_0091() {
-        let positioning = |changes: &[(u16, u32)]| MotionSettings::new(&with(changes), &FACTS).unwrap().positioning;
+        let positioning =
+            |changes: &[(u16, u32)]| MotionSettings::new(&with(changes), &FACTS, source).unwrap().positioning;
         let doubled = positioning(&[(259, 1_000_000), (108, 20_000)]);
         assert_eq!(doubled, positioning(&[(259, 2_000_000)]));
         assert_ne!(doubled, positioning(&[(259, 1_000_000)]));
@@ -644,7 +658,8 @@ mod tests {
 
     #[test]
     fn a_feed_forward_of_120_per_cent_is_more_than_one_of_100() {
-        let [whole, more] = [1_000, 1_200].map(|gain| MotionSettings::new(&with(&[(296, gain)]), &FACTS).unwrap());
+        let [whole, more] =
+            [1_000, 1_200].map(|gain| MotionSettings::new(&with(&[(296, gain)]), &FACTS, source).unwrap());
         assert_ne!(whole.without_lag, more.without_lag);
         assert_eq!(whole.with_lag, more.with_lag);
     }
@@ -652,8 +667,8 @@ mod tests {
     #[test]
     fn parameter_scaling_per_second_is_sixty_times_that_per_minute() {
         // 1 * 10^-6 revolutions per second.
-        let settings = MotionSettings::new(&with(&[(44, 0x2A), (45, 1), (46, -6_i32 as u32)]), &FACTS).unwrap();
-        let preferred = MotionSettings::new(&with(&[(44, 0x22)]), &FACTS).unwrap();
+        let settings = MotionSettings::new(&with(&[(44, 0x2A), (45, 1), (46, -6_i32 as u32)]), &FACTS, source).unwrap();
+        let preferred = MotionSettings::new(&with(&[(44, 0x22)]), &FACTS, source).unwrap();
         assert_eq!(settings.velocity, preferred.velocity);
         let difference = settings.velocity.to_velocity(1_000_000) - Velocity::from_ten_thousandths_rpm(600_000);
         assert!(difference.abs().to_bits() <= 1, "one revolution per second is 60 rpm: {difference:?}");
@@ -661,7 +676,7 @@ mod tests {
 
     #[test]
     fn a_torque_command_is_the_inverse_of_the_torque_feedback() {
-        let settings = MotionSettings::new(&Parameters::new(), &FACTS).unwrap();
+        let settings = MotionSettings::new(&Parameters::new(&DICTIONARY), &FACTS, source).unwrap();
         for command in [-4_000_i64, -1, 0, 1, 1_000, 4_000] {
             let current = settings.torque.current_of(command);
             assert!((settings.torque.increments_of(current) - command).abs() <= 1, "{command}");
@@ -672,7 +687,7 @@ mod tests {
     #[test]
     fn torque_feedback_is_in_tenths_of_a_per_cent_of_the_stall_current() {
         // Full peak current 20 A is 400.0 % of 5 A.
-        let settings = MotionSettings::new(&Parameters::new(), &FACTS).unwrap();
+        let settings = MotionSettings::new(&Parameters::new(&DICTIONARY), &FACTS, source).unwrap();
         assert_eq!(settings.torque.increments_of(CurrentFraction::MAX), 4_000);
         assert_eq!(settings.torque.increments_of(CurrentFraction::from_bits(-(1 << 14))), -2_000);
     }

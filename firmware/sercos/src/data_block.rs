@@ -2,9 +2,7 @@
 
 use crate::attribute::{Attribute, Format};
 use crate::idn::Idn;
-use crate::parameters::Parameters;
-use crate::weighting::{Unit, Weight};
-use arbitrary_int::u4;
+use crate::unit::Unit;
 
 /// A data block: everything about one IDN that does not change at run time.
 #[derive(Clone, Copy, Debug)]
@@ -38,6 +36,29 @@ pub struct DataBlock {
     pub restricted: bool,
     /// One line for the reader of the manual.
     pub documentation: &'static str,
+    /// Where the block stands in its table, from 0.
+    pub(crate) row: u16,
+    /// Where its value is kept.
+    pub(crate) place: Place,
+}
+
+/// Where the value of a parameter or the state of a command is kept; given when the table is laid out.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Place {
+    /// The data block is no parameter and no command.
+    None,
+    /// Two or four bytes.
+    Value(u8),
+    /// A list of IDNs.
+    Idns(u8),
+    /// A list of two-byte numbers.
+    Words(u8),
+    /// A list of four-byte numbers.
+    Longs(u8),
+    /// A text.
+    Text(u8),
+    /// A procedure command.
+    Command(u8),
 }
 
 /// Where the operation data of a data block live.
@@ -116,6 +137,23 @@ pub enum Bits {
     Target,
 }
 
+impl Location {
+    /// Itself: a table that has nothing to say but the location gives it as the accessor of its rows.
+    pub const fn location(self) -> Self {
+        self
+    }
+
+    /// In no telegram, unless the row says so.
+    pub const fn cyclic(self) -> Cyclic {
+        Cyclic::Never
+    }
+
+    /// Of no use to bits, unless the row says so.
+    pub const fn bits(self) -> Bits {
+        Bits::Never
+    }
+}
+
 impl DataBlock {
     /// True if the data block belongs to the selection.
     pub const fn is_in(&self, selection: Selection) -> bool {
@@ -133,29 +171,17 @@ impl DataBlock {
         }
     }
 
-    /// Element 4 under the scaling of these parameters; empty: there is none.
-    pub fn scaled_unit(&self, parameters: &Parameters) -> &'static str {
-        match self.unit {
-            Unit::Fixed(unit) => unit,
-            Unit::Scaled(dimension) => Weight::of(dimension, parameters).unit,
-        }
-    }
-
-    /// Element 3 under the scaling of these parameters.
-    pub fn scaled_attribute(&self, parameters: &Parameters) -> Attribute {
-        match self.unit {
-            Unit::Fixed(_) => self.attribute,
-            Unit::Scaled(dimension) => {
-                let weight = Weight::of(dimension, parameters);
-                let decimals = u4::new(weight.decimals & 0xF);
-                self.attribute.with_decimal_places(decimals).with_conversion_factor(weight.factor)
-            }
-        }
-    }
-
     /// Length of the operation data in bytes if it is fixed: 2, 4 or 8.
     pub const fn fixed_bytes(&self) -> Option<u16> {
         self.attribute.length().fixed_bytes()
+    }
+
+    /// The default as it is transmitted.
+    pub(crate) const fn default_as_transmitted(&self) -> u64 {
+        match self.fixed_bytes() {
+            Some(2) => self.default as u16 as u64,
+            _ => self.default as u32 as u64,
+        }
     }
 
     /// True if the operation data are a text.
@@ -163,44 +189,117 @@ impl DataBlock {
         matches!(self.attribute.format(), Format::Text)
     }
 
-    // The methods below are the vocabulary of the table in `dictionary`.
+    /// Where the block stands in its table, from 0: for those who have something to say of each row.
+    pub const fn row(&self) -> usize {
+        self.row as usize
+    }
 
-    pub(crate) const fn needed_for_cp3(mut self) -> Self {
+    // What follows is the vocabulary of `dictionary!`.
+
+    /// A data block without limits, with default 0, in no telegram and no list but S-0-0017.
+    pub const fn new(
+        idn: Idn,
+        name: &'static str,
+        unit: Unit,
+        attribute: Attribute,
+        location: Location,
+        documentation: &'static str,
+    ) -> Self {
+        Self {
+            idn,
+            name,
+            unit,
+            attribute,
+            minimum: None,
+            maximum: None,
+            default: 0,
+            location,
+            stored: false,
+            needed_for: NeededFor::Neither,
+            cyclic: Cyclic::Never,
+            bits: Bits::Never,
+            restricted: false,
+            documentation,
+            row: 0,
+            place: Place::None,
+        }
+    }
+
+    /// Elements 5 and 6.
+    #[must_use]
+    pub const fn limited(mut self, minimum: Option<i64>, maximum: Option<i64>) -> Self {
+        self.minimum = minimum;
+        self.maximum = maximum;
+        self
+    }
+
+    /// The value after the start.
+    #[must_use]
+    pub const fn with_default(mut self, default: i64) -> Self {
+        self.default = default;
+        self
+    }
+
+    /// What telegrams and bits can do with it.
+    #[must_use]
+    pub const fn shown(mut self, cyclic: Cyclic, bits: Bits) -> Self {
+        self.cyclic = cyclic;
+        self.bits = bits;
+        self
+    }
+
+    /// S-0-0127 needs it.
+    #[must_use]
+    pub const fn needed_for_cp3(mut self) -> Self {
         self.needed_for = NeededFor::Cp3;
         self
     }
 
-    pub(crate) const fn needed_for_cp4(mut self) -> Self {
+    /// S-0-0128 needs it.
+    #[must_use]
+    pub const fn needed_for_cp4(mut self) -> Self {
         self.needed_for = NeededFor::Cp4;
         self
     }
 
-    pub(crate) const fn in_at(mut self) -> Self {
+    /// It can be configured in the AT.
+    #[must_use]
+    pub const fn in_at(mut self) -> Self {
         self.cyclic = Cyclic::At;
         self
     }
 
-    pub(crate) const fn in_mdt(mut self) -> Self {
+    /// It can be configured in the MDT.
+    #[must_use]
+    pub const fn in_mdt(mut self) -> Self {
         self.cyclic = Cyclic::Mdt;
         self
     }
 
-    pub(crate) const fn bit_source(mut self) -> Self {
+    /// A bit can show it.
+    #[must_use]
+    pub const fn bit_source(mut self) -> Self {
         self.bits = Bits::Source;
         self
     }
 
-    pub(crate) const fn bit_target(mut self) -> Self {
+    /// A bit can show and set it.
+    #[must_use]
+    pub const fn bit_target(mut self) -> Self {
         self.bits = Bits::Target;
         self
     }
 
-    pub(crate) const fn restricted(mut self) -> Self {
+    /// The drive refuses some values within the limits.
+    #[must_use]
+    pub const fn restricted(mut self) -> Self {
         self.restricted = true;
         self
     }
 
-    pub(crate) const fn stored(mut self) -> Self {
+    /// A control saves it.
+    #[must_use]
+    pub const fn stored(mut self) -> Self {
         self.stored = true;
         self
     }

@@ -66,9 +66,6 @@ impl Idn {
     pub const REAL_TIME_STATUS_BIT_1: Self = Self::standard(305);
     /// S-0-0307: what status word bit 7 shows.
     pub const REAL_TIME_STATUS_BIT_2: Self = Self::standard(307);
-    /// P-0-2705: where position feedback 2 comes from; 0: there is none. The number is far from those that controls write to every drive
-    /// of another maker (P-0-0005 is the language there).
-    pub const POSITION_FEEDBACK_2_SOURCE: Self = Self::product(2705);
 
     /// Data block number, 0..=4095.
     pub const fn number(self) -> u16 {

@@ -8,7 +8,7 @@
 //! |---|---|
 //! | [`phase`], [`supervision`], [`transition`] | CP0 to CP4, lost telegrams, the checks of S-0-0127 and S-0-0128 |
 //! | [`telegram`], [`word`], [`telegram_type`], [`duration`] | what is on the fibre, and how long it takes |
-//! | [`dictionary`], [`data_block`], [`attribute`], [`parameters`] | every IDN, in one table, and the values in RAM |
+//! | [`dictionary`], [`data_block`], [`attribute`], [`parameters`] | the table of all IDNs, which the product writes, and the values in RAM |
 //! | [`service`], [`command`] | the service channel and its procedure commands |
 //! | [`diagnostic`] | the bits of class 1, 2 and 3 diagnostics |
 //!
@@ -29,12 +29,21 @@
 #[cfg(test)]
 extern crate std;
 
+// The tests' table of data blocks is written as any product's, by this name.
+#[cfg(test)]
+extern crate self as sercos;
+#[cfg(test)]
+#[path = "../examples/sample/mod.rs"]
+mod sample;
+
 pub mod attribute;
+pub mod capacity;
 pub mod command;
 pub mod data_block;
 pub mod diagnostic;
 pub mod dictionary;
 pub mod duration;
+pub mod error;
 pub mod idn;
 pub mod parameters;
 pub mod phase;
@@ -43,6 +52,7 @@ pub mod supervision;
 pub mod telegram;
 pub mod telegram_type;
 pub mod transition;
+pub mod unit;
 pub mod weighting;
 pub mod word;
 

@@ -1,23 +1,14 @@
 //! The values of all data blocks with [`Location::Parameter`](crate::data_block::Location::Parameter), in RAM.
 
-mod storage;
-
-use crate::data_block::{DataBlock, Selection};
-use crate::dictionary::{self, ROWS};
+use crate::capacity::{
+    DATA_BLOCKS, IDN_LISTS, LIST_ENTRIES, LONG_ENTRIES, LONG_LISTS, TEXT_BYTES, TEXTS, VALUES, WORD_LISTS,
+};
+use crate::data_block::{DataBlock, Place, Selection};
+use crate::dictionary::Dictionary;
+use crate::error::ServiceError;
 use crate::idn::Idn;
-use crate::service::ServiceError;
 use crate::telegram_type::TelegramType;
 use heapless::{String, Vec};
-use storage::{COUNTS, DEFAULTS, Storage, storage_of};
-
-/// Most entries of a list of two-byte items (S-0-0016, S-0-0024).
-pub const LIST_ENTRIES: usize = 16;
-
-/// Most entries of a list of four-byte items (P-0-0007).
-pub const LONG_ENTRIES: usize = 8;
-
-/// Most bytes of a text parameter (S-0-0141, S-0-0142).
-pub const TEXT_BYTES: usize = 40;
 
 /// Highest bit number of a signal word's allocation (S-0-0328, S-0-0329): all data that have bits have two bytes.
 pub const HIGHEST_BIT: u16 = 15;
@@ -25,39 +16,52 @@ pub const HIGHEST_BIT: u16 = 15;
 /// Values, lists and texts, and which of them the master has written since CP2 began.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Parameters {
-    cells: [u32; COUNTS.cells],
-    idns: [Vec<Idn, LIST_ENTRIES>; COUNTS.idns],
-    words: [Vec<u16, LIST_ENTRIES>; COUNTS.words],
-    longs: [Vec<u32, LONG_ENTRIES>; COUNTS.longs],
-    texts: [String<TEXT_BYTES>; COUNTS.texts],
-    written: [u32; ROWS.len().div_ceil(32)],
-}
-
-impl Default for Parameters {
-    fn default() -> Self {
-        Self::new()
-    }
+    dictionary: &'static Dictionary,
+    values: [u32; VALUES],
+    idns: [Vec<Idn, LIST_ENTRIES>; IDN_LISTS],
+    words: [Vec<u16, LIST_ENTRIES>; WORD_LISTS],
+    longs: [Vec<u32, LONG_ENTRIES>; LONG_LISTS],
+    texts: [String<TEXT_BYTES>; TEXTS],
+    written: [u32; DATA_BLOCKS.div_ceil(32)],
 }
 
 impl Parameters {
     /// All values as the table gives them; lists and texts empty; nothing written.
-    pub const fn new() -> Self {
-        Self {
-            cells: DEFAULTS,
-            idns: [const { Vec::new() }; COUNTS.idns],
-            words: [const { Vec::new() }; COUNTS.words],
-            longs: [const { Vec::new() }; COUNTS.longs],
-            texts: [const { String::new() }; COUNTS.texts],
-            written: [0; ROWS.len().div_ceil(32)],
+    pub fn new(dictionary: &'static Dictionary) -> Self {
+        let mut parameters = Self {
+            dictionary,
+            values: [0; VALUES],
+            idns: [const { Vec::new() }; IDN_LISTS],
+            words: [const { Vec::new() }; WORD_LISTS],
+            longs: [const { Vec::new() }; LONG_LISTS],
+            texts: [const { String::new() }; TEXTS],
+            written: [0; DATA_BLOCKS.div_ceil(32)],
+        };
+        for block in dictionary.blocks() {
+            if let Place::Value(index) = block.place
+                && let Some(value) = parameters.values.get_mut(usize::from(index))
+            {
+                *value = (block.default_as_transmitted() & 0xFFFF_FFFF) as u32;
+            }
         }
+        parameters
+    }
+
+    /// The table whose parameters these are.
+    pub const fn dictionary(&self) -> &'static Dictionary {
+        self.dictionary
+    }
+
+    fn place_of(&self, idn: Idn) -> Place {
+        self.dictionary.find(idn).map_or(Place::None, |block| block.place)
     }
 
     /// A parameter of two or four bytes, as it is transmitted (two-byte values in the low half).
     ///
     /// 0 for an IDN that is no such parameter, which is a mistake of the caller: debug builds panic.
     pub fn get(&self, idn: Idn) -> u32 {
-        let value = match storage_of(idn) {
-            Storage::Cell(index) => self.cells.get(usize::from(index)).copied(),
+        let value = match self.place_of(idn) {
+            Place::Value(index) => self.values.get(usize::from(index)).copied(),
             _ => None,
         };
         debug_assert!(value.is_some(), "{idn} is not a parameter of two or four bytes");
@@ -67,7 +71,7 @@ impl Parameters {
     /// Like [`Parameters::get`], with the sign that the attribute gives the value.
     pub fn get_signed(&self, idn: Idn) -> i64 {
         let raw = self.get(idn);
-        dictionary::find(idn).map_or(0, |block| block.attribute.value_of(raw.into()))
+        self.dictionary.find(idn).map_or(0, |block| block.attribute.value_of(raw.into()))
     }
 
     /// Like [`Parameters::get`] for two-byte parameters.
@@ -77,8 +81,8 @@ impl Parameters {
 
     /// A list of IDNs; empty for an IDN that is none (debug builds panic).
     pub fn list(&self, idn: Idn) -> &[Idn] {
-        let list = match storage_of(idn) {
-            Storage::Idns(index) => self.idns.get(usize::from(index)),
+        let list = match self.place_of(idn) {
+            Place::Idns(index) => self.idns.get(usize::from(index)),
             _ => None,
         };
         debug_assert!(list.is_some(), "{idn} is not a list of IDNs");
@@ -87,8 +91,8 @@ impl Parameters {
 
     /// A list of two-byte numbers; empty for an IDN that is none (debug builds panic).
     pub fn words(&self, idn: Idn) -> &[u16] {
-        let list = match storage_of(idn) {
-            Storage::Words(index) => self.words.get(usize::from(index)),
+        let list = match self.place_of(idn) {
+            Place::Words(index) => self.words.get(usize::from(index)),
             _ => None,
         };
         debug_assert!(list.is_some(), "{idn} is not a list of two-byte numbers");
@@ -97,8 +101,8 @@ impl Parameters {
 
     /// A list of four-byte numbers; empty for an IDN that is none (debug builds panic).
     pub fn longs(&self, idn: Idn) -> &[u32] {
-        let list = match storage_of(idn) {
-            Storage::Longs(index) => self.longs.get(usize::from(index)),
+        let list = match self.place_of(idn) {
+            Place::Longs(index) => self.longs.get(usize::from(index)),
             _ => None,
         };
         debug_assert!(list.is_some(), "{idn} is not a list of four-byte numbers");
@@ -107,8 +111,8 @@ impl Parameters {
 
     /// A text parameter; empty for an IDN that is none (debug builds panic).
     pub fn text(&self, idn: Idn) -> &str {
-        let text = match storage_of(idn) {
-            Storage::Text(index) => self.texts.get(usize::from(index)),
+        let text = match self.place_of(idn) {
+            Place::Text(index) => self.texts.get(usize::from(index)),
             _ => None,
         };
         debug_assert!(text.is_some(), "{idn} is not a text parameter");
@@ -124,14 +128,14 @@ impl Parameters {
     /// (sercos2.md 5.5);
     /// [`ServiceError::IdnNotAvailable`] for an IDN that is no such parameter. Nothing is changed then.
     pub fn set(&mut self, idn: Idn, raw: u64) -> Result<(), ServiceError> {
-        let block = dictionary::find(idn).ok_or(ServiceError::IdnNotAvailable)?;
+        let block = self.dictionary.find(idn).ok_or(ServiceError::IdnNotAvailable)?;
         check_limits(block, raw)?;
         let low = (raw & 0xFFFF_FFFF) as u32;
-        match storage_of(idn) {
-            Storage::Cell(index) => {
-                check_allocation(idn, Idn((raw & 0xFFFF) as u16))?;
+        match self.place_of(idn) {
+            Place::Value(index) => {
+                self.check_allocation(idn, Idn((raw & 0xFFFF) as u16))?;
                 check_cycle(idn, (raw & 0xFFFF) as u16)?;
-                let cell = self.cells.get_mut(usize::from(index)).ok_or(ServiceError::IdnNotAvailable)?;
+                let cell = self.values.get_mut(usize::from(index)).ok_or(ServiceError::IdnNotAvailable)?;
                 *cell = if block.fixed_bytes() == Some(2) { low & 0xFFFF } else { low };
                 if idn == Idn::CYCLE {
                     self.follow_cycle();
@@ -148,7 +152,7 @@ impl Parameters {
     /// [`ServiceError::InvalidData`] if the list is too long or names an IDN that cannot stand in it;
     /// [`ServiceError::IdnNotAvailable`] if there is no such list parameter.
     pub fn set_list(&mut self, idn: Idn, entries: &[Idn]) -> Result<(), ServiceError> {
-        let Storage::Idns(index) = storage_of(idn) else {
+        let Place::Idns(index) = self.place_of(idn) else {
             return Err(ServiceError::IdnNotAvailable);
         };
         let list = self.idns.get_mut(usize::from(index)).ok_or(ServiceError::IdnNotAvailable)?;
@@ -159,7 +163,7 @@ impl Parameters {
             Idn::SIGNAL_CONTROL_LIST => Selection::BitTargets,
             _ => Selection::All,
         };
-        let is_known = |entry: &Idn| dictionary::find(*entry).is_some_and(|block| block.is_in(selection));
+        let is_known = |entry: &Idn| self.dictionary.find(*entry).is_some_and(|block| block.is_in(selection));
         if !entries.iter().all(is_known) {
             return Err(ServiceError::InvalidData);
         }
@@ -173,7 +177,7 @@ impl Parameters {
     /// [`ServiceError::InvalidData`] if the list is too long or a number is above [`HIGHEST_BIT`];
     /// [`ServiceError::IdnNotAvailable`] if there is no such list parameter.
     pub fn set_words(&mut self, idn: Idn, entries: &[u16]) -> Result<(), ServiceError> {
-        let Storage::Words(index) = storage_of(idn) else {
+        let Place::Words(index) = self.place_of(idn) else {
             return Err(ServiceError::IdnNotAvailable);
         };
         let list = self.words.get_mut(usize::from(index)).ok_or(ServiceError::IdnNotAvailable)?;
@@ -190,7 +194,7 @@ impl Parameters {
     /// [`ServiceError::InvalidData`] if the list is too long; [`ServiceError::IdnNotAvailable`] if there is no such list
     /// parameter.
     pub fn set_longs(&mut self, idn: Idn, entries: &[u32]) -> Result<(), ServiceError> {
-        let Storage::Longs(index) = storage_of(idn) else {
+        let Place::Longs(index) = self.place_of(idn) else {
             return Err(ServiceError::IdnNotAvailable);
         };
         let list = self.longs.get_mut(usize::from(index)).ok_or(ServiceError::IdnNotAvailable)?;
@@ -204,7 +208,7 @@ impl Parameters {
     /// [`ServiceError::InvalidData`] if the text is too long or not UTF-8; [`ServiceError::IdnNotAvailable`] if there
     /// is no such text parameter.
     pub fn set_text(&mut self, idn: Idn, bytes: &[u8]) -> Result<(), ServiceError> {
-        let Storage::Text(index) = storage_of(idn) else {
+        let Place::Text(index) = self.place_of(idn) else {
             return Err(ServiceError::IdnNotAvailable);
         };
         let text = self.texts.get_mut(usize::from(index)).ok_or(ServiceError::IdnNotAvailable)?;
@@ -215,13 +219,13 @@ impl Parameters {
 
     /// What a parameter is, for [`Parameters::restore`].
     pub(crate) fn save(&self, idn: Idn) -> Saved {
-        match storage_of(idn) {
-            Storage::None => Saved::Nothing,
-            Storage::Cell(_) => Saved::Value(self.get(idn)),
-            Storage::Idns(index) => Saved::Idns(self.idns.get(usize::from(index)).cloned().unwrap_or_default()),
-            Storage::Words(index) => Saved::Words(self.words.get(usize::from(index)).cloned().unwrap_or_default()),
-            Storage::Longs(index) => Saved::Longs(self.longs.get(usize::from(index)).cloned().unwrap_or_default()),
-            Storage::Text(index) => Saved::Text(self.texts.get(usize::from(index)).cloned().unwrap_or_default()),
+        match self.place_of(idn) {
+            Place::None | Place::Command(_) => Saved::Nothing,
+            Place::Value(_) => Saved::Value(self.get(idn)),
+            Place::Idns(index) => Saved::Idns(self.idns.get(usize::from(index)).cloned().unwrap_or_default()),
+            Place::Words(index) => Saved::Words(self.words.get(usize::from(index)).cloned().unwrap_or_default()),
+            Place::Longs(index) => Saved::Longs(self.longs.get(usize::from(index)).cloned().unwrap_or_default()),
+            Place::Text(index) => Saved::Text(self.texts.get(usize::from(index)).cloned().unwrap_or_default()),
         }
     }
 
@@ -241,15 +245,15 @@ impl Parameters {
     /// S-0-0262: everything that a control saves (S-0-0192) goes back to the table's defaults. The communication parameters, which
     /// the master writes anew in every run-up, stay.
     pub fn load_defaults(&mut self) {
-        for block in dictionary::select(Selection::Backup) {
+        for block in self.dictionary.select(Selection::Backup) {
             // A default within its limits is never refused; lists and texts are empty.
-            let _ = match storage_of(block.idn) {
-                Storage::None => Ok(()),
-                Storage::Cell(_) => self.set(block.idn, storage::default_of(block)),
-                Storage::Idns(_) => self.set_list(block.idn, &[]),
-                Storage::Words(_) => self.set_words(block.idn, &[]),
-                Storage::Longs(_) => self.set_longs(block.idn, &[]),
-                Storage::Text(_) => self.set_text(block.idn, &[]),
+            let _ = match block.place {
+                Place::None | Place::Command(_) => Ok(()),
+                Place::Value(_) => self.set(block.idn, block.default_as_transmitted()),
+                Place::Idns(_) => self.set_list(block.idn, &[]),
+                Place::Words(_) => self.set_words(block.idn, &[]),
+                Place::Longs(_) => self.set_longs(block.idn, &[]),
+                Place::Text(_) => self.set_text(block.idn, &[]),
             };
         }
     }
@@ -257,17 +261,17 @@ impl Parameters {
     /// S-0-0326: a checksum over everything that a control saves (S-0-0327), in the order of the IDNs. Two drives with
     /// the same checksum have the same settings.
     pub fn checksum(&self) -> u32 {
-        let cell = |index: u8| self.cells.get(usize::from(index)).copied().unwrap_or(0);
+        let cell = |index: u8| self.values.get(usize::from(index)).copied().unwrap_or(0);
         let mut sum = Checksum::new();
-        for (block, storage) in storage::all().filter(|(block, _)| block.is_in(Selection::Backup)) {
+        for block in self.dictionary.select(Selection::Backup) {
             sum.add(block.idn.0.into());
-            match storage {
-                Storage::None => {}
-                Storage::Cell(index) => sum.add(cell(index)),
-                Storage::Idns(_) => self.list(block.idn).iter().for_each(|entry| sum.add(entry.0.into())),
-                Storage::Words(_) => self.words(block.idn).iter().for_each(|&entry| sum.add(entry.into())),
-                Storage::Longs(_) => self.longs(block.idn).iter().for_each(|&entry| sum.add(entry)),
-                Storage::Text(_) => self.text(block.idn).bytes().for_each(|byte| sum.add(byte.into())),
+            match block.place {
+                Place::None | Place::Command(_) => {}
+                Place::Value(index) => sum.add(cell(index)),
+                Place::Idns(_) => self.list(block.idn).iter().for_each(|entry| sum.add(entry.0.into())),
+                Place::Words(_) => self.words(block.idn).iter().for_each(|&entry| sum.add(entry.into())),
+                Place::Longs(_) => self.longs(block.idn).iter().for_each(|&entry| sum.add(entry)),
+                Place::Text(_) => self.text(block.idn).bytes().for_each(|byte| sum.add(byte.into())),
             }
         }
         sum.0
@@ -275,13 +279,33 @@ impl Parameters {
 
     /// True if the master has written the data block since [`Parameters::forget_written`].
     pub fn is_written(&self, idn: Idn) -> bool {
-        written_bit(idn).is_some_and(|(word, mask)| self.written.get(word).is_some_and(|bits| bits & mask != 0))
+        self.written_bit(idn).is_some_and(|(word, mask)| self.written.get(word).is_some_and(|bits| bits & mask != 0))
     }
 
     /// To be called on entering CP2: S-0-0127 wants certain data to be written anew.
     pub fn forget_written(&mut self) {
         self.written.fill(0);
         self.follow_cycle();
+    }
+
+    /// Checks the IDN that a real-time bit is to be tied to; 0 unties it (sercos2.md 6.1).
+    fn check_allocation(&self, bit: Idn, idn: Idn) -> Result<(), ServiceError> {
+        let selection = match bit {
+            Idn::REAL_TIME_CONTROL_BIT_1 | Idn::REAL_TIME_CONTROL_BIT_2 => Selection::BitTargets,
+            Idn::REAL_TIME_STATUS_BIT_1 | Idn::REAL_TIME_STATUS_BIT_2 => Selection::BitSources,
+            _ => return Ok(()),
+        };
+        if idn == Idn(0) {
+            return Ok(());
+        }
+        let block = self.dictionary.find(idn).ok_or(ServiceError::IdnNotAvailable)?;
+        if block.is_in(selection) { Ok(()) } else { Err(ServiceError::InvalidData) }
+    }
+
+    fn written_bit(&self, idn: Idn) -> Option<(usize, u32)> {
+        let index = self.dictionary.find(idn)?.row();
+        let bit = u32::try_from(index & 31).ok()?;
+        Some((index >> 5, 1u32.checked_shl(bit)?))
     }
 
     /// S-0-0001 is S-0-0002 as long as the master has not written it.
@@ -294,7 +318,7 @@ impl Parameters {
 
     /// One data block is no longer written by the master.
     pub fn forget(&mut self, idn: Idn) {
-        if let Some((word, mask)) = written_bit(idn)
+        if let Some((word, mask)) = self.written_bit(idn)
             && let Some(bits) = self.written.get_mut(word)
         {
             *bits &= !mask;
@@ -303,7 +327,7 @@ impl Parameters {
 
     /// The master has written the data block.
     pub fn mark_written(&mut self, idn: Idn) {
-        if let Some((word, mask)) = written_bit(idn)
+        if let Some((word, mask)) = self.written_bit(idn)
             && let Some(bits) = self.written.get_mut(word)
         {
             *bits |= mask;
@@ -356,31 +380,11 @@ pub(crate) fn check_limits(block: &DataBlock, raw: u64) -> Result<(), ServiceErr
     Ok(())
 }
 
-/// Checks the IDN that a real-time bit is to be tied to; 0 unties it (sercos2.md 6.1).
-fn check_allocation(bit: Idn, idn: Idn) -> Result<(), ServiceError> {
-    let selection = match bit {
-        Idn::REAL_TIME_CONTROL_BIT_1 | Idn::REAL_TIME_CONTROL_BIT_2 => Selection::BitTargets,
-        Idn::REAL_TIME_STATUS_BIT_1 | Idn::REAL_TIME_STATUS_BIT_2 => Selection::BitSources,
-        _ => return Ok(()),
-    };
-    if idn == Idn(0) {
-        return Ok(());
-    }
-    let block = dictionary::find(idn).ok_or(ServiceError::IdnNotAvailable)?;
-    if block.is_in(selection) { Ok(()) } else { Err(ServiceError::InvalidData) }
-}
-
 /// Cycle times are multiples of 250 us (sercos2.md 5.5).
 fn check_cycle(idn: Idn, microseconds: u16) -> Result<(), ServiceError> {
     const STEP: u16 = 250;
     let is_cycle = matches!(idn, Idn::CONTROL_UNIT_CYCLE | Idn::CYCLE);
     if is_cycle && microseconds.checked_rem(STEP) != Some(0) { Err(ServiceError::InvalidData) } else { Ok(()) }
-}
-
-fn written_bit(idn: Idn) -> Option<(usize, u32)> {
-    let index = dictionary::index_of(idn)?;
-    let bit = u32::try_from(index & 31).ok()?;
-    Some((index >> 5, 1u32.checked_shl(bit)?))
 }
 
 /// Each word turned into the sum and multiplied.

@@ -4,32 +4,21 @@
 //! stops: another element or direction, END, a sender buffer used up, a receiver buffer full. Words that the controller
 //! sent by itself are not told; words that it took in by itself are, as steps without END.
 
-mod error;
 mod transfer;
 
-pub use error::{Element, ServiceError};
-
 use crate::attribute::{Format, Length};
+use crate::capacity::{
+    LIST_ENTRIES, LIVE_LIST_ENTRIES, LIVE_LONG_ENTRIES, LIVE_TEXT_BYTES, LONG_ENTRIES, SEGMENT_WORDS, TEXT_BYTES,
+};
 use crate::command::{CommandAction, CommandState, CommandStatus, Commands};
 use crate::data_block::{DataBlock, Location, Selection};
-use crate::dictionary;
+use crate::dictionary::Dictionary;
+use crate::error::{Element, ServiceError};
 use crate::idn::Idn;
-use crate::parameters::{self, LIST_ENTRIES, LONG_ENTRIES, Parameters, TEXT_BYTES};
+use crate::parameters::{self, Parameters};
 use crate::phase::Phase;
 use heapless::{String, Vec};
 use transfer::{Source, Staging, State, Transfer};
-
-/// Most words of one [`Reply::Send`].
-pub const SEGMENT_WORDS: usize = 16;
-
-/// Most bytes of a text that the drive itself puts together; one that lies in flash can have any length.
-pub const LIVE_TEXT_BYTES: usize = 112;
-
-/// Most entries of a list of two-byte items that the drive itself supplies.
-pub const LIVE_LIST_ENTRIES: usize = 64;
-
-/// Most entries of a list of four-byte items that the drive itself supplies.
-pub const LIVE_LONG_ENTRIES: usize = 32;
 
 /// One step of the master, as the control word and INFO of its MDT give it.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -81,44 +70,44 @@ pub enum Reply {
     Error(ServiceError),
 }
 
-/// Data and commands that live in the drive; asked only for IDNs whose [`Location`] says so.
+/// Data and commands that live in the drive; asked only for data blocks whose [`Location`] says so.
 pub trait Live {
     /// Operation data of fixed length; values of two and four bytes in the low part.
-    fn read(&mut self, idn: Idn, parameters: &Parameters) -> u64;
+    fn read(&mut self, block: &DataBlock, parameters: &Parameters) -> u64;
 
     /// The value that the MDT carries in the place of a parameter's own, if it does in this phase.
-    fn cyclic(&mut self, idn: Idn) -> Option<u64>;
+    fn cyclic(&mut self, block: &DataBlock) -> Option<u64>;
 
     /// A text: one that never changes is returned, any other is put into `text`, which is empty at the call.
     fn read_text(
         &mut self,
-        idn: Idn,
+        block: &DataBlock,
         parameters: &Parameters,
         text: &mut String<LIVE_TEXT_BYTES>,
     ) -> Option<&'static str>;
 
     /// A list of two-byte items; `list` is empty at the call.
-    fn read_list(&mut self, idn: Idn, list: &mut Vec<u16, LIVE_LIST_ENTRIES>);
+    fn read_list(&mut self, block: &DataBlock, list: &mut Vec<u16, LIVE_LIST_ENTRIES>);
 
     /// A list of four-byte items; `list` is empty at the call.
-    fn read_longs(&mut self, idn: Idn, list: &mut Vec<u32, LIVE_LONG_ENTRIES>);
+    fn read_longs(&mut self, block: &DataBlock, list: &mut Vec<u32, LIVE_LONG_ENTRIES>);
 
     /// Takes operation data of fixed length (S-0-0036, S-0-0047 while they are not cyclic); limits, phase and
     /// [`Live::refuses`] have been asked before.
-    fn write(&mut self, idn: Idn, value: u64);
+    fn write(&mut self, block: &DataBlock, value: u64);
 
     /// Takes a text (S-0-0267); phase and [`Live::refuses`] have been asked before.
     ///
     /// # Errors
     /// The text is refused, and nothing has changed.
-    fn write_text(&mut self, idn: Idn, text: &[u8]) -> Result<(), ServiceError>;
+    fn write_text(&mut self, block: &DataBlock, text: &[u8]) -> Result<(), ServiceError>;
 
     /// Told after every write but those to commands, before it is acknowledged. A check that was passed is void if it looked at
     /// this data block ([`crate::data_block::DataBlock::needed_for`]).
     ///
     /// # Errors
     /// The drive cannot work with the parameters as they are now: the server gives a parameter its old value back.
-    fn written(&mut self, idn: Idn, parameters: &mut Parameters) -> Result<(), ServiceError>;
+    fn written(&mut self, block: &DataBlock, parameters: &mut Parameters) -> Result<(), ServiceError>;
 
     /// Told after a write whose value the data block cannot have ([`ServiceError::InvalidData`]), unless [`Live::written`] has said so.
     fn not_taken(&mut self, block: &DataBlock);
@@ -130,7 +119,7 @@ pub trait Live {
     /// The master's step is refused and the state of the command stays.
     fn command(
         &mut self,
-        idn: Idn,
+        block: &DataBlock,
         action: CommandAction,
         parameters: &mut Parameters,
     ) -> Result<CommandState, ServiceError>;
@@ -140,7 +129,7 @@ pub trait Live {
 
     /// A reason of the drive's own against writing this value (0 for lists and texts), as
     /// [`ServiceError::ProtectedBySettings`] while a command works with the data block.
-    fn refuses(&mut self, idn: Idn, value: u64, parameters: &Parameters) -> Option<ServiceError>;
+    fn refuses(&mut self, block: &DataBlock, value: u64, parameters: &Parameters) -> Option<ServiceError>;
 
     /// Whether the password S-0-0267 locks what S-0-0279 lists.
     fn is_locked(&self) -> bool;
@@ -149,6 +138,7 @@ pub trait Live {
 /// The slave's end of the service channel.
 #[derive(Debug)]
 pub struct Server {
+    dictionary: &'static Dictionary,
     open: Option<&'static DataBlock>,
     transfer: Option<Transfer>,
     staging: Staging,
@@ -156,26 +146,20 @@ pub struct Server {
     segment_words: usize,
 }
 
-impl Default for Server {
-    fn default() -> Self {
-        Self::new()
-    }
-}
-
 impl Server {
     /// Closed, no command set, segments of [`SEGMENT_WORDS`].
-    pub const fn new() -> Self {
-        Self::with_segment_words(SEGMENT_WORDS)
+    pub const fn new(dictionary: &'static Dictionary) -> Self {
+        Self::with_segment_words(dictionary, SEGMENT_WORDS)
     }
 
     /// Like [`Server::new`], but never sends more than so many words (1 to [`SEGMENT_WORDS`]) at once.
-    pub const fn with_segment_words(words: usize) -> Self {
+    pub const fn with_segment_words(dictionary: &'static Dictionary, words: usize) -> Self {
         let segment_words = match words {
             0 => 1,
             1..=SEGMENT_WORDS => words,
             _ => SEGMENT_WORDS,
         };
-        Self { open: None, transfer: None, staging: Vec::new(), commands: Commands::new(), segment_words }
+        Self { dictionary, open: None, transfer: None, staging: Vec::new(), commands: Commands::new(), segment_words }
     }
 
     /// Answers one step.
@@ -201,12 +185,14 @@ impl Server {
 
     /// The data status of a command.
     pub fn command_status(&self, idn: Idn) -> CommandStatus {
-        self.commands.status(idn)
+        self.dictionary.find(idn).map_or(CommandStatus::NotSet, |block| self.commands.status(block))
     }
 
     /// News of a command that [`Live::command`] has called [`CommandState::Executing`].
     pub fn command_progress(&mut self, idn: Idn, state: CommandState) {
-        self.commands.progress(idn, state);
+        if let Some(block) = self.dictionary.find(idn) {
+            self.commands.progress(block, state);
+        }
     }
 
     /// To be called on every phase change. The channel stays open from CP2 to CP4 (the master keeps its handshake);
@@ -215,7 +201,7 @@ impl Server {
         if phase <= Phase::Cp2 {
             self.close();
         }
-        self.commands.phase_changed(phase);
+        self.commands.phase_changed(phase, self.dictionary);
     }
 
     /// The IDN that is open.
@@ -234,7 +220,7 @@ impl Server {
         if !step.end {
             return Err(ServiceError::InvalidIdnAccess);
         }
-        self.open = dictionary::find(Idn(step.info));
+        self.open = self.dictionary.find(Idn(step.info));
         let block = self.open.ok_or(ServiceError::IdnNotAvailable)?;
         Ok(Reply::Accept { info: self.data_status(block) })
     }
@@ -348,16 +334,16 @@ impl Server {
                 transfer::stage_fixed(staging, bytes, raw);
             }
             Element::Data => match (block.location, block.fixed_bytes()) {
-                (Location::Dictionary(selection), _) => return Ok(Source::Dictionary(selection)),
+                (Location::Dictionary(selection), _) => return Ok(Source::Idns(self.dictionary.list(selection))),
                 (Location::Command, _) => {
-                    transfer::stage_fixed(staging, 2, u64::from(self.commands.status(block.idn) as u16));
+                    transfer::stage_fixed(staging, 2, u64::from(self.commands.status(block) as u16));
                 }
                 (Location::Parameter, Some(bytes)) => {
-                    let cyclic = if block.is_in(Selection::ConfigurableInMdt) { live.cyclic(block.idn) } else { None };
+                    let cyclic = if block.is_in(Selection::ConfigurableInMdt) { live.cyclic(block) } else { None };
                     transfer::stage_fixed(staging, bytes, cyclic.unwrap_or_else(|| parameters.get(block.idn).into()));
                 }
                 (Location::Live, Some(bytes)) => {
-                    transfer::stage_fixed(staging, bytes, live.read(block.idn, parameters));
+                    transfer::stage_fixed(staging, bytes, live.read(block, parameters));
                 }
                 (Location::Parameter, None) => match list_kind(block) {
                     ListKind::Text => transfer::stage_text(staging, parameters.text(block.idn), TEXT_BYTES),
@@ -373,19 +359,19 @@ impl Server {
                 (Location::Live, None) => match list_kind(block) {
                     ListKind::Text => {
                         let mut text = String::new();
-                        if let Some(text) = live.read_text(block.idn, parameters, &mut text) {
+                        if let Some(text) = live.read_text(block, parameters, &mut text) {
                             return Ok(Source::Text(text));
                         }
                         transfer::stage_text(staging, &text, LIVE_TEXT_BYTES);
                     }
                     ListKind::Idns | ListKind::Words => {
                         let mut list = Vec::new();
-                        live.read_list(block.idn, &mut list);
+                        live.read_list(block, &mut list);
                         transfer::stage_list(staging, list.iter().copied(), LIVE_LIST_ENTRIES);
                     }
                     ListKind::Longs => {
                         let mut list = Vec::new();
-                        live.read_longs(block.idn, &mut list);
+                        live.read_longs(block, &mut list);
                         transfer::stage_longs(staging, &list, LIVE_LONG_ENTRIES);
                     }
                 },
@@ -432,7 +418,7 @@ impl Server {
         if block.location == Location::Command {
             return Ok(());
         }
-        if let Err(error) = live.written(idn, parameters) {
+        if let Err(error) = live.written(block, parameters) {
             parameters.restore(idn, before);
             return Err(error);
         }
@@ -449,20 +435,22 @@ impl Server {
         live: &mut impl Live,
     ) -> Result<(), ServiceError> {
         let idn = block.idn;
-        if let Some(error) = live.refuses(idn, value, parameters) {
+        if let Some(error) = live.refuses(block, value, parameters) {
             return Err(error);
         }
         match (block.location, block.fixed_bytes()) {
             (Location::Command, _) => {
                 let value = (value & 0xFFFF) as u16;
-                self.commands.write(idn, value, |action| live.command(idn, action, parameters))
+                self.commands.write(block, value, |action| live.command(block, action, parameters))
             }
             (Location::Dictionary(_), _) => Err(ServiceError::ReadOnly(Element::Data)),
             (Location::Live, Some(_)) => {
-                live.write(idn, value);
+                live.write(block, value);
                 Ok(())
             }
-            (Location::Live, None) if block.is_text() => live.write_text(idn, &transfer::written_bytes(&self.staging)),
+            (Location::Live, None) if block.is_text() => {
+                live.write_text(block, &transfer::written_bytes(&self.staging))
+            }
             (Location::Live, None) => Err(ServiceError::ReadOnly(Element::Data)),
             (Location::Parameter, Some(_)) => parameters.set(idn, value),
             (Location::Parameter, None) => match list_kind(block) {
@@ -481,7 +469,7 @@ impl Server {
     /// The data status: the command acknowledgement, 0 for everything else (sercos2.md 3.6).
     fn data_status(&self, block: &DataBlock) -> u16 {
         match block.location {
-            Location::Command => self.commands.status(block.idn) as u16,
+            Location::Command => self.commands.status(block) as u16,
             _ => 0,
         }
     }

@@ -5,14 +5,16 @@
 
 mod finding;
 
+use crate::capacity::LIST_ENTRIES;
 use crate::data_block::{NeededFor, Selection};
-use crate::dictionary;
+use crate::dictionary::Dictionary;
 use crate::duration::{self, BitRate};
 use crate::idn::Idn;
-use crate::parameters::{self, LIST_ENTRIES, Parameters};
+use crate::parameters::{self, Parameters};
 use crate::phase::{ReadyForCp3, ReadyForCp4};
 use crate::telegram_type::TelegramType;
-use crate::weighting::{Dimension, Weighting};
+use crate::unit::Dimension;
+use crate::weighting::Weighting;
 use heapless::Vec;
 
 pub use finding::{FINDINGS, Invalid, InvalidData, Reason};
@@ -24,6 +26,8 @@ pub struct Capabilities {
     pub bit_rate: BitRate,
     /// Values that S-0-0032 to S-0-0035 and S-0-0284 to S-0-0287 may have, besides 0 (none) for the secondary modes.
     pub operation_modes: &'static [u16],
+    /// There is a position feedback 2 (S-0-0053).
+    pub feedback_2: bool,
 }
 
 /// Everything that CP3 and CP4 need to know, taken from parameters that passed S-0-0127.
@@ -98,6 +102,7 @@ pub fn check_cp3(
     parameters: &Parameters,
     capabilities: &Capabilities,
 ) -> Result<(CyclicConfiguration, ReadyForCp3), InvalidData> {
+    let dictionary = parameters.dictionary();
     let mut invalid = InvalidData::default();
     // The least that masters write (sercos2.md 2.3); the others have usable defaults.
     for idn in [Idn::CYCLE, T1, RECORD_POSITION, MDT_LENGTH, T2] {
@@ -117,24 +122,25 @@ pub fn check_cp3(
     if telegram_type.is_none() {
         invalid.add(Idn::TELEGRAM_TYPE, Reason::NotSupported);
     }
-    if telegram_type.is_some_and(TelegramType::uses_feedback_2) && !has_feedback_2(parameters) {
+    if telegram_type.is_some_and(TelegramType::uses_feedback_2) && !capabilities.feedback_2 {
         invalid.add(Idn::TELEGRAM_TYPE, Reason::NoFeedback2);
     }
     let asked_for = parameters.cyclic_at().contains(&Idn::POSITION_FEEDBACK_2);
-    if telegram_type == Some(TelegramType::APPLICATION) && asked_for && !has_feedback_2(parameters) {
+    if telegram_type == Some(TelegramType::APPLICATION) && asked_for && !capabilities.feedback_2 {
         invalid.add(Idn::AT_LIST, Reason::NoFeedback2);
     }
     let blamed = |list| if telegram_type == Some(TelegramType::APPLICATION) { list } else { Idn::TELEGRAM_TYPE };
-    let at = lay_out(parameters.cyclic_at(), Selection::ConfigurableInAt, parameters.get_word(AT_MAXIMUM))
+    let at = lay_out(dictionary, parameters.cyclic_at(), Selection::ConfigurableInAt, parameters.get_word(AT_MAXIMUM))
         .unwrap_or_else(|reason| {
             invalid.add(blamed(Idn::AT_LIST), reason);
             Vec::new()
         });
-    let mdt = lay_out(parameters.cyclic_mdt(), Selection::ConfigurableInMdt, parameters.get_word(MDT_MAXIMUM))
-        .unwrap_or_else(|reason| {
-            invalid.add(blamed(Idn::MDT_LIST), reason);
-            Vec::new()
-        });
+    let mdt =
+        lay_out(dictionary, parameters.cyclic_mdt(), Selection::ConfigurableInMdt, parameters.get_word(MDT_MAXIMUM))
+            .unwrap_or_else(|reason| {
+                invalid.add(blamed(Idn::MDT_LIST), reason);
+                Vec::new()
+            });
 
     let configuration = CyclicConfiguration {
         cycle_us,
@@ -254,12 +260,8 @@ pub const fn command_value_of(operation_mode: u16) -> Option<Idn> {
     }
 }
 
-fn has_feedback_2(parameters: &Parameters) -> bool {
-    parameters.get_word(Idn::POSITION_FEEDBACK_2_SOURCE) != 0
-}
-
 fn check_ranges(parameters: &Parameters, needed_for: NeededFor, invalid: &mut InvalidData) {
-    let needed = dictionary::DICTIONARY.iter().filter(|block| block.needed_for == needed_for);
+    let needed = parameters.dictionary().blocks().iter().filter(|block| block.needed_for == needed_for);
     for block in needed.filter(|block| block.fixed_bytes().is_some()) {
         if parameters::check_limits(block, parameters.get(block.idn).into()).is_err() {
             invalid.add(block.idn, Reason::OutOfRange);
@@ -268,10 +270,15 @@ fn check_ranges(parameters: &Parameters, needed_for: NeededFor, invalid: &mut In
 }
 
 /// Places data one after the other.
-fn lay_out(idns: &[Idn], selection: Selection, maximum: u16) -> Result<Vec<CyclicDatum, LIST_ENTRIES>, Reason> {
+fn lay_out(
+    dictionary: &Dictionary,
+    idns: &[Idn],
+    selection: Selection,
+    maximum: u16,
+) -> Result<Vec<CyclicDatum, LIST_ENTRIES>, Reason> {
     let mut data: Vec<CyclicDatum, LIST_ENTRIES> = Vec::new();
     for &idn in idns {
-        let block = dictionary::find(idn).filter(|block| block.is_in(selection));
+        let block = dictionary.find(idn).filter(|block| block.is_in(selection));
         let is_new = !data.iter().any(|datum| datum.idn == idn);
         let bytes =
             block.and_then(|block| block.fixed_bytes()).filter(|_| is_new).ok_or(Reason::NotConfigurable(idn))?;

@@ -1,96 +1,13 @@
 //! What an increment of position, velocity, acceleration, jerk and torque data is: the scaling types S-0-0044, 76, 86 and 160 with their
 //! factors and exponents (sercos2.md 6.5), and what elements 3 and 4 of a data block say of it.
 
+use arbitrary_int::u4;
+
+use crate::attribute::Attribute;
+use crate::data_block::DataBlock;
 use crate::idn::Idn;
 use crate::parameters::Parameters;
-
-/// What operation data measure, if a scaling type says in which increments.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-#[cfg_attr(feature = "defmt", derive(defmt::Format))]
-pub enum Dimension {
-    /// By S-0-0076.
-    Position,
-    /// By S-0-0044.
-    Velocity,
-    /// By S-0-0160.
-    Acceleration,
-    /// By S-0-0160: the same increments a second.
-    Jerk,
-    /// By S-0-0086.
-    Torque,
-}
-
-/// Element 4 of a data block before the scaling is looked at.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Unit {
-    /// The same whatever the scaling is; empty: the data block has none.
-    Fixed(&'static str),
-    /// As the scaling says.
-    Scaled(Dimension),
-}
-
-impl Unit {
-    /// The data block has no element 4.
-    pub const fn is_empty(self) -> bool {
-        matches!(self, Unit::Fixed(unit) if unit.is_empty())
-    }
-
-    /// The unit under the default of the scaling.
-    pub const fn preferred(self) -> &'static str {
-        match self {
-            Unit::Fixed(unit) => unit,
-            Unit::Scaled(dimension) => dimension.preferred().unit,
-        }
-    }
-
-    /// Decimal places under the default of the scaling; `fixed` where the scaling changes nothing.
-    pub(crate) const fn preferred_decimals(self, fixed: u8) -> u8 {
-        match self {
-            Unit::Fixed(_) => fixed,
-            Unit::Scaled(dimension) => dimension.preferred().decimals,
-        }
-    }
-}
-
-impl Dimension {
-    /// The scaling type.
-    pub const fn scaling_type(self) -> Idn {
-        match self {
-            Dimension::Position => POSITION_TYPE,
-            Dimension::Velocity => VELOCITY_TYPE,
-            Dimension::Acceleration | Dimension::Jerk => ACCELERATION_TYPE,
-            Dimension::Torque => TORQUE_TYPE,
-        }
-    }
-
-    /// What elements 3 and 4 say under the default of the scaling.
-    pub const fn preferred(self) -> Weight {
-        let (unit, decimals) = match self {
-            Dimension::Position => ("deg", 4),
-            Dimension::Velocity => ("rpm", 4),
-            Dimension::Acceleration => ("rad/s^2", 3),
-            Dimension::Jerk => ("rad/s^3", 3),
-            Dimension::Torque => ("%", 1),
-        };
-        Weight { unit, decimals, factor: 1 }
-    }
-}
-
-const VELOCITY_TYPE: Idn = Idn::standard(44);
-const POSITION_TYPE: Idn = Idn::standard(76);
-const TORQUE_TYPE: Idn = Idn::standard(86);
-const ACCELERATION_TYPE: Idn = Idn::standard(160);
-
-/// How a value reads: the number, times `factor`, with so many decimal places, in this unit.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Weight {
-    /// Element 4.
-    pub unit: &'static str,
-    /// Bits 27 to 24 of element 3.
-    pub decimals: u8,
-    /// Bits 15 to 0 of element 3.
-    pub factor: u16,
-}
+use crate::unit::{Dimension, Unit, Weight};
 
 impl Weight {
     /// Of data whose increment no factor of 16 bits and no 15 decimal places can express, and of data whose scaling type means nothing: the
@@ -125,6 +42,28 @@ impl Weight {
             circle = circle.saturating_mul(10);
         }
         None
+    }
+}
+
+impl DataBlock {
+    /// Element 4 under the scaling of these parameters; empty: there is none.
+    pub fn scaled_unit(&self, parameters: &Parameters) -> &'static str {
+        match self.unit {
+            Unit::Fixed(unit) => unit,
+            Unit::Scaled(dimension) => Weight::of(dimension, parameters).unit,
+        }
+    }
+
+    /// Element 3 under the scaling of these parameters.
+    pub fn scaled_attribute(&self, parameters: &Parameters) -> Attribute {
+        match self.unit {
+            Unit::Fixed(_) => self.attribute,
+            Unit::Scaled(dimension) => {
+                let weight = Weight::of(dimension, parameters);
+                let decimals = u4::new(weight.decimals & 0xF);
+                self.attribute.with_decimal_places(decimals).with_conversion_factor(weight.factor)
+            }
+        }
     }
 }
 

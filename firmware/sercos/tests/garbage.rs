@@ -65,7 +65,7 @@ proptest! {
     #[test]
     fn every_value_that_is_accepted_reads_back(value: u64, place: prop::sample::Index) {
         let mut slave = Slave::in_cp2();
-        let blocks: Vec<_> = sercos::dictionary::DICTIONARY
+        let blocks: Vec<_> = crate::sample::DICTIONARY.blocks()
             .iter()
             .filter(|block| block.fixed_bytes().is_some() && !block.attribute.command())
             .collect();

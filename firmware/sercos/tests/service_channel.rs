@@ -1,10 +1,12 @@
 //! The service channel's behaviour, element by element and error by error.
 
+use crate::sample::DICTIONARY;
 use crate::support::{Boundary, Slave};
+use sercos::Idn;
 use sercos::command::CommandState;
 use sercos::data_block::{Location, Selection};
-use sercos::service::{Element, Progress, Reply, ServiceError, Step};
-use sercos::{Idn, dictionary};
+use sercos::error::{Element, ServiceError};
+use sercos::service::{Progress, Reply, Step};
 
 const fn s(number: u16) -> Idn {
     Idn::standard(number)
@@ -15,7 +17,7 @@ fn every_element_of_every_data_block_reads_as_the_table_says_however_the_control
     for boundary in [Boundary::WithLast, Boundary::AfterLast] {
         for segment_words in [1, 2, 3, 7, 16] {
             let mut slave = Slave::new(boundary, segment_words);
-            for block in dictionary::select(Selection::All) {
+            for block in DICTIONARY.select(Selection::All) {
                 slave.open(block.idn).unwrap();
                 assert_eq!(slave.read(1, 1), Ok(vec![block.idn.0]));
                 assert_eq!(text(&slave.read_list(2).unwrap()), block.name);
@@ -42,7 +44,7 @@ fn every_element_of_every_data_block_reads_as_the_table_says_however_the_control
                     None => {
                         let words = slave.read_list(7).unwrap();
                         if let Location::Dictionary(selection) = block.location {
-                            let expected: Vec<u16> = dictionary::select(selection).map(|block| block.idn.0).collect();
+                            let expected: Vec<u16> = DICTIONARY.select(selection).map(|block| block.idn.0).collect();
                             assert_eq!(&words[2..], expected);
                         }
                     }

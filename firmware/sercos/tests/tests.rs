@@ -5,6 +5,10 @@
 mod garbage;
 mod recording;
 mod run_up;
+#[path = "../examples/sample/mod.rs"]
+mod sample;
 mod service_channel;
 mod support;
 mod weighting;
+
+use sample::DICTIONARY;

@@ -1,10 +1,10 @@
 //! Elements 3 and 4 of data that follow a scaling type, read over the service channel under each scaling.
 
+use crate::sample::DICTIONARY;
 use crate::support::Slave;
 use sercos::Idn;
 use sercos::attribute::Attribute;
-use sercos::dictionary::DICTIONARY;
-use sercos::weighting::{Dimension, Unit};
+use sercos::unit::{Dimension, Unit};
 
 /// What a data block reads as: unit, decimal places, conversion factor.
 type Weight = (String, u8, u16);
@@ -31,7 +31,7 @@ fn weight(slave: &mut Slave, idn: Idn) -> Weight {
 fn expect(changes: &[(u16, i32)], dimension: Dimension, expected: (&str, u8, u16)) {
     let mut slave = scaled(changes);
     let mut seen = 0;
-    for block in DICTIONARY.iter().filter(|block| block.unit == Unit::Scaled(dimension)) {
+    for block in DICTIONARY.blocks().iter().filter(|block| block.unit == Unit::Scaled(dimension)) {
         let (unit, decimals, factor) = weight(&mut slave, block.idn);
         assert_eq!((unit.as_str(), decimals, factor), expected, "{} under {changes:?}", block.idn);
         seen += 1;
@@ -156,23 +156,8 @@ fn the_attributes_of_a_real_drive_with_linear_scaling_are_read_bit_for_bit() {
 #[test]
 fn what_the_table_calls_the_default_is_what_the_default_scaling_makes() {
     let slave = Slave::in_cp2();
-    for block in DICTIONARY {
+    for block in DICTIONARY.blocks() {
         assert_eq!(block.scaled_attribute(&slave.parameters), block.attribute, "{}", block.idn);
         assert_eq!(block.scaled_unit(&slave.parameters), block.unit.preferred(), "{}", block.idn);
-    }
-}
-
-#[test]
-fn no_data_block_has_a_scaled_unit_of_its_own() {
-    // The motor's own data and those of the identification do not follow a scaling; an angle in hundredths of a degree is electrical.
-    let own = [Idn::standard(113), Idn::product(218), Idn::product(219)];
-    for block in DICTIONARY.iter().filter(|block| !own.contains(&block.idn)) {
-        let Unit::Fixed(unit) = block.unit else { continue };
-        let decimals = block.attribute.decimal_places().value();
-        let looks_scaled = matches!(
-            (unit, decimals),
-            ("deg", 4) | ("rpm", _) | ("rad/s^2" | "rad/s^3", _) | ("mm" | "mm/min" | "mm/s" | "mm/s^2", _)
-        );
-        assert!(!looks_scaled, "{} in {unit} must name what it measures", block.idn);
     }
 }

@@ -1,8 +1,8 @@
 //! What a master writes in CP2, and the run-up with it.
 
+use drive::DICTIONARY;
 use ring::ident::Idn;
 use ring::service_client::status;
-use sercos::dictionary;
 
 use crate::slave::{GOOD_MSTS, Outcome, Slave};
 
@@ -139,7 +139,7 @@ pub fn list(items: &[u16]) -> Vec<u16> {
 /// Length of cyclic data, from the table.
 #[must_use]
 pub fn bytes_of(idn: u16) -> u16 {
-    dictionary::find(sercos::Idn(idn)).and_then(|block| block.fixed_bytes()).unwrap_or(0)
+    DICTIONARY.find(sercos::Idn(idn)).and_then(|block| block.fixed_bytes()).unwrap_or(0)
 }
 
 impl Slave {

@@ -4,13 +4,13 @@
 //! the AT that the next [`Slave::cycle`] returns.
 
 use bench::{DriveHandle, DriveSetup, World, ring_of_drives};
+use drive::DICTIONARY;
 use ring::fibre::{Effect, Fault, TelegramKind};
 use ring::ident::{Element, Idn};
 use ring::service_client::{HANDSHAKE_TIMEOUT_CYCLES, Step, control, status};
 use ring::tester::{Plan, ReceivedAt};
 use ring::wire::{BROADCAST, BitRate};
 use ring::{Nanoseconds, RingConfiguration, Tester};
-use sercos::dictionary;
 
 use crate::configuration::Configuration;
 
@@ -423,7 +423,7 @@ impl Slave {
     /// The handshake fails, the drive refuses, or it has another length than the table says.
     pub fn get(&mut self, idn: u16) -> Outcome<Vec<u16>> {
         self.open(idn)?;
-        let fixed = dictionary::find(sercos::Idn(idn)).and_then(|block| block.fixed_bytes());
+        let fixed = DICTIONARY.find(sercos::Idn(idn)).and_then(|block| block.fixed_bytes());
         let words = match fixed {
             Some(bytes) => self.words(7, usize::from(bytes / 2))?,
             None => self.list(7)?,

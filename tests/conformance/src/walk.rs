@@ -1,9 +1,9 @@
 //! A walk over the service channel: every element of every data block is read and written in CP2, CP3 and CP4, and every answer is compared
 //! with what the table says.
 
+use drive::DICTIONARY;
 use sercos::Phase;
 use sercos::data_block::{DataBlock, Location, Selection};
-use sercos::dictionary::{self, DICTIONARY};
 use serde::Serialize;
 
 use crate::configuration::Configuration;
@@ -55,7 +55,7 @@ pub fn walk(slave: &mut Slave) -> Outcome<WalkReport> {
 /// The handshake fails.
 pub fn read_all(slave: &mut Slave, phase: Phase) -> Outcome<WalkReport> {
     let mut report = WalkReport::default();
-    for block in DICTIONARY {
+    for block in DICTIONARY.blocks() {
         read(slave, block, phase, &mut report)?;
     }
     report.slowest_cycles = slave.slowest.0;
@@ -63,7 +63,7 @@ pub fn read_all(slave: &mut Slave, phase: Phase) -> Outcome<WalkReport> {
 }
 
 fn over_all(slave: &mut Slave, phase: Phase, report: &mut WalkReport) -> Outcome {
-    for block in DICTIONARY {
+    for block in DICTIONARY.blocks() {
         read(slave, block, phase, report)?;
         write(slave, block, phase, report)?;
         slave.close()?;
@@ -258,7 +258,7 @@ fn text(text: &str) -> Vec<u16> {
 }
 
 fn idns(selection: Selection) -> Vec<u16> {
-    let idns: Vec<u16> = dictionary::select(selection).map(|block| block.idn.0).collect();
+    let idns: Vec<u16> = DICTIONARY.select(selection).map(|block| block.idn.0).collect();
     let bytes = 2 * idns.len() as u16;
     [bytes, bytes].into_iter().chain(idns).collect()
 }

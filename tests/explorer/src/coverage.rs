@@ -2,8 +2,9 @@
 
 use std::collections::BTreeMap;
 
+use drive::DICTIONARY;
+use sercos::Phase;
 use sercos::data_block::Location;
-use sercos::{Phase, dictionary};
 use serde::{Deserialize, Serialize};
 
 /// What the master saw in the status words of one life.
@@ -150,7 +151,7 @@ impl Coverage {
             names(heading).unwrap_or_default().iter().any(|name| name.split(' ').next() == Some(begin))
         };
         let mut never = Vec::new();
-        for block in dictionary::DICTIONARY {
+        for block in DICTIONARY.blocks() {
             let name = ring::ident::Idn(block.idn.0).to_string();
             let is_command = matches!(block.location, Location::Command);
             if block.attribute.is_read_only() {

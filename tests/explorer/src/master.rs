@@ -2,11 +2,11 @@
 //!
 //! The AT of a cycle comes before its MDT, so a step of the service channel takes one cycle.
 
+use drive::DICTIONARY;
 use ring::Nanoseconds;
 use ring::service_client::{AtWords, Finished, Pace, Request, ServiceClient, control, status};
 use ring::station::Master;
 use ring::wire::{BROADCAST, BitRate, LineError, Transmission, encode};
-use sercos::dictionary;
 
 use crate::coverage::Wire;
 
@@ -378,7 +378,7 @@ impl Layout {
 
 /// Length of a cyclic data block.
 pub(crate) fn bytes_of(idn: u16) -> usize {
-    dictionary::find(sercos::Idn(idn)).and_then(|block| block.fixed_bytes()).map_or(0, usize::from)
+    DICTIONARY.find(sercos::Idn(idn)).and_then(|block| block.fixed_bytes()).map_or(0, usize::from)
 }
 
 impl Master for Stubborn {

@@ -2,10 +2,10 @@
 
 use std::collections::VecDeque;
 
+use drive::DICTIONARY;
 use ring::ident::{Element, Idn, Value};
 use ring::service_client::{Finished, Request, Step, StepRecord};
 use sercos::attribute::Length;
-use sercos::dictionary;
 
 use crate::coverage::Coverage;
 use crate::life::Action;
@@ -196,7 +196,7 @@ pub(crate) fn is_list(idn: u16) -> bool {
 }
 
 fn length_of(idn: u16) -> Option<Length> {
-    dictionary::find(sercos::Idn(idn)).map(|block| block.attribute.length())
+    DICTIONARY.find(sercos::Idn(idn)).map(|block| block.attribute.length())
 }
 
 #[cfg(test)]

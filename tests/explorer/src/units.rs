@@ -1,8 +1,8 @@
 //! What an increment of position, velocity and acceleration is worth on an axis, from its scaling parameters (sercos2.md 4.2).
 
+use drive::DICTIONARY;
 use plant::ReferenceAxis;
 use ring::ident::{Idn, Value};
-use sercos::dictionary;
 
 use crate::life::Axis;
 
@@ -80,7 +80,7 @@ pub(crate) fn setting(axis: &Axis, idn: u16) -> Option<i64> {
 
 /// The value of a data block that nobody has written.
 pub(crate) fn default_of(idn: u16) -> i64 {
-    dictionary::find(sercos::Idn(idn)).map_or(0, |block| block.default)
+    DICTIONARY.find(sercos::Idn(idn)).map_or(0, |block| block.default)
 }
 
 /// What is written in CP2: what the machine needs, in the axis' units, then the axis' own settings. Nothing that has its default anyway.
@@ -93,7 +93,7 @@ pub(crate) fn writes(axis: &Axis, machine: &ReferenceAxis) -> Vec<(u16, i64)> {
         .collect();
     for (idn, value) in &mut base {
         // The precise axis asks for a filter that the drive does not have.
-        *value = (*value).max(dictionary::find(sercos::Idn(*idn)).and_then(|block| block.minimum).unwrap_or(i64::MIN));
+        *value = (*value).max(DICTIONARY.find(sercos::Idn(*idn)).and_then(|block| block.minimum).unwrap_or(i64::MIN));
         if *idn == 138 {
             let acceleration = f64::from(machine.gains.acceleration_limit) * 1e-3;
             *value = (acceleration * units.acceleration).round().clamp(1.0, f64::from(i32::MAX)) as i64;
@@ -120,14 +120,14 @@ pub(crate) fn number_of(value: &Value) -> Option<i64> {
 
 /// A value as the words of a data block's operation data.
 pub(crate) fn words_of(idn: u16, value: i64) -> Vec<u16> {
-    let bytes = dictionary::find(sercos::Idn(idn)).and_then(|block| block.fixed_bytes()).unwrap_or(2);
+    let bytes = DICTIONARY.find(sercos::Idn(idn)).and_then(|block| block.fixed_bytes()).unwrap_or(2);
     (0..usize::from(bytes / 2).max(1)).map(|word| (value >> (16 * word).min(63)) as u16).collect()
 }
 
 /// The value of a data block from its words, with its sign.
 pub(crate) fn value_of(idn: u16, words: &[u16]) -> i64 {
     let raw = words.iter().rev().fold(0u64, |raw, word| raw << 16 | u64::from(*word));
-    dictionary::find(sercos::Idn(idn)).map_or(raw as i64, |block| block.attribute.value_of(raw))
+    DICTIONARY.find(sercos::Idn(idn)).map_or(raw as i64, |block| block.attribute.value_of(raw))
 }
 
 #[cfg(test)]

@@ -2,9 +2,9 @@
 
 use std::fmt;
 
+use drive::DICTIONARY;
 use ring::ident::Idn;
 use sercos::attribute::Format;
-use sercos::dictionary;
 
 use crate::life::{Action, Axis, Life};
 use crate::units::Units;
@@ -157,5 +157,5 @@ fn tell(formatter: &mut fmt::Formatter<'_>, action: &Action, units: &Units) -> f
 }
 
 fn is_list_of_idns(idn: u16) -> bool {
-    dictionary::find(sercos::Idn(idn)).is_some_and(|block| block.attribute.format() == Format::Idn)
+    DICTIONARY.find(sercos::Idn(idn)).is_some_and(|block| block.attribute.format() == Format::Idn)
 }

@@ -2,10 +2,10 @@
 
 use std::sync::LazyLock;
 
-use drive::{Facts, MotionSettings, PwmFrequency, Records, TemperatureSensor};
+use drive::{Facts, MotionSettings, PwmFrequency, TemperatureSensor};
+use drive::dictionary::{DICTIONARY, records, source};
 use sercos::command::CommandStatus;
 use sercos::data_block::{DataBlock, Location, NeededFor, Selection};
-use sercos::dictionary::{self, DICTIONARY};
 use sercos::duration::{self, BitRate};
 use sercos::transition::{self, Capabilities, CyclicConfiguration};
 use sercos::{Idn, Phase};
@@ -51,11 +51,11 @@ pub fn configuration(bytes: &[u8]) {
         assert_fits(&configuration, bit_rate);
         assert_has_records(&configuration);
     }
-    let _ = MotionSettings::new(&slave.parameters, &FACTS);
+    let _ = MotionSettings::new(&slave.parameters, &FACTS, source);
     if checked(&mut slave, Idn::CP3_TRANSITION_CHECK) {
         assert_eq!(slave.mst(3), Ok(()));
         while write(&mut slave, &mut bytes) {}
-        let scaled = MotionSettings::new(&slave.parameters, &FACTS);
+        let scaled = MotionSettings::new(&slave.parameters, &FACTS, source);
         if checked(&mut slave, Idn::CP4_TRANSITION_CHECK) {
             assert_eq!(slave.mst(4), Ok(()));
             if let Ok(settings) = scaled {
@@ -118,14 +118,14 @@ fn list(block: &DataBlock, bytes: &mut Bytes<'_>) -> Option<Vec<u16>> {
 /// Parameters that a master can write, those that S-0-0127 looks at alone and all of them.
 static WRITABLE: LazyLock<[Vec<&'static DataBlock>; 2]> = LazyLock::new(|| {
     let is_writable = |block: &&DataBlock| block.location == Location::Parameter && !block.attribute.is_read_only();
-    let all: Vec<&DataBlock> = DICTIONARY.iter().filter(is_writable).collect();
+    let all: Vec<&DataBlock> = DICTIONARY.blocks().iter().filter(is_writable).collect();
     [all.iter().copied().filter(|block| block.needed_for == NeededFor::Cp3).collect(), all]
 });
 
 /// What S-0-0016 and S-0-0024 can name, and everything.
 static ENTRIES: LazyLock<[Vec<Idn>; 3]> = LazyLock::new(|| {
     [Selection::ConfigurableInAt, Selection::ConfigurableInMdt, Selection::All]
-        .map(|selection| dictionary::select(selection).map(|block| block.idn).collect())
+        .map(|selection| DICTIONARY.select(selection).map(|block| block.idn).collect())
 });
 
 /// An entry of a list: mostly one that its telegram can carry.
@@ -167,10 +167,8 @@ fn assert_fits(configuration: &CyclicConfiguration, bit_rate: BitRate) {
 }
 
 fn assert_has_records(configuration: &CyclicConfiguration) {
-    let mdt = configuration.mdt.iter().map(|datum| datum.idn);
-    let at = configuration.at.iter().map(|datum| datum.idn);
-    let records = Records::new(mdt, at).unwrap_or_else(|| panic!("no records for {configuration:?}"));
-    let feedback_words: u16 = records.feedback.iter().map(|feedback| feedback.words()).sum();
+    let records = records(configuration).unwrap_or_else(|| panic!("no records for {configuration:?}"));
+    let feedback_words: u16 = records.feedback.iter().map(|datum| datum.words).sum();
     assert_eq!(feedback_words * 2, configuration.at_data_bytes(), "{configuration:?}");
     assert_eq!(records.commands.len(), configuration.mdt.len());
 }

@@ -17,6 +17,8 @@ mod service_channel;
 #[path = "../../../firmware/sercos/tests/support/mod.rs"]
 mod support;
 
+use drive::DICTIONARY;
+
 pub use capture::capture;
 pub use configuration::configuration;
 pub use service_channel::service_channel;

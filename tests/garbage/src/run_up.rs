@@ -2,9 +2,9 @@
 
 use std::sync::LazyLock;
 
+use drive::DICTIONARY;
 use sercos::command::CommandStatus;
 use sercos::data_block::{DataBlock, Location, NeededFor};
-use sercos::dictionary::DICTIONARY;
 use sercos::{Idn, Phase};
 
 use crate::support::Slave;
@@ -41,7 +41,7 @@ pub(crate) fn run_up(slave: &mut Slave) {
 
 /// What the transition checks look at, and the words of its defaults.
 static CHECKED: LazyLock<Vec<(Idn, Vec<u16>)>> = LazyLock::new(|| {
-    let checked = DICTIONARY.iter().filter(|block| is_checked(block));
+    let checked = DICTIONARY.blocks().iter().filter(|block| is_checked(block));
     checked.map(|block| (block.idn, words_of(block, block.default))).collect()
 });
 

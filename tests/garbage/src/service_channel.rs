@@ -2,12 +2,14 @@
 
 use std::sync::LazyLock;
 
+use drive::DICTIONARY;
+use sercos::capacity::LIVE_LIST_ENTRIES;
 use sercos::command::{CommandState, CommandStatus};
 use sercos::data_block::{DataBlock, Selection};
-use sercos::dictionary::{self, DICTIONARY};
+use sercos::error::ServiceError;
 use sercos::parameters::Parameters;
 use sercos::phase::PhaseError;
-use sercos::service::{LIVE_LIST_ENTRIES, Progress, Reply, ServiceError, Step};
+use sercos::service::{Progress, Reply, Step};
 use sercos::supervision::{Reception, Supervision};
 use sercos::{Idn, Phase, transition};
 
@@ -127,12 +129,12 @@ fn info(of_table: bool, word: u16) -> u16 {
 }
 
 fn block(number: usize) -> &'static DataBlock {
-    &DICTIONARY[number % DICTIONARY.len()]
+    &DICTIONARY.blocks()[number % DICTIONARY.blocks().len()]
 }
 
 /// All procedure commands.
 static COMMANDS: LazyLock<Vec<Idn>> =
-    LazyLock::new(|| dictionary::select(Selection::Commands).map(|block| block.idn).collect());
+    LazyLock::new(|| DICTIONARY.select(Selection::Commands).map(|block| block.idn).collect());
 
 /// The longest list or text that the service channel takes: all that its staging buffer holds.
 const MOST_LIST_WORDS: usize = LIVE_LIST_ENTRIES + 2;
@@ -210,7 +212,8 @@ impl Stream {
         let words = before + usize::from(accepted);
         self.words_written = (!step.end).then_some(Written { words, stray });
         if accepted {
-            let block = self.slave.server.open_idn().and_then(dictionary::find).expect("a data block is open");
+            let block =
+                self.slave.server.open_idn().and_then(|idn| DICTIONARY.find(idn)).expect("a data block is open");
             let most = block.fixed_bytes().map_or(MOST_LIST_WORDS, |bytes| usize::from(bytes / 2));
             assert!(words <= most, "{} has taken {words} words of {most}", block.idn);
             let phase = self.slave.drive.machine.current();
@@ -263,7 +266,7 @@ impl Stream {
     fn assert_commands_can_be_cancelled(&self) {
         let phase = self.slave.drive.machine.current();
         for &idn in COMMANDS.iter() {
-            let protected = dictionary::find(idn).is_some_and(|block| block.attribute.is_protected_in(phase));
+            let protected = DICTIONARY.find(idn).is_some_and(|block| block.attribute.is_protected_in(phase));
             let status = self.slave.server.command_status(idn);
             let is_free = status == CommandStatus::NotSet;
             assert!(is_free || !(protected || phase < Phase::Cp2), "{idn} is {status:?} in {phase}");

@@ -1,4 +1,4 @@
-//! What the drive is set to, as the service channel and the MDT have told, and from the start what IDN.md says of a new drive.
+//! What the drive is set to, as the service channel and the MDT have told, and from the start what docs/idn.md says of a new drive.
 
 use std::collections::{BTreeMap, BTreeSet};
 
@@ -6,7 +6,7 @@ use ring::ident::Idn;
 
 use crate::units::Units;
 
-/// Settings of a new drive that the laws ask for, as IDN.md has them: number and value of the operation data.
+/// Settings of a new drive that the laws ask for, as docs/idn.md has them: number and value of the operation data.
 const DEFAULTS: [(u16, i64); 66] = [
     (1, 2_000),
     (2, 2_000),
@@ -332,7 +332,7 @@ impl Settings {
     }
 }
 
-/// Data blocks with a default here that IDN.md protects in CP4.
+/// Data blocks with a default here that docs/idn.md protects in CP4.
 pub(crate) fn is_protected_in_cp4(number: u16) -> bool {
     matches!(number, 1..=24 | 32..=35 | 43..=46 | 55 | 76..=79 | 85..=90 | 103 | 109..=116 | 121..=123 | 160..=162 | 277 | 284..=287)
         || number == 0x8000 | 120

@@ -110,7 +110,7 @@ pub(crate) enum Command {
         #[arg(long)]
         json: bool,
     },
-    /// Write the manual page of all data blocks and diagnoses, firmware/sercos/IDN.md, from the tables of the firmware
+    /// Write the manual page of all data blocks and diagnoses, docs/idn.md, from the tables of the firmware
     Manual {
         /// Write nothing: fail if the page is not what the tables say
         #[arg(long)]

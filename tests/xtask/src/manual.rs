@@ -1,4 +1,4 @@
-//! `firmware/sercos/IDN.md`: the manual page of all data blocks, made from the tables of the firmware.
+//! `docs/idn.md`: the manual page of all data blocks, made from the tables of the firmware.
 
 mod page;
 
@@ -6,7 +6,7 @@ use crate::{Verdict, workspace};
 use anyhow::{Context, Result, bail};
 
 /// Where the page lives, from the repository's root.
-const PAGE: &str = "firmware/sercos/IDN.md";
+const PAGE: &str = "docs/idn.md";
 
 /// Writes the page, or only compares it.
 pub(crate) fn run(check: bool) -> Result<Verdict> {
@@ -21,7 +21,7 @@ pub(crate) fn run(check: bool) -> Result<Verdict> {
         return Ok(Verdict::Passed);
     }
     workspace::write_whole(&path, &page)?;
-    println!("{PAGE}: {} data blocks, {} diagnoses", sercos::dictionary::DICTIONARY.len(), drive::DIAGNOSES.len());
+    println!("{PAGE}: {} data blocks, {} diagnoses", drive::DICTIONARY.blocks().len(), drive::DIAGNOSES.len());
     Ok(Verdict::Passed)
 }
 

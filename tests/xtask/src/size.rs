@@ -11,9 +11,9 @@ const ACCEPTED: &str = "firmware/app/size.txt";
 const RAM: u64 = 0x2000_0000;
 /// Difference that needs no acceptance, in per cent.
 const TOLERANCE: u64 = 2;
-/// Names of the constant tables in the ELF: the rows of the dictionary, the IDN lists, and the places of the parameters. The diagnoses have
+/// Names of the constant tables in the ELF: the rows of the dictionary, the IDN lists, and the accessors of the rows. The diagnoses have
 /// none, because the firmware only takes single ones out of their table.
-const TABLES: [&str; 3] = ["DATA_BLOCKS", "IDNS", "STORAGE"];
+const TABLES: [&str; 3] = ["DATA_BLOCKS", "IDNS", "ACCESSORS"];
 
 /// Sizes of the sections that take room in the part.
 #[derive(Debug, PartialEq, Eq)]
@@ -196,11 +196,11 @@ mod tests {
 
     #[test]
     fn a_table_in_ram_or_without_a_symbol_is_found() {
-        let good = [("sercos::DATA_BLOCKS", 0x0801_0000, 8), ("IDNS", 0x0801_0100, 8), ("STORAGE", 0x0801_0200, 8)];
+        let good = [("drive::DATA_BLOCKS", 0x0801_0000, 8), ("IDNS", 0x0801_0100, 8), ("ACCESSORS", 0x0801_0200, 8)];
         assert!(judge_tables(&good).is_ok());
         let mut moved = good;
         moved[1].1 = 0x2000_0100;
         assert!(judge_tables(&moved).unwrap_err().to_string().contains("IDNS"));
-        assert!(judge_tables(&good[..2]).unwrap_err().to_string().contains("STORAGE"));
+        assert!(judge_tables(&good[..2]).unwrap_err().to_string().contains("ACCESSORS"));
     }
 }

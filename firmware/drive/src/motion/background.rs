@@ -1,65 +1,25 @@
 //! What the tasks of low priority ask of the motor side, each under one short lock.
 
 use sercon816::Bus;
+use sercos::Phase;
 use sercos::diagnostic::Class1;
 use sercos::phase::{InterfaceStatus, PhaseError};
-use sercos::{Idn, Phase};
 use servo::axis::Axis;
 use servo::clock::LoopClock;
 use servo::encoder::TwiceReadEncoder;
 use servo::units::SUPERVISION_PERIOD_MICROSECONDS;
 
-use super::{CommandValues, HOME_SWITCH, Motion, Positioning};
-use crate::bits::BitSettings;
+use super::{CommandValues, Motion, Positioning};
 use crate::diagnosis::{Circumstances, Manufacturer1, Manufacturer3};
 use crate::hardware::{Hardware, ResetCause};
 use crate::motion::clock_monitor::{ClockMonitor, PHASE_ERROR_CLASSES};
-use crate::record::{Command, Feedback, Records};
 use crate::settings::{CycleSettings, MotionSettings};
+use crate::signal::bits::BitSettings;
+use crate::signal::command::{Command, CommandValue};
+use crate::signal::control_bits::Enable;
+use crate::signal::feedback::Feedback;
+use crate::signal::record::Records;
 use crate::snapshot::Snapshot;
-
-/// A value of [`Motion::motor_value`].
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-#[cfg_attr(feature = "defmt", derive(defmt::Format))]
-pub enum MotorValue {
-    /// P-0-0118 in 0.01 degree; -1: not known.
-    CommutationAngle,
-    /// P-0-0119.
-    CommutationState,
-    /// P-0-0132.
-    MotorLoad,
-    /// P-0-0133.
-    AmplifierLoad,
-    /// P-0-0150 in ns.
-    PhaseError,
-    /// P-0-0151 in ns.
-    LargestPhaseError,
-    /// P-0-0153.
-    LateCycles,
-    /// P-0-0227 in %.
-    IdentificationProgress,
-}
-
-impl MotorValue {
-    /// The value of an IDN.
-    #[must_use]
-    pub fn from_idn(idn: Idn) -> Option<Self> {
-        if !idn.is_product() {
-            return None;
-        }
-        Some(match idn.number() {
-            118 => Self::CommutationAngle,
-            119 => Self::CommutationState,
-            132 => Self::MotorLoad,
-            133 => Self::AmplifierLoad,
-            150 => Self::PhaseError,
-            151 => Self::LargestPhaseError,
-            153 => Self::LateCycles,
-            227 => Self::IdentificationProgress,
-            _ => return None,
-        })
-    }
-}
 
 impl<B: Bus + Clone, H: Hardware> Motion<B, H> {
     /// Enters a communication phase that the slave has accepted.
@@ -258,9 +218,9 @@ impl<B: Bus + Clone, H: Hardware> Motion<B, H> {
     }
 
     /// A command value over the service channel, while it is not cyclic.
-    pub fn set_command(&mut self, command: Command, raw: u32) {
-        self.put_command(command, raw);
-        if command == Command::SignalControl {
+    pub(crate) fn set_command(&mut self, value: CommandValue, raw: u32) {
+        self.put_command(Command::Value(value), raw);
+        if value == CommandValue::SignalControl {
             self.apply_signal_control();
         }
         // What is reached is told of the new target as soon as it is acknowledged.
@@ -270,7 +230,8 @@ impl<B: Bus + Clone, H: Hardware> Motion<B, H> {
     }
 
     /// One of the bits above P-0-0019, over the service channel.
-    pub(crate) fn set_enable(&mut self, bit: u32, set: bool) {
+    pub(crate) fn set_enable(&mut self, enable: Enable, set: bool) {
+        let bit = enable.mask();
         self.controlled = if set { self.controlled | bit } else { self.controlled & !bit };
     }
 
@@ -280,14 +241,15 @@ impl<B: Bus + Clone, H: Hardware> Motion<B, H> {
         let mut owned = 0;
         if self.phase == Phase::Cp4 {
             owned = first | second;
-            if self.records.commands.contains(&Command::SignalControl) {
+            if self.records.carry(CommandValue::SignalControl) {
                 owned = signal_control.into_iter().fold(owned, |all, bit| all | bit);
             }
         }
         let mut bits = self.controlled;
         if self.settings.home_switch_at_drive {
-            owned |= HOME_SWITCH;
-            bits = if self.inputs.home_switch { bits | HOME_SWITCH } else { bits & !HOME_SWITCH };
+            let switch = Enable::HomeSwitch.mask();
+            owned |= switch;
+            bits = if self.inputs.home_switch { bits | switch } else { bits & !switch };
         }
         (bits, owned)
     }
@@ -338,26 +300,48 @@ impl<B: Bus + Clone, H: Hardware> Motion<B, H> {
         self.manufacturer_3.set(Manufacturer3::PASSWORD, locked);
     }
 
-    /// Values of the motor side that only the service channel shows.
-    pub fn motor_value(&self, value: MotorValue) -> u32 {
+    /// P-0-0118 in 0.01 degree; -1: not known.
+    pub(crate) fn commutation_angle(&self) -> i32 {
+        const CIRCLE: u64 = 36_000;
+        let angle = self.motor.commutation_angle(self.encoder.position());
+        let hundredths = |angle: u32| (u64::from(angle).wrapping_mul(CIRCLE).wrapping_add(1 << 31) >> 32) as i32;
+        angle.map_or(-1, |angle| hundredths(angle) % CIRCLE as i32)
+    }
+
+    /// P-0-0119.
+    pub(crate) fn commutation_state(&self) -> u16 {
+        self.motor.commutation_state()
+    }
+
+    /// P-0-0132 and P-0-0133.
+    pub(crate) fn loads(&self) -> [u16; 2] {
         let watched = self.motor.watched();
-        match value {
-            MotorValue::CommutationAngle => {
-                let angle = self.motor.commutation_angle(self.encoder.position());
-                angle
-                    .map_or(-1, |angle| {
-                        (u64::from(angle).wrapping_mul(36_000).wrapping_add(1 << 31) >> 32) as i32 % 36_000
-                    })
-                    .cast_unsigned()
-            }
-            MotorValue::CommutationState => self.motor.commutation_state().into(),
-            MotorValue::MotorLoad => watched.motor_load.into(),
-            MotorValue::AmplifierLoad => watched.amplifier_load.into(),
-            MotorValue::PhaseError => self.clock_monitor.last().cast_unsigned(),
-            MotorValue::LargestPhaseError => self.clock_monitor.largest(),
-            MotorValue::LateCycles => self.motor.measured().late,
-            MotorValue::IdentificationProgress => self.identification_percent.into(),
-        }
+        [watched.motor_load, watched.amplifier_load]
+    }
+
+    /// P-0-0150 in ns.
+    pub(crate) const fn phase_error(&self) -> i32 {
+        self.clock_monitor.last()
+    }
+
+    /// P-0-0151 in ns.
+    pub(crate) fn largest_phase_error(&self) -> u32 {
+        self.clock_monitor.largest()
+    }
+
+    /// P-0-0153.
+    pub(crate) const fn late_current_loops(&self) -> u32 {
+        self.motor.measured().late
+    }
+
+    /// P-0-0227 in %.
+    pub(crate) const fn identification_percent(&self) -> u8 {
+        self.identification_percent
+    }
+
+    /// S-0-0028 and S-0-0029.
+    pub(crate) const fn lost_telegrams(&self) -> [u16; 2] {
+        [self.supervision.mst_errors(), self.supervision.mdt_errors()]
     }
 
     /// P-0-0152.

@@ -9,8 +9,9 @@ use servo::units::{CurrentFraction, Velocity};
 
 use super::Motion;
 use crate::hardware::Hardware;
-use crate::record::Command;
 use crate::settings::Polarity;
+use crate::signal::command::{Command, CommandValue};
+use crate::signal::record::Datum;
 use crate::state::Switches;
 use crate::work::Work;
 
@@ -127,16 +128,16 @@ impl<B: Bus + Clone, H: Hardware> Motion<B, H> {
     fn take_record(&mut self) {
         let mut word = 0_u16;
         for index in 0..self.records.commands.len() {
-            let Some(&command) = self.records.commands.get(index) else { break };
-            let raw = match command.words() {
+            let Some(&Datum { signal: command, words }) = self.records.commands.get(index) else { break };
+            let raw = match words {
                 2 => self.command_port.double_word(word),
                 _ => u32::from(self.command_port.word(word)),
             };
             self.put_command(command, raw);
-            if command == Command::SignalControl {
+            if command == Command::Value(CommandValue::SignalControl) {
                 self.apply_signal_control();
             }
-            word = word.wrapping_add(command.words());
+            word = word.wrapping_add(words);
         }
     }
 
@@ -144,20 +145,37 @@ impl<B: Bus + Clone, H: Hardware> Motion<B, H> {
         let long = raw.cast_signed();
         let word = (raw & 0xFFFF) as u16;
         match command {
-            Command::Velocity => self.commands.velocity = long,
-            Command::AdditiveVelocity => self.commands.additive_velocity = long,
-            Command::Position => self.commands.position = long,
-            Command::AdditivePosition => self.commands.additive_position = long,
-            Command::Torque => self.commands.torque = word.cast_signed(),
-            Command::AdditiveTorque => self.commands.additive_torque = word.cast_signed(),
-            Command::SignalControl => self.commands.signal_control = word,
-            Command::TargetPosition => {
+            Command::Value(CommandValue::Velocity) => self.commands.velocity = long,
+            Command::Value(CommandValue::AdditiveVelocity) => self.commands.additive_velocity = long,
+            Command::Value(CommandValue::Position) => self.commands.position = long,
+            Command::Value(CommandValue::AdditivePosition) => self.commands.additive_position = long,
+            Command::Value(CommandValue::Torque) => self.commands.torque = word.cast_signed(),
+            Command::Value(CommandValue::AdditiveTorque) => self.commands.additive_torque = word.cast_signed(),
+            Command::Value(CommandValue::SignalControl) => self.commands.signal_control = word,
+            Command::Value(CommandValue::TargetPosition) => {
                 self.commands.target_position = long;
                 self.positioning.target_is_written();
             }
-            Command::PositioningValue => self.commands.positioning_value = long,
-            Command::PositioningControl => self.commands.positioning_control = word,
+            Command::Value(CommandValue::PositioningValue) => self.commands.positioning_value = long,
+            Command::Value(CommandValue::PositioningControl) => self.commands.positioning_control = word,
             Command::Limit(limit) => self.cyclic_limits.take(limit, raw),
+        }
+    }
+
+    /// A command value as it is transmitted. S-0-0047 is the place where the axis is held, while homing holds it.
+    pub(crate) fn command_data(&self, value: CommandValue) -> u32 {
+        let commands = &self.commands;
+        match value {
+            CommandValue::Velocity => commands.velocity.cast_unsigned(),
+            CommandValue::AdditiveVelocity => commands.additive_velocity.cast_unsigned(),
+            CommandValue::Position => self.position_command_data().cast_unsigned(),
+            CommandValue::AdditivePosition => commands.additive_position.cast_unsigned(),
+            CommandValue::Torque => commands.torque.cast_unsigned().into(),
+            CommandValue::AdditiveTorque => commands.additive_torque.cast_unsigned().into(),
+            CommandValue::SignalControl => commands.signal_control.into(),
+            CommandValue::TargetPosition => commands.target_position.cast_unsigned(),
+            CommandValue::PositioningValue => commands.positioning_value.cast_unsigned(),
+            CommandValue::PositioningControl => commands.positioning_control.into(),
         }
     }
 

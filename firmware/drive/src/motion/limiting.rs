@@ -6,7 +6,8 @@ use servo::axis::VelocityLimits;
 
 use super::Motion;
 use crate::hardware::Hardware;
-use crate::limits::{Effects, Limit, Preparation, Prepared};
+use crate::limits::{Effects, Preparation, Prepared};
+use crate::signal::limit::Limit;
 use crate::state::DriveState;
 use crate::work::Work;
 

@@ -6,10 +6,11 @@ use servo::scope::SCOPE_CHANNELS;
 use servo::units::Position;
 
 use super::Motion;
-use crate::bits::Source;
 use crate::hardware::Hardware;
 use crate::oscilloscope::{LoopValues, Oscilloscope, Signal, SignalValues, Task, sample_source};
-use crate::record::{Command, Feedback};
+use crate::signal::command::Command;
+use crate::signal::feedback::Feedback;
+use crate::signal::word::Source;
 
 /// All values of one instant.
 struct Values<'a, B, H: Hardware> {
@@ -58,19 +59,9 @@ impl<B: Bus + Clone, H: Hardware> Motion<B, H> {
 
 impl<B: Bus + Clone, H: Hardware> SignalValues for Values<'_, B, H> {
     fn command(&self, command: Command) -> u32 {
-        let commands = &self.motion.commands;
         match command {
-            Command::Velocity => commands.velocity.cast_unsigned(),
-            Command::AdditiveVelocity => commands.additive_velocity.cast_unsigned(),
-            Command::Position => self.motion.position_command_data().cast_unsigned(),
-            Command::AdditivePosition => commands.additive_position.cast_unsigned(),
-            Command::Torque => commands.torque.cast_unsigned().into(),
-            Command::AdditiveTorque => commands.additive_torque.cast_unsigned().into(),
-            Command::SignalControl => commands.signal_control.into(),
-            Command::TargetPosition => commands.target_position.cast_unsigned(),
+            Command::Value(value) => self.motion.command_data(value),
             Command::Limit(limit) => self.motion.cyclic_limits.values().get(limit).cast_unsigned(),
-            Command::PositioningValue => commands.positioning_value.cast_unsigned(),
-            Command::PositioningControl => commands.positioning_control.into(),
         }
     }
 

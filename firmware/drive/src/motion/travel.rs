@@ -10,6 +10,7 @@ use servo::units::Position;
 
 use super::Motion;
 use crate::hardware::{Hardware, ProbeInput};
+use crate::signal::control_bits::Enable;
 use crate::state::DriveState;
 
 /// Homing, as the service channel sees it.
@@ -42,15 +43,6 @@ pub(crate) struct ProbeRun {
     pub(super) cycle: ProbingCycle,
     settings: Option<ProbeSettings>,
 }
-
-/// Bits that only a control bit or the service channel sets, above the 16 of P-0-0019.
-pub(crate) const HOMING_ENABLE: u32 = 1 << 16;
-/// S-0-0405.
-pub(crate) const PROBE_1_ENABLE: u32 = 1 << 17;
-/// S-0-0406.
-pub(crate) const PROBE_2_ENABLE: u32 = 1 << 18;
-/// S-0-0400, where S-0-0147 bit 2 says that the control has the switch.
-pub(crate) const HOME_SWITCH: u32 = 1 << 19;
 
 impl<B: Bus + Clone, H: Hardware> Motion<B, H> {
     /// Starts S-0-0148 with a movement. The old reference is gone from now on. `false`: the drive is not in operation.
@@ -103,7 +95,7 @@ impl<B: Bus + Clone, H: Hardware> Motion<B, H> {
             HomingInputs {
                 position: self.encoder.position(),
                 home_switch: self.home_switch(settings.is_switch_at_drive()),
-                homing_enable: self.controlled & HOMING_ENABLE != 0,
+                homing_enable: self.controlled & Enable::Homing.mask() != 0,
                 index: self.homing_run.index.flatten(),
                 standstill: self.output.standstill,
                 moving_finished: self.output.travelled,
@@ -157,7 +149,7 @@ impl<B: Bus + Clone, H: Hardware> Motion<B, H> {
 
     /// The home switch of its owner.
     fn home_switch(&self, at_drive: bool) -> bool {
-        if at_drive { self.inputs.home_switch } else { self.controlled & HOME_SWITCH != 0 }
+        if at_drive { self.inputs.home_switch } else { self.controlled & Enable::HomeSwitch.mask() != 0 }
     }
 
     /// Moves the zero of all positions by `difference` without a movement. Divides.
@@ -185,8 +177,8 @@ impl<B: Bus + Clone, H: Hardware> Motion<B, H> {
             };
             ProbeSide { level, enable, positive: latched(true), negative: latched(false) }
         };
-        let one = side(ProbeInput::One, self.inputs.probe_1, self.controlled & PROBE_1_ENABLE != 0);
-        let two = side(ProbeInput::Two, self.inputs.probe_2, self.controlled & PROBE_2_ENABLE != 0);
+        let one = side(ProbeInput::One, self.inputs.probe_1, self.controlled & Enable::Probe1.mask() != 0);
+        let two = side(ProbeInput::Two, self.inputs.probe_2, self.controlled & Enable::Probe2.mask() != 0);
         self.probe_run.cycle.tick(&settings, &ProbeInputs { active: true, one, two });
     }
 
@@ -209,8 +201,8 @@ impl<B: Bus + Clone, H: Hardware> Motion<B, H> {
     /// Single bits of inputs and sequences: 0 home switch, 1 and 2 probes, 3 marker registered, 4 to 7 the bits of S-0-0179, 8 to 10
     /// S-0-0405 to S-0-0407.
     pub(super) fn signals(&self) -> u16 {
-        let enables = [PROBE_1_ENABLE, PROBE_2_ENABLE, HOMING_ENABLE].into_iter().rev();
-        let enables = enables.fold(0, |word, bit| word << 1 | u16::from(self.controlled & bit != 0));
+        let enables = [Enable::Probe1, Enable::Probe2, Enable::Homing].into_iter().rev();
+        let enables = enables.fold(0, |word, enable| word << 1 | u16::from(self.controlled & enable.mask() != 0));
         u16::from(self.home_switch(self.settings.home_switch_at_drive))
             | u16::from(self.inputs.probe_1) << 1
             | u16::from(self.inputs.probe_2) << 2

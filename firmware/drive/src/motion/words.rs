@@ -4,14 +4,15 @@ use sercon816::Bus;
 use sercos::Phase;
 use sercos::diagnostic::{Class1, Class2, Class3};
 use servo::axis::Limiting;
+use servo::probe::{Edge, Probe};
 use servo::units::{Position, Velocity};
 
 use super::Motion;
-use crate::bits::{Source, SourceBit, Word};
 use crate::diagnosis::{Manufacturer2, Manufacturer3};
 use crate::feedback::{ShownValues, torque_word};
 use crate::hardware::Hardware;
-use crate::record::Feedback;
+use crate::signal::feedback::{Feedback, FeedbackValue};
+use crate::signal::word::{Source, SourceBit, Word};
 use crate::state::status_bits;
 
 /// Change bits of the status word (sercos2.md 1.7).
@@ -97,22 +98,28 @@ impl<B: Bus + Clone, H: Hardware> Motion<B, H> {
     }
 
     pub(super) fn signal(&self, signal: Feedback) -> u32 {
-        match signal {
-            Feedback::Bits(word) => u32::from(self.word(word)),
-            Feedback::Velocity => self.weighted_velocity(self.shown.velocity).cast_unsigned(),
-            Feedback::Position2 if !self.settings.has_feedback_2 => 0,
-            Feedback::Position | Feedback::Position2 => self.shown_position().cast_unsigned(),
-            Feedback::Torque => torque_word(self.shown_torque()),
-            Feedback::SignalStatus => u32::from(self.signal_status()),
-            Feedback::FollowingDistance => self.shown_following_distance().cast_unsigned(),
-            Feedback::VelocityError => self.weighted_velocity(self.shown.velocity_deviation).cast_unsigned(),
-            Feedback::Probe(probe, edge) => self.probe_value(probe, edge).cast_unsigned(),
-            Feedback::BusVoltage => self.motor.watched().bus.into(),
-            Feedback::MotorTemperature => u32::from(self.motor.watched().winding.cast_unsigned()),
-            Feedback::AmplifierTemperature => u32::from(self.motor.watched().heat_sink.cast_unsigned()),
-            Feedback::Limits => self.limiting.bits().into(),
-            Feedback::EffectiveTarget => self.effective_target().cast_unsigned(),
-            Feedback::DiagnosticNumber => u32::from(self.diagnostic_number),
+        let value = match signal {
+            Feedback::Bits(word) => return self.word(word).into(),
+            Feedback::Value(value) => value,
+        };
+        match value {
+            FeedbackValue::Velocity => self.weighted_velocity(self.shown.velocity).cast_unsigned(),
+            FeedbackValue::Position2 if !self.settings.has_feedback_2 => 0,
+            FeedbackValue::Position | FeedbackValue::Position2 => self.shown_position().cast_unsigned(),
+            FeedbackValue::Torque => torque_word(self.shown_torque()),
+            FeedbackValue::SignalStatus => u32::from(self.signal_status()),
+            FeedbackValue::FollowingDistance => self.shown_following_distance().cast_unsigned(),
+            FeedbackValue::VelocityError => self.weighted_velocity(self.shown.velocity_deviation).cast_unsigned(),
+            FeedbackValue::Probe1Positive => self.probe_value(Probe::One, Edge::Positive).cast_unsigned(),
+            FeedbackValue::Probe1Negative => self.probe_value(Probe::One, Edge::Negative).cast_unsigned(),
+            FeedbackValue::Probe2Positive => self.probe_value(Probe::Two, Edge::Positive).cast_unsigned(),
+            FeedbackValue::Probe2Negative => self.probe_value(Probe::Two, Edge::Negative).cast_unsigned(),
+            FeedbackValue::BusVoltage => self.motor.watched().bus.into(),
+            FeedbackValue::MotorTemperature => u32::from(self.motor.watched().winding.cast_unsigned()),
+            FeedbackValue::AmplifierTemperature => u32::from(self.motor.watched().heat_sink.cast_unsigned()),
+            FeedbackValue::Limits => self.limiting.bits().into(),
+            FeedbackValue::EffectiveTarget => self.effective_target().cast_unsigned(),
+            FeedbackValue::DiagnosticNumber => u32::from(self.diagnostic_number),
         }
     }
 

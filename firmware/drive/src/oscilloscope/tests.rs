@@ -1,6 +1,11 @@
 use super::*;
-use crate::bits::Word;
+use crate::dictionary::DICTIONARY;
+use crate::service::scope::{is_own, refuses_setting, signal as signal_of};
+use crate::signal::command::CommandValue;
+use crate::signal::feedback::FeedbackValue;
+use crate::signal::word::Word;
 use sercos::data_block::Selection;
+use sercos::parameters::Parameters;
 use servo::axis::AxisOutput;
 use servo::path::CommandSource;
 use servo::scope::ScopeState;
@@ -17,18 +22,18 @@ struct Values {
 impl SignalValues for Values {
     fn command(&self, command: Command) -> u32 {
         match command {
-            Command::Velocity => (-3_000_000_i32).cast_unsigned(),
-            Command::Torque => 0xFF38,
-            Command::SignalControl => 0xFF39,
+            Command::Value(CommandValue::Velocity) => (-3_000_000_i32).cast_unsigned(),
+            Command::Value(CommandValue::Torque) => 0xFF38,
+            Command::Value(CommandValue::SignalControl) => 0xFF39,
             _ => 5,
         }
     }
 
     fn feedback(&self, feedback: Feedback) -> u32 {
         match feedback {
-            Feedback::Position => (-1_800_000_i32).cast_unsigned(),
-            Feedback::Torque => 0xFFFE,
-            Feedback::DiagnosticNumber => 0xC0FE,
+            Feedback::Value(FeedbackValue::Position) => (-1_800_000_i32).cast_unsigned(),
+            Feedback::Value(FeedbackValue::Torque) => 0xFFFE,
+            Feedback::Value(FeedbackValue::DiagnosticNumber) => 0xC0FE,
             _ => 6,
         }
     }
@@ -75,7 +80,7 @@ fn values() -> Values {
 }
 
 fn signal(number: u16) -> Signal {
-    Signal::new(number, &Parameters::new()).unwrap()
+    signal_of(number, &Parameters::new(&DICTIONARY)).unwrap()
 }
 
 /// Settings as a master has written them; all others are 0.
@@ -84,7 +89,7 @@ fn settings(written: &[(Idn, u32)]) -> impl Fn(Idn) -> u32 + '_ {
 }
 
 fn configuration(written: &[(Idn, u32)]) -> Result<Configuration, InvalidConfiguration> {
-    Configuration::new(settings(written), &Parameters::new())
+    Configuration::new(settings(written), |number| signal_of(number, &Parameters::new(&DICTIONARY)))
 }
 
 #[test]
@@ -129,7 +134,7 @@ fn every_value_of_the_telegrams_is_recorded_with_length_and_sign_of_its_attribut
     }
     let mut signed = Vec::new();
     let cyclic = [Selection::ConfigurableInAt, Selection::ConfigurableInMdt];
-    for block in cyclic.into_iter().flat_map(dictionary::select) {
+    for block in cyclic.into_iter().flat_map(|selection| DICTIONARY.select(selection)) {
         let recorded = sample_source(signal(block.idn.0), &Raw);
         let shown = block.attribute.value_of(0xFFFF_FF38);
         // Four bytes without sign keep their bits.
@@ -144,11 +149,11 @@ fn every_value_of_the_telegrams_is_recorded_with_length_and_sign_of_its_attribut
 
 #[test]
 fn a_parameter_is_recorded_as_it_was_when_the_recording_was_armed() {
-    let mut parameters = Parameters::new();
+    let mut parameters = Parameters::new(&DICTIONARY);
     parameters.set(Idn::standard(104), 375).unwrap();
     parameters.set(Idn::standard(46), 0xFFFC).unwrap();
     parameters.set(Idn::standard(79), 0xFFFF_FFFF).unwrap();
-    let recorded = |number| sample_source(Signal::new(number, &parameters).unwrap(), &values());
+    let recorded = |number| sample_source(signal_of(number, &parameters).unwrap(), &values());
     assert_eq!(recorded(104), 375);
     assert_eq!(recorded(46), -4, "two bytes with a sign");
     assert_eq!(recorded(79), -1, "four bytes without a sign keep their bits");
@@ -181,7 +186,7 @@ fn every_internal_signal_has_a_number_a_row_and_its_own_value() {
     for (number, value) in expected {
         assert_eq!(sample_source(signal(number), &values()), value, "{number:#06x}");
     }
-    assert!(numbers.iter().all(|&number| number >= 0xF000 && dictionary::find(Idn(number)).is_none()));
+    assert!(numbers.iter().all(|&number| number >= 0xF000 && DICTIONARY.find(Idn(number)).is_none()));
 }
 
 #[test]
@@ -195,7 +200,7 @@ fn a_following_error_beyond_the_range_is_limited_and_a_position_goes_round() {
 
 #[test]
 fn what_cannot_be_recorded_is_refused_when_it_is_written() {
-    let parameters = Parameters::new();
+    let parameters = Parameters::new(&DICTIONARY);
     let refused = |number: u16| refuses_setting(SIGNALS[3], number.into(), &parameters);
     for number in [0, 36, 51, 84, 104, 331, 0xF000, 0xF019] {
         assert_eq!(refused(number), None, "{number:#06x}");
@@ -251,7 +256,12 @@ fn only_the_task_that_p_0_0208_names_records() {
         (65_535, Task::ControlLoop, Task::CurrentLoop, 81_918_750),
     ] {
         oscilloscope.arm(configuration(&[(SIGNALS[1], 40), (SAMPLING, sampling)]).unwrap());
-        let signals = [Signal::Off, Signal::Feedback(Feedback::Velocity, Width::Long), Signal::Off, Signal::Off];
+        let signals = [
+            Signal::Off,
+            Signal::Feedback(Feedback::Value(FeedbackValue::Velocity), Width::Long),
+            Signal::Off,
+            Signal::Off,
+        ];
         assert_eq!(oscilloscope.wanted(task), Some(signals), "{sampling}");
         assert_eq!(oscilloscope.wanted(other), None, "{sampling}");
         assert_eq!(oscilloscope.interval(625), interval);

@@ -9,7 +9,8 @@ use servo::units::{Acceleration, Jerk, Velocity, VelocityScale};
 
 use super::scaling::DerivativeScale;
 use super::{InvalidSetting, Polarity, TorqueScale, invalid, signed};
-use crate::limits::{Limit, LimitValues};
+use crate::limits::LimitValues;
+use crate::signal::limit::Limit;
 
 /// Everything that turns limits into those of the loops.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

@@ -6,7 +6,8 @@
 
 use sercos::Idn;
 use sercos::parameters::Parameters;
-use sercos::weighting::{Dimension, Increment, Kind, Weighting};
+use sercos::unit::Dimension;
+use sercos::weighting::{Increment, Kind, Weighting};
 use servo::SettingsError;
 use servo::units::{Acceleration, Jerk, Modulo, PositionScale, VelocityScale};
 
@@ -244,10 +245,11 @@ pub(super) const TWO_PI: Ratio = Ratio::new(710, 113);
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::dictionary::DICTIONARY;
     use servo::units::{Position, Velocity};
 
     fn with(changes: &[(u16, i32)]) -> Parameters {
-        let mut parameters = Parameters::new();
+        let mut parameters = Parameters::new(&DICTIONARY);
         for &(number, value) in changes {
             parameters.set(Idn::standard(number), (value as u32).into()).unwrap();
         }

@@ -2,7 +2,8 @@
 
 use sercos::Idn;
 use sercos::parameters::Parameters;
-use sercos::weighting::{Dimension, Kind};
+use sercos::unit::Dimension;
+use sercos::weighting::Kind;
 use servo::SettingsError;
 use servo::arithmetic::Gain;
 use servo::units::CurrentFraction;
@@ -117,9 +118,10 @@ pub(super) fn milliamperes(parameters: &Parameters) -> Result<(Option<Ratio>, u1
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::dictionary::DICTIONARY;
 
     fn with(changes: &[(Idn, i32)]) -> Parameters {
-        let mut parameters = Parameters::new();
+        let mut parameters = Parameters::new(&DICTIONARY);
         for &(idn, value) in changes {
             parameters.set(idn, (value as u32).into()).unwrap();
         }

@@ -1,9 +1,10 @@
 use super::*;
 use crate::data_block::Location;
+use crate::sample::DICTIONARY;
 
 #[test]
 fn the_defaults_come_from_the_table() {
-    let parameters = Parameters::new();
+    let parameters = Parameters::new(&DICTIONARY);
     assert_eq!(parameters.get(Idn::standard(2)), 2_000);
     assert_eq!(parameters.get(Idn::standard(46)), 0xFFFC);
     assert_eq!(parameters.get_signed(Idn::standard(46)), -4);
@@ -13,8 +14,8 @@ fn the_defaults_come_from_the_table() {
 
 #[test]
 fn every_parameter_has_a_place_of_its_own() {
-    let mut parameters = Parameters::new();
-    let blocks = || dictionary::select(Selection::All).filter(|block| block.location == Location::Parameter);
+    let mut parameters = Parameters::new(&DICTIONARY);
+    let blocks = || DICTIONARY.select(Selection::All).filter(|block| block.location == Location::Parameter);
     // Constants and allocations take few values; their places are seen through the others'.
     let fixed = || {
         blocks().filter(|block| {
@@ -57,7 +58,7 @@ fn distinct(block: &DataBlock, number: u64) -> u64 {
 
 #[test]
 fn a_value_outside_its_limits_is_refused_and_changes_nothing() {
-    let mut parameters = Parameters::new();
+    let mut parameters = Parameters::new(&DICTIONARY);
     let before = parameters.clone();
     assert_eq!(parameters.set(Idn::standard(2), 499), Err(ServiceError::BelowMinimum));
     assert_eq!(parameters.set(Idn::standard(2), 65_001), Err(ServiceError::AboveMaximum));
@@ -75,14 +76,14 @@ fn a_value_outside_its_limits_is_refused_and_changes_nothing() {
 
 #[test]
 fn two_byte_parameters_keep_two_bytes() {
-    let mut parameters = Parameters::new();
+    let mut parameters = Parameters::new(&DICTIONARY);
     parameters.set(Idn::standard(97), 0x1_0005).unwrap();
     assert_eq!(parameters.get(Idn::standard(97)), 5);
 }
 
 #[test]
 fn what_the_master_has_written_is_forgotten_when_cp2_begins() {
-    let mut parameters = Parameters::new();
+    let mut parameters = Parameters::new(&DICTIONARY);
     parameters.mark_written(Idn::standard(2));
     parameters.mark_written(Idn::product(7));
     assert!(parameters.is_written(Idn::standard(2)) && parameters.is_written(Idn::product(7)));
@@ -93,7 +94,7 @@ fn what_the_master_has_written_is_forgotten_when_cp2_begins() {
 
 #[test]
 fn a_real_time_bit_is_tied_to_something_that_has_bits_or_to_nothing() {
-    let mut parameters = Parameters::new();
+    let mut parameters = Parameters::new(&DICTIONARY);
     for (bit, idn, result) in [
         (301, 0x8013, Ok(())),
         (303, 11, Err(ServiceError::InvalidData)),
@@ -114,7 +115,7 @@ fn a_real_time_bit_is_tied_to_something_that_has_bits_or_to_nothing() {
 
 #[test]
 fn the_defaults_come_back_for_what_is_stored_and_for_nothing_else() {
-    let mut parameters = Parameters::new();
+    let mut parameters = Parameters::new(&DICTIONARY);
     parameters.set(Idn::standard(2), 4_000).unwrap();
     parameters.set(Idn::standard(104), 250).unwrap();
     parameters.set_text(Idn::standard(142), b"folder").unwrap();
@@ -129,7 +130,7 @@ fn the_defaults_come_back_for_what_is_stored_and_for_nothing_else() {
 #[test]
 fn the_control_unit_cycle_follows_the_communication_cycle_until_the_master_writes_it() {
     let cycles = |parameters: &Parameters| [1, 2].map(|number| parameters.get(Idn::standard(number)));
-    let mut parameters = Parameters::new();
+    let mut parameters = Parameters::new(&DICTIONARY);
     parameters.set(Idn::standard(2), 4_000).unwrap();
     assert_eq!(cycles(&parameters), [4_000, 4_000]);
     parameters.set(Idn::standard(1), 8_000).unwrap();
@@ -144,7 +145,7 @@ fn the_control_unit_cycle_follows_the_communication_cycle_until_the_master_write
 #[test]
 fn a_cycle_time_that_the_ring_cannot_have_is_refused() {
     for number in [1, 2] {
-        let mut parameters = Parameters::new();
+        let mut parameters = Parameters::new(&DICTIONARY);
         let before = parameters.clone();
         for microseconds in [501, 800, 1_125, 64_999] {
             let refused = parameters.set(Idn::standard(number), microseconds);
@@ -159,15 +160,15 @@ fn a_cycle_time_that_the_ring_cannot_have_is_refused() {
 
 #[test]
 fn the_checksum_sees_every_stored_data_block_and_no_other() {
-    let fresh = Parameters::new();
+    let fresh = Parameters::new(&DICTIONARY);
     let mut other = fresh.clone();
     other.set(Idn::standard(2), 4_000).unwrap();
     assert_eq!(other.checksum(), fresh.checksum());
-    for block in dictionary::select(Selection::Backup) {
+    for block in DICTIONARY.select(Selection::Backup) {
         let mut other = fresh.clone();
-        let changed = match storage_of(block.idn) {
-            Storage::None => panic!("{} is stored nowhere", block.idn),
-            Storage::Cell(_) => {
+        let changed = match block.place {
+            Place::None | Place::Command(_) => panic!("{} is stored nowhere", block.idn),
+            Place::Value(_) => {
                 let now = u64::from(other.get(block.idn));
                 other
                     .set(block.idn, now + 1)
@@ -175,10 +176,10 @@ fn the_checksum_sees_every_stored_data_block_and_no_other() {
                     .or_else(|_| other.set(block.idn, 11))
                     .or_else(|_| other.set(block.idn, 0x8013))
             }
-            Storage::Idns(_) => other.set_list(block.idn, &[Idn::product(19)]),
-            Storage::Words(_) => other.set_words(block.idn, &[1]),
-            Storage::Longs(_) => other.set_longs(block.idn, &[1]),
-            Storage::Text(_) => other.set_text(block.idn, b"x"),
+            Place::Idns(_) => other.set_list(block.idn, &[Idn::product(19)]),
+            Place::Words(_) => other.set_words(block.idn, &[1]),
+            Place::Longs(_) => other.set_longs(block.idn, &[1]),
+            Place::Text(_) => other.set_text(block.idn, b"x"),
         };
         assert_eq!(changed, Ok(()), "{}", block.idn);
         assert_ne!(other.checksum(), fresh.checksum(), "{}", block.idn);

@@ -1,11 +1,10 @@
 //! One element on its way: where the words to be read come from, and whether the words written are complete.
 
-use super::error::{Element, ServiceError};
-use super::{LIVE_LIST_ENTRIES, LIVE_LONG_ENTRIES, SEGMENT_WORDS};
 use crate::attribute::Length;
-use crate::data_block::{DataBlock, Selection};
-use crate::dictionary;
-use crate::parameters::{LIST_ENTRIES, LONG_ENTRIES, TEXT_BYTES};
+use crate::capacity::{LIST_ENTRIES, LIVE_LIST_ENTRIES, LIVE_LONG_ENTRIES, LONG_ENTRIES, SEGMENT_WORDS, TEXT_BYTES};
+use crate::data_block::DataBlock;
+use crate::error::{Element, ServiceError};
+use crate::idn::Idn;
 use heapless::Vec;
 
 /// Words of the longest element that is not read straight from flash: two length words and the longest list.
@@ -51,7 +50,7 @@ pub(super) enum Source {
     /// A name or unit.
     Text(&'static str),
     /// An IDN list that does not change.
-    Dictionary(Selection),
+    Idns(&'static [Idn]),
 }
 
 impl Source {
@@ -60,7 +59,7 @@ impl Source {
         match self {
             Source::Staged => staging.len(),
             Source::Text(text) => text.len().div_ceil(2).saturating_add(2),
-            Source::Dictionary(selection) => dictionary::list(selection).len().saturating_add(2),
+            Source::Idns(idns) => idns.len().saturating_add(2),
         }
     }
 
@@ -74,7 +73,7 @@ impl Source {
         // Both length words of what is read from flash are the same: it can be neither longer nor shorter.
         let bytes = match self {
             Source::Text(text) => text.len(),
-            Source::Dictionary(selection) => dictionary::list(selection).len().saturating_mul(2),
+            Source::Idns(idns) => idns.len().saturating_mul(2),
             Source::Staged => 0,
         };
         let bytes = u16::try_from(bytes).unwrap_or(u16::MAX);
@@ -85,9 +84,7 @@ impl Source {
                 let bytes = from(text.as_bytes(), position.saturating_mul(2));
                 fill(&mut segment, bytes.chunks(2).map(packed).take(limit));
             }
-            Source::Dictionary(selection) => {
-                append(&mut segment, from(dictionary::list(selection), position), limit, |idn| idn.0);
-            }
+            Source::Idns(idns) => append(&mut segment, from(idns, position), limit, |idn| idn.0),
             Source::Staged => {}
         }
         segment

@@ -1,7 +1,9 @@
 use super::*;
+use crate::sample::DICTIONARY;
 use proptest::prelude::*;
 
-const CAPABILITIES: Capabilities = Capabilities { bit_rate: BitRate::Mbit2, operation_modes: &[1, 2, 3, 11] };
+const CAPABILITIES: Capabilities =
+    Capabilities { bit_rate: BitRate::Mbit2, operation_modes: &[1, 2, 3, 11], feedback_2: false };
 
 fn set(parameters: &mut Parameters, number: u16, value: u32) {
     parameters.set(Idn::standard(number), value.into()).unwrap();
@@ -10,7 +12,7 @@ fn set(parameters: &mut Parameters, number: u16, value: u32) {
 
 /// What the recorded master writes to drive 1.
 fn recorded() -> Parameters {
-    let mut parameters = Parameters::new();
+    let mut parameters = Parameters::new(&DICTIONARY);
     for (number, value) in [(1, 2000), (2, 2000), (6, 92), (89, 1782), (8, 1965), (7, 1698), (9, 1), (10, 32), (15, 7)]
     {
         set(&mut parameters, number, value);
@@ -37,7 +39,7 @@ fn finds(change: impl FnOnce(&mut Parameters), number: u16, reason: Reason) {
 #[test]
 fn no_check_has_more_to_find_than_there_is_room_for() {
     for selection in [Selection::NeededForCp3, Selection::NeededForCp4] {
-        assert!(dictionary::select(selection).count() <= FINDINGS);
+        assert!(DICTIONARY.select(selection).count() <= FINDINGS);
     }
 }
 
@@ -69,7 +71,7 @@ fn the_tight_ring_passes() {
 #[test]
 fn the_press_ring_passes_with_any_standard_telegram() {
     for telegram_type in [0, 1, 2, 3, 4, 5, 6] {
-        let mut parameters = Parameters::new();
+        let mut parameters = Parameters::new(&DICTIONARY);
         let length = 48 * 12;
         for (number, value) in
             [(2, 10_000), (6, 150), (89, 7_000), (9, 565), (10, length), (15, telegram_type), (8, 9_900), (7, 9_000)]
@@ -113,8 +115,8 @@ fn telegram_types_and_lists_must_fit_the_drive() {
         finds(|p| set(p, 15, second_encoder), 15, Reason::NoFeedback2);
         let mut parameters = recorded();
         set(&mut parameters, 15, second_encoder);
-        parameters.set(Idn::POSITION_FEEDBACK_2_SOURCE, 1).unwrap();
-        assert_eq!(findings(&parameters), []);
+        let capabilities = Capabilities { feedback_2: true, ..CAPABILITIES };
+        assert!(check_cp3(&parameters, &capabilities).is_ok());
     }
     for unknown in [8, 9, 10, 14, 15, 16] {
         finds(|p| set(p, 15, unknown), 15, Reason::NotSupported);
@@ -236,9 +238,9 @@ fn every_finding_fits_into_the_text_of_the_service_channel_and_every_reason_has_
     let mut codes = std::collections::BTreeSet::new();
     for reason in Reason::ALL {
         let text = Invalid { idn: Idn(0xFFFF), reason }.to_string();
-        assert!(text.len() <= crate::service::LIVE_TEXT_BYTES, "{text}");
+        assert!(text.len() <= crate::capacity::LIVE_TEXT_BYTES, "{text}");
         assert!(codes.insert(reason.code()), "{reason}");
     }
     let longest = Reason::TooLate { latest_ns: u32::MAX };
-    assert!(Invalid { idn: Idn(0xFFFF), reason: longest }.to_string().len() <= crate::service::LIVE_TEXT_BYTES);
+    assert!(Invalid { idn: Idn(0xFFFF), reason: longest }.to_string().len() <= crate::capacity::LIVE_TEXT_BYTES);
 }

@@ -2,21 +2,21 @@
 
 #![allow(dead_code, missing_docs, reason = "`tests/garbage` takes a part of it")]
 
+use super::DICTIONARY;
 use heapless::{String, Vec};
+use sercos::capacity::{LIVE_LIST_ENTRIES, LIVE_LONG_ENTRIES, LIVE_TEXT_BYTES};
 use sercos::command::{CommandAction, CommandState};
 use sercos::data_block::{DataBlock, NeededFor};
-use sercos::dictionary;
 use sercos::duration::BitRate;
+use sercos::error::ServiceError;
 use sercos::parameters::Parameters;
-use sercos::service::{
-    LIVE_LIST_ENTRIES, LIVE_LONG_ENTRIES, LIVE_TEXT_BYTES, Live, Progress, Reply, Server, ServiceError, Step,
-};
+use sercos::service::{Live, Progress, Reply, Server, Step};
 use sercos::transition::{self, Capabilities, CyclicConfiguration};
 use sercos::{Idn, Phase, PhaseMachine};
 use std::collections::{BTreeMap, VecDeque};
 
 pub(crate) const CAPABILITIES: Capabilities =
-    Capabilities { bit_rate: BitRate::Mbit2, operation_modes: &[1, 2, 3, 11] };
+    Capabilities { bit_rate: BitRate::Mbit2, operation_modes: &[1, 2, 3, 11], feedback_2: false };
 
 /// The drive behind the service channel.
 pub(crate) struct Drive {
@@ -38,49 +38,49 @@ pub(crate) struct Drive {
 }
 
 impl Live for Drive {
-    fn read(&mut self, idn: Idn, _parameters: &Parameters) -> u64 {
-        self.values.get(&idn).copied().unwrap_or(0)
+    fn read(&mut self, block: &DataBlock, _parameters: &Parameters) -> u64 {
+        self.values.get(&block.idn).copied().unwrap_or(0)
     }
 
-    fn cyclic(&mut self, idn: Idn) -> Option<u64> {
-        self.values.get(&idn).copied()
+    fn cyclic(&mut self, block: &DataBlock) -> Option<u64> {
+        self.values.get(&block.idn).copied()
     }
 
     fn read_text(
         &mut self,
-        idn: Idn,
+        block: &DataBlock,
         _parameters: &Parameters,
         text: &mut String<LIVE_TEXT_BYTES>,
     ) -> Option<&'static str> {
         use std::fmt::Write;
-        write!(text, "text of {idn}!").unwrap();
-        (idn == Idn::standard(95))
+        write!(text, "text of {}!", block.idn).unwrap();
+        (block.idn == Idn::standard(95))
             .then_some("a text that never changes, and longer than any other text of this drive could ever be")
     }
 
-    fn read_list(&mut self, idn: Idn, list: &mut Vec<u16, LIVE_LIST_ENTRIES>) {
-        match idn.0 {
+    fn read_list(&mut self, block: &DataBlock, list: &mut Vec<u16, LIVE_LIST_ENTRIES>) {
+        match block.idn.0 {
             21 => list.extend(self.invalid_cp3.iter().copied()),
             22 => list.extend(self.invalid_cp4.iter().copied()),
             _ => list.extend(0..LIVE_LIST_ENTRIES as u16),
         }
     }
 
-    fn read_longs(&mut self, _idn: Idn, list: &mut Vec<u32, LIVE_LONG_ENTRIES>) {
+    fn read_longs(&mut self, _block: &DataBlock, list: &mut Vec<u32, LIVE_LONG_ENTRIES>) {
         list.extend((0..LIVE_LONG_ENTRIES as u32).map(|number| (number << 16) | (number + 1)));
     }
 
-    fn write(&mut self, idn: Idn, value: u64) {
-        self.values.insert(idn, value);
+    fn write(&mut self, block: &DataBlock, value: u64) {
+        self.values.insert(block.idn, value);
     }
 
-    fn write_text(&mut self, _idn: Idn, text: &[u8]) -> Result<(), ServiceError> {
+    fn write_text(&mut self, _block: &DataBlock, text: &[u8]) -> Result<(), ServiceError> {
         self.written_text = text.to_vec();
         Ok(())
     }
 
-    fn written(&mut self, idn: Idn, _parameters: &mut Parameters) -> Result<(), ServiceError> {
-        if dictionary::find(idn).unwrap().needed_for != NeededFor::Neither {
+    fn written(&mut self, block: &DataBlock, _parameters: &mut Parameters) -> Result<(), ServiceError> {
+        if block.needed_for != NeededFor::Neither {
             self.machine.withdraw();
         }
         self.after.map_or(Ok(()), Err)
@@ -92,7 +92,7 @@ impl Live for Drive {
 
     fn command(
         &mut self,
-        idn: Idn,
+        block: &DataBlock,
         action: CommandAction,
         parameters: &mut Parameters,
     ) -> Result<CommandState, ServiceError> {
@@ -102,7 +102,7 @@ impl Live for Drive {
                 CommandAction::Interrupt | CommandAction::Cancel => CommandState::Interrupted,
             });
         }
-        match idn.0 {
+        match block.idn.0 {
             99 => self.machine.clear_error(),
             127 => match transition::check_cp3(parameters, &CAPABILITIES) {
                 Ok((configuration, ready)) => {
@@ -130,7 +130,7 @@ impl Live for Drive {
                     }
                 }
             }
-            _ => assert!(dictionary::find(idn).unwrap().attribute.command(), "{idn} is no command"),
+            _ => assert!(block.attribute.command(), "{} is no command", block.idn),
         }
         Ok(CommandState::Executed)
     }
@@ -139,7 +139,7 @@ impl Live for Drive {
         self.machine.current()
     }
 
-    fn refuses(&mut self, _idn: Idn, _value: u64, _parameters: &Parameters) -> Option<ServiceError> {
+    fn refuses(&mut self, _block: &DataBlock, _value: u64, _parameters: &Parameters) -> Option<ServiceError> {
         self.refusal
     }
 
@@ -172,8 +172,8 @@ pub(crate) struct Slave {
 impl Slave {
     pub(crate) fn new(boundary: Boundary, segment_words: usize) -> Self {
         Self {
-            server: Server::with_segment_words(segment_words),
-            parameters: Parameters::new(),
+            server: Server::with_segment_words(&DICTIONARY, segment_words),
+            parameters: Parameters::new(&DICTIONARY),
             drive: Drive {
                 machine: PhaseMachine::new(),
                 configuration: None,

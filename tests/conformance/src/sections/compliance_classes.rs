@@ -1,7 +1,7 @@
 //! The data blocks that every master asks for, with the attributes of a real drive, and the lists that say what there is.
 
+use drive::DICTIONARY;
 use ring::ident::Idn;
-use sercos::dictionary;
 
 use crate::case::{Case, Section, ensure, expect};
 use crate::configuration::{Configuration, list};
@@ -119,7 +119,7 @@ pub(super) fn cases() -> Vec<Case> {
         for &idn in &all {
             slave.open(idn)?;
         }
-        expect("data blocks", all.len(), dictionary::DICTIONARY.len())
+        expect("data blocks", all.len(), DICTIONARY.blocks().len())
     }));
     cases.push(Case::new(
         SECTION,

@@ -75,7 +75,7 @@ fn elements() -> Vec<Case> {
     cases.push(Case::new(SECTION, "a list over several buffers arrives whole: S-0-0017", "sercos2.md 3.2", |slave| {
         slave.to_cp2()?;
         let all = slave.entries(17)?;
-        let table: Vec<u16> = sercos::dictionary::DICTIONARY.iter().map(|block| block.idn.0).collect();
+        let table: Vec<u16> = drive::DICTIONARY.blocks().iter().map(|block| block.idn.0).collect();
         expect("S-0-0017", all, table)
     }));
     cases.push(Case::new(SECTION, "a long text arrives whole: P-0-0010", "sercos2.md 3.2", |slave| {
@@ -593,7 +593,7 @@ fn walks() -> Vec<Case> {
 }
 
 fn is_list(idn: u16) -> bool {
-    sercos::dictionary::find(sercos::Idn(idn)).is_some_and(|block| block.fixed_bytes().is_none())
+    drive::DICTIONARY.find(sercos::Idn(idn)).is_some_and(|block| block.fixed_bytes().is_none())
 }
 
 fn phases_of(may: [bool; 3]) -> String {

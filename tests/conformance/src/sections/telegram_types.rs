@@ -1,7 +1,7 @@
 //! S-0-0015, S-0-0016, S-0-0024: what stands in the cyclic telegrams, and the bits of control and status word.
 
+use drive::DICTIONARY;
 use sercos::data_block::Selection;
-use sercos::dictionary;
 
 use crate::case::{Case, Section, ensure, expect};
 use crate::configuration::{Configuration, bytes_of, list};
@@ -61,7 +61,7 @@ pub(super) fn cases() -> Vec<Case> {
             refused(slave, Configuration::standard(kind), 15, 0x0003)
         }));
     }
-    for block in dictionary::select(Selection::ConfigurableInAt) {
+    for block in DICTIONARY.select(Selection::ConfigurableInAt) {
         let idn = block.idn.0;
         let rule = format!("{} in the AT has the value that the service channel reads", block.idn);
         cases.push(Case::new(SECTION, rule, "sercos2.md 1.9, S-0-0187", move |slave| {
@@ -70,7 +70,7 @@ pub(super) fn cases() -> Vec<Case> {
             at_equals_service_channel(slave, &[idn])
         }));
     }
-    for block in dictionary::select(Selection::ConfigurableInMdt) {
+    for block in DICTIONARY.select(Selection::ConfigurableInMdt) {
         let idn = block.idn.0;
         let rule = format!("{} in the MDT arrives", block.idn);
         cases.push(Case::new(SECTION, rule, "sercos2.md 1.9, S-0-0188", move |slave| {
@@ -296,7 +296,7 @@ fn carries(slave: &mut Slave, configuration: Configuration, mdt: &[u16], at: &[u
     let mut expected = Vec::new();
     for (index, &idn) in (1_u32..).zip(mdt) {
         // The negative limits are not above 0.
-        let is_negative = dictionary::find(sercos::Idn(idn)).is_some_and(|block| block.maximum == Some(0));
+        let is_negative = DICTIONARY.find(sercos::Idn(idn)).is_some_and(|block| block.maximum == Some(0));
         let value = match (bytes_of(idn), is_negative) {
             (2, false) => 0x0120 + index,
             (2, true) => 0xFEE0 - index,

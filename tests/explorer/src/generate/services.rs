@@ -1,9 +1,10 @@
 //! What a control asks of the service channel: every data block that can be written, with values that it takes and values that it refuses.
 
+use drive::DICTIONARY;
 use plant::ReferenceAxis;
+use sercos::Phase;
 use sercos::attribute::{Format, Length};
 use sercos::data_block::{DataBlock, Location, Selection};
-use sercos::{Phase, dictionary};
 
 use super::events::{FOLLOW, HALT, NOTHING, Writer};
 use crate::life::{Action, Axis};
@@ -112,7 +113,8 @@ impl Writer<'_> {
     fn any_write(&mut self, phase: Phase) -> Action {
         // Seldom what the phase protects anyway.
         let protected = self.dice.chance(12);
-        let choices: Vec<&DataBlock> = dictionary::DICTIONARY
+        let choices: Vec<&DataBlock> = DICTIONARY
+            .blocks()
             .iter()
             .filter(|block| {
                 !matches!(block.location, Location::Command)
@@ -123,7 +125,7 @@ impl Writer<'_> {
         let lists = self.dice.chance(12);
         let choices: Vec<&DataBlock> =
             choices.into_iter().filter(|block| !lists || block.fixed_bytes().is_none()).collect();
-        let Some(block) = self.dice.pick(&choices).or_else(|| dictionary::find(sercos::Idn(26))) else {
+        let Some(block) = self.dice.pick(&choices).or_else(|| DICTIONARY.find(sercos::Idn(26))) else {
             return Action::Read(51);
         };
         self.write_of(block)
@@ -166,7 +168,7 @@ impl Writer<'_> {
     fn list(&mut self, block: &DataBlock) -> Vec<u32> {
         let length = self.dice.weighted(&[(1, 0), (3, 1), (3, 2), (2, 4), (1, 17)]).unwrap_or(1);
         let idns = |selection| {
-            let chosen = dictionary::DICTIONARY.iter().filter(|block| block.is_in(selection));
+            let chosen = DICTIONARY.blocks().iter().filter(|block| block.is_in(selection));
             chosen.map(|block| u32::from(block.idn.0)).collect()
         };
         let sound: Vec<u32> = match block.idn.0 {
@@ -188,7 +190,7 @@ impl Writer<'_> {
 
     /// A value for a data block of fixed length, within its limits or not.
     pub(super) fn value(&mut self, idn: u16) -> i64 {
-        let Some(block) = dictionary::find(sercos::Idn(idn)) else { return 0 };
+        let Some(block) = DICTIONARY.find(sercos::Idn(idn)) else { return 0 };
         if MACHINE.contains(&idn) {
             return self.own_or_refused(block);
         }
@@ -314,7 +316,7 @@ impl Writer<'_> {
         self.wait(5.0);
         for _ in 0..4 {
             let Some(idn) = self.dice.pick(&[&MACHINE[..], &TUNING[..]].concat()) else { continue };
-            let Some(block) = dictionary::find(sercos::Idn(idn)) else { continue };
+            let Some(block) = DICTIONARY.find(sercos::Idn(idn)) else { continue };
             let (least, most) = range(block);
             let value = self.dice.between(block.minimum.unwrap_or(least), block.maximum.unwrap_or(most));
             self.event(Action::Write(idn, value));

@@ -1,12 +1,12 @@
 //! The page as text.
 
+use drive::DICTIONARY;
 use drive::{DIAGNOSES, Diagnosis, Severity};
 use sercos::attribute::{Format, Length};
 use sercos::data_block::{Bits, Cyclic, DataBlock, Location, NeededFor, Selection};
-use sercos::dictionary::{self, DICTIONARY};
-use sercos::service::{Element, ServiceError};
+use sercos::error::{Element, ServiceError};
 use sercos::transition::Reason;
-use sercos::weighting::Unit;
+use sercos::unit::Unit;
 use std::fmt::Write;
 
 /// The whole page.
@@ -22,8 +22,8 @@ pub(super) fn markdown() -> String {
 }
 
 fn introduction(page: &mut String) {
-    let all = DICTIONARY.len();
-    let product = DICTIONARY.iter().filter(|block| block.idn.is_product()).count();
+    let all = DICTIONARY.blocks().len();
+    let product = DICTIONARY.blocks().iter().filter(|block| block.idn.is_product()).count();
     let _ = write!(
         page,
         "# Data blocks of the drive\n\n\
@@ -51,7 +51,7 @@ fn data_blocks(page: &mut String) {
             page,
             "## {title}\n\n| IDN | Name | Type | Unit | Range | Default | Written in | |\n|---|---|---|---|---|---|---|---|\n"
         );
-        for block in DICTIONARY.iter().filter(|block| block.idn.is_product() == product) {
+        for block in DICTIONARY.blocks().iter().filter(|block| block.idn.is_product() == product) {
             let _ = writeln!(
                 page,
                 "| **{}** | **{}**<br>{} | {} | {} | {} | {} | {} | {} |",
@@ -185,7 +185,7 @@ fn lists(page: &mut String) {
         ("S-0-0398, bits can show it", Selection::BitSources),
         ("S-0-0399, bits can set it", Selection::BitTargets),
     ] {
-        let idns = dictionary::list(selection);
+        let idns = DICTIONARY.list(selection);
         let entries = if selection == Selection::All {
             format!("{} data blocks: this page", idns.len())
         } else {
@@ -276,7 +276,7 @@ mod tests {
     use sercos::Idn;
 
     fn block(number: u16) -> &'static DataBlock {
-        dictionary::find(Idn::standard(number)).unwrap()
+        DICTIONARY.find(Idn::standard(number)).unwrap()
     }
 
     #[test]
@@ -291,7 +291,7 @@ mod tests {
     #[test]
     fn every_data_block_and_every_diagnosis_is_on_the_page() {
         let page = markdown();
-        for block in DICTIONARY {
+        for block in DICTIONARY.blocks() {
             assert!(page.contains(&format!("| **{}** | **{}**", block.idn, block.name)), "{}", block.idn);
         }
         for diagnosis in DIAGNOSES {

@@ -1,11 +1,13 @@
 //! A drive that is nothing but the real oscilloscope, its real data blocks, and a velocity that follows its command.
 
 use super::channel::{ChannelError, ServiceChannel};
+use drive::DICTIONARY;
 use drive::oscilloscope::{
-    CONTROL, Configuration, CurrentLoopValues, INTERVAL, LoopValues, Oscilloscope, POINTS, SIGNALS, STATE,
-    SignalValues, TRIGGER, Task, WINDOW, refuses_setting, sample_source,
+    CONTROL, Configuration, INTERVAL, LoopValues, Oscilloscope, POINTS, SIGNALS, STATE,
+    SignalValues, TRIGGER, Task, WINDOW, sample_source,
 };
-use drive::{Command, Feedback, Source};
+use drive::service::scope::{refuses_setting, signal};
+use drive::{Command, CurrentLoopValues, Feedback, Source};
 use sercos::Idn;
 use sercos::parameters::Parameters;
 use servo::axis::{AxisOutput, Limiting};
@@ -84,7 +86,7 @@ impl FakeDrive {
         Self {
             // A few test drives: their memory need not come back.
             oscilloscope: Oscilloscope::new(Box::leak(Box::new(Scope::new()))),
-            parameters: Parameters::new(),
+            parameters: Parameters::new(&DICTIONARY),
             written: BTreeMap::new(),
             values: Values { loops: LoopValues { position: Position::ZERO, output }, command: 0 },
             ticks: 0,
@@ -138,7 +140,7 @@ impl ServiceChannel for FakeDrive {
 
     fn write(&mut self, idn: u16, value: u64) -> Result<(), ChannelError> {
         self.access(Idn(idn))?;
-        let refused = |error: sercos::service::ServiceError| ChannelError::Refused { idn, code: error.code() };
+        let refused = |error: sercos::error::ServiceError| ChannelError::Refused { idn, code: error.code() };
         if let Some(error) = refuses_setting(Idn(idn), value, &self.parameters) {
             return Err(refused(error));
         }
@@ -148,7 +150,7 @@ impl ServiceChannel for FakeDrive {
             CONTROL => {
                 let written = &self.written;
                 let setting = |idn: Idn| written.get(&idn.0).copied().unwrap_or(0) as u32;
-                let configuration = Configuration::new(setting, &self.parameters);
+                let configuration = Configuration::new(setting, |number| signal(number, &self.parameters));
                 self.oscilloscope.arm(configuration.map_err(|error| refused(error.service_error()))?);
             }
             WINDOW => self.oscilloscope.set_window(value as u16),

@@ -1,9 +1,10 @@
 //! What a channel records, and what its numbers mean.
 
+use drive::DICTIONARY;
 use drive::LOOP_PERIOD_MICROSECONDS;
 use drive::oscilloscope::INTERNAL_SIGNALS;
+use sercos::Idn;
 use sercos::attribute::Format;
-use sercos::{Idn, dictionary};
 use std::fmt;
 use std::str::FromStr;
 
@@ -47,7 +48,7 @@ impl Signal {
     }
 
     fn of_idn(idn: Idn) -> Option<Self> {
-        let block = dictionary::find(idn)?;
+        let block = DICTIONARY.find(idn)?;
         let attribute = block.attribute;
         let decimals = i32::from(u8::from(attribute.decimal_places()));
         let is_number = matches!(attribute.format(), Format::Unsigned | Format::Signed);

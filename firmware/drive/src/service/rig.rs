@@ -6,17 +6,30 @@ use std::collections::BTreeMap;
 use std::rc::Rc;
 use std::vec::Vec;
 
+use heapless::String;
 use rtic_core::Exclusive;
-use sercon816::{BitRate, MasterClock, RamAddress, Register, Transceiver};
+use sercon816::{BitRate, Bus, MasterClock, RamAddress, Register, Slave, Transceiver};
 use sercos::data_block::DataBlock;
+use sercos::parameters::Parameters;
+use sercos::service::Live;
 use sercos::service::{Progress, Reply, Server, Step};
-
+use sercos::transition::{self, Invalid};
+use sercos::{Idn, Phase, PhaseMachine};
 use servo::current::PwmFrequency;
-use servo::motor::{CurrentLink, TemperatureSensor};
+use servo::motor::{BoardKind, CurrentLink, Facts, TemperatureSensor};
 
-use super::*;
-use crate::hardware::{Inputs, InterruptLine, ProbeInput, ResetCause};
+use super::access::Access;
+use super::commissioning::Commissioning;
+use super::context::{Checks, Context};
+use super::rescaling::Rescaling;
+use super::{checks, loops};
+use crate::crash::LastCrash;
+use crate::dictionary::DICTIONARY;
+use crate::error_memory::ErrorMemory;
+use crate::hardware::{Hardware, Inputs, InterruptLine, ProbeInput, ResetCause};
 use crate::identity::DriveAddress;
+use crate::identity::Identity;
+use crate::motion::Motion;
 
 /// Registers and RAM that keep what is written.
 #[derive(Clone, Debug, Default)]
@@ -145,19 +158,19 @@ impl Rig {
             master_clock: MasterClock::Mhz32,
             transceiver: Transceiver::STANDARD,
         };
-        let parameters = Parameters::new();
-        let settings = MotionSettings::new(&parameters, &FACTS).unwrap();
+        let parameters = Parameters::new(&DICTIONARY);
+        let settings = loops::settings::<Still>(&parameters).unwrap();
         let link = Box::leak(Box::new(CurrentLink::new()));
         let scope = Box::leak(Box::new(servo::scope::Scope::new()));
         let mut rig = Self {
             parameters,
             motion: Motion::new(bus.clone(), 5, Still, link, scope, settings),
             checks: Checks::default(),
-            server: Server::new(),
+            server: Server::new(&DICTIONARY),
             slave: Slave::new(bus),
             phases: PhaseMachine::new(),
             commissioning: Commissioning::default(),
-            rescaling: Rescaling::new(&Parameters::new()),
+            rescaling: Rescaling::new(&Parameters::new(&DICTIONARY)),
             identity,
             access: Access::default(),
             errors: ErrorMemory::new(),
@@ -194,12 +207,11 @@ impl Rig {
 
     /// What S-0-0128 does once the loops have locked to the ring, which is not there.
     pub(super) fn pass_check_for_cp4(&mut self) {
-        let capabilities =
-            Capabilities { bit_rate: sercos::duration::BitRate::Mbit2, operation_modes: &OperationMode::SUPPORTED };
+        let capabilities = checks::capabilities(self.identity.bit_rate, &self.parameters);
         let cyclic = self.checks.cyclic.as_ref().unwrap();
         let ready = transition::check_cp4(&self.parameters, &capabilities, cyclic, true).unwrap();
         self.phases.permit_cp4(ready);
-        self.motion.apply_settings(MotionSettings::new(&self.parameters, &FACTS).unwrap());
+        self.motion.apply_settings(loops::settings::<Still>(&self.parameters).unwrap());
     }
 
     pub(super) fn is_in_cp4(&self) -> bool {
@@ -208,8 +220,7 @@ impl Rig {
 
     /// What S-0-0128 finds in the parameters.
     pub(super) fn check_for_cp4(&self) -> Result<(), Vec<Invalid>> {
-        let capabilities =
-            Capabilities { bit_rate: sercos::duration::BitRate::Mbit2, operation_modes: &OperationMode::SUPPORTED };
+        let capabilities = checks::capabilities(self.identity.bit_rate, &self.parameters);
         let checked =
             transition::check_cp4(&self.parameters, &capabilities, self.checks.cyclic.as_ref().unwrap(), true);
         checked.map(|_| ()).map_err(|invalid| invalid.findings().to_vec())
@@ -269,7 +280,7 @@ impl Rig {
     pub(super) fn text(&mut self, idn: Idn) -> std::string::String {
         self.step(|_, parameters, context| {
             let mut text = String::new();
-            match context.read_text(idn, parameters, &mut text) {
+            match context.read_text(DICTIONARY.find(idn).unwrap(), parameters, &mut text) {
                 Some(text) => text.into(),
                 None => text.as_str().into(),
             }

@@ -15,9 +15,9 @@
 use heapless::Vec;
 use sercos::Idn;
 use sercos::data_block::Location;
-use sercos::dictionary::DICTIONARY;
+use sercos::dictionary::Dictionary;
 use sercos::parameters::Parameters;
-use sercos::weighting::{Dimension, Unit};
+use sercos::unit::{Dimension, Unit};
 
 use crate::settings::{Ratio, increments};
 
@@ -50,8 +50,8 @@ pub(crate) struct Rescaling {
 }
 
 /// Parameters whose numbers count increments of a scaling, in ascending order.
-fn scaled() -> impl Iterator<Item = (Idn, Dimension)> {
-    DICTIONARY.iter().filter_map(|block| match (block.location, block.unit) {
+fn scaled(dictionary: &'static Dictionary) -> impl Iterator<Item = (Idn, Dimension)> {
+    dictionary.blocks().iter().filter_map(|block| match (block.location, block.unit) {
         (Location::Parameter, Unit::Scaled(dimension)) if block.idn != MODULO_VALUE => Some((block.idn, dimension)),
         _ => None,
     })
@@ -72,7 +72,7 @@ impl Rescaling {
             return;
         }
         self.keep(parameters);
-        for (idn, _) in scaled() {
+        for (idn, _) in scaled(parameters.dictionary()) {
             parameters.forget(idn);
         }
     }
@@ -81,7 +81,7 @@ impl Rescaling {
     /// [`Rescaling::refresh`].
     pub(crate) fn defaults_loaded(&mut self, parameters: &mut Parameters) {
         self.take_over(parameters);
-        self.scaling = SCALING.map(|number| default_of(Idn::standard(number)));
+        self.scaling = SCALING.map(|number| default_of(parameters.dictionary(), Idn::standard(number)));
         self.seen = ([0; _], [0; _]);
     }
 
@@ -112,7 +112,7 @@ impl Rescaling {
         self.scaling = SCALING.map(|number| parameters.get(Idn::standard(number)));
         self.seen = seen(parameters);
         self.numbers.clear();
-        for (idn, _) in scaled() {
+        for (idn, _) in scaled(parameters.dictionary()) {
             let _ = self.numbers.push(parameters.get(idn));
         }
     }
@@ -120,7 +120,7 @@ impl Rescaling {
     fn convert(&self, parameters: &mut Parameters, mut misfit: impl FnMut(Idn)) {
         let after = DIMENSIONS.map(|dimension| increments(dimension, parameters));
         let before = self.in_old_scaling(parameters, |old| DIMENSIONS.map(|dimension| increments(dimension, old)));
-        for ((idn, dimension), &number) in scaled().zip(&self.numbers) {
+        for ((idn, dimension), &number) in scaled(parameters.dictionary()).zip(&self.numbers) {
             let index = DIMENSIONS.iter().position(|&other| other == dimension);
             let ratio_of = |ratios: &[Option<Ratio>; DIMENSIONS.len()]| {
                 index.and_then(|index| ratios.get(index).copied().flatten())
@@ -157,14 +157,14 @@ fn seen(parameters: &Parameters) -> ([u32; SCALING.len()], [u32; MECHANICS.len()
     (SCALING.map(|number| parameters.get(Idn::standard(number))), MECHANICS.map(|idn| parameters.get(idn)))
 }
 
-fn default_of(idn: Idn) -> u32 {
+fn default_of(dictionary: &Dictionary, idn: Idn) -> u32 {
     // As it is transmitted.
-    sercos::dictionary::find(idn).map_or(0, |block| (block.default & 0xFFFF_FFFF) as u32)
+    dictionary.find(idn).map_or(0, |block| (block.default & 0xFFFF_FFFF) as u32)
 }
 
 /// Sets a parameter to its old number in new increments; `false` if it had to be cut.
 fn put(parameters: &mut Parameters, idn: Idn, number: u32, before: Ratio, after: Ratio) -> bool {
-    let Some(block) = sercos::dictionary::find(idn) else { return false };
+    let Some(block) = parameters.dictionary().find(idn) else { return false };
     let old = block.attribute.value_of(number.into());
     let longest = if block.fixed_bytes() == Some(2) { i64::from(i16::MAX) } else { i64::from(i32::MAX) };
     let unlimited = old.unsigned_abs() >= longest.unsigned_abs();
@@ -188,6 +188,7 @@ fn put(parameters: &mut Parameters, idn: Idn, number: u32, before: Ratio, after:
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::dictionary::DICTIONARY;
 
     const S: fn(u16) -> Idn = Idn::standard;
 
@@ -208,13 +209,13 @@ mod tests {
     const RPM: [(u16, i64); 3] = [(44, 0x0A), (45, 1), (46, 0)];
 
     fn new() -> (Rescaling, Parameters) {
-        let parameters = Parameters::new();
+        let parameters = Parameters::new(&DICTIONARY);
         (Rescaling::new(&parameters), parameters)
     }
 
     #[test]
     fn there_is_room_for_all_parameters_with_a_scaling() {
-        assert!((20..=MOST).contains(&scaled().count()), "{}", scaled().count());
+        assert!((20..=MOST).contains(&scaled(&DICTIONARY).count()), "{}", scaled(&DICTIONARY).count());
     }
 
     #[test]

@@ -1,7 +1,7 @@
 //! The password S-0-0267: who may change what S-0-0279 lists.
 
 use heapless::String;
-use sercos::service::ServiceError;
+use sercos::error::ServiceError;
 
 /// Shortest password.
 pub const SHORTEST_PASSWORD: usize = 3;
@@ -44,7 +44,7 @@ impl Access {
             None if text.len() < SHORTEST_PASSWORD => return Err(ServiceError::InvalidData),
             None => {
                 let password =
-                    String::try_from(text).map_err(|_| ServiceError::TooLong(sercos::service::Element::Data))?;
+                    String::try_from(text).map_err(|_| ServiceError::TooLong(sercos::error::Element::Data))?;
                 self.password = Some(password);
             }
         }

@@ -6,13 +6,20 @@ use std::vec;
 use std::vec::Vec;
 
 use sercos::attribute::Length;
-use sercos::data_block::{DataBlock, Selection};
-use sercos::dictionary::DICTIONARY;
-use sercos::service::LIVE_TEXT_BYTES;
+use sercos::capacity::LIVE_TEXT_BYTES;
+use sercos::data_block::{DataBlock, Location, Selection};
+use sercos::parameters::Parameters;
+use sercos::service::Live;
+use sercos::transition::Reason;
+use sercos::{Idn, Phase};
 use servo::SettingsError;
 
-use super::rig::{Rig, words_of};
-use super::*;
+use super::finding::Finding;
+use super::loops;
+use super::rig::{FACTS, Rig, Still, words_of};
+use crate::dictionary::DICTIONARY;
+use crate::hardware::Hardware;
+use crate::settings::{CycleSettings, InvalidSetting, MotionSettings};
 
 pub(super) const fn S(number: u16) -> Idn {
     Idn::standard(number)
@@ -23,7 +30,7 @@ pub(super) const fn P(number: u16) -> Idn {
 }
 
 fn settings(parameters: &Parameters) -> Result<MotionSettings, InvalidSetting> {
-    MotionSettings::new(parameters, &FACTS)
+    loops::settings::<Still>(parameters)
 }
 
 /// The loops work with the parameters as they read, and in operation S-0-0128 would let them pass.
@@ -36,7 +43,10 @@ fn assert_in_effect(rig: &Rig, what: &str) {
 }
 
 fn writable(phase: Phase) -> impl Iterator<Item = &'static DataBlock> {
-    DICTIONARY.iter().filter(move |block| !block.attribute.is_protected_in(phase) && !block.attribute.command())
+    DICTIONARY
+        .blocks()
+        .iter()
+        .filter(move |block| !block.attribute.is_protected_in(phase) && !block.attribute.command())
 }
 
 /// Values that a master may try, legal or not.
@@ -182,7 +192,7 @@ fn the_cycle_that_s_0_0127_accepts_counts_in_cp3_whatever_else_does_not_go_toget
 #[test]
 fn every_cycle_that_can_be_written_is_one_that_the_loops_can_run_with() {
     for cycle in (500..=65_000).step_by(250) {
-        let mut parameters = Parameters::new();
+        let mut parameters = Parameters::new(&DICTIONARY);
         parameters.set(S(2), cycle).unwrap();
         for multiple in 1..=(65_000 / cycle) {
             parameters.set(S(1), cycle * multiple).unwrap();
@@ -216,12 +226,14 @@ fn a_success_takes_the_old_failure_back() {
 #[test]
 fn no_command_changes_in_cp4_what_cp4_protects() {
     let protected = |rig: &Rig| -> Vec<(Idn, u32)> {
-        let fixed =
-            DICTIONARY.iter().filter(|block| block.location == Location::Parameter && block.fixed_bytes().is_some());
+        let fixed = DICTIONARY
+            .blocks()
+            .iter()
+            .filter(|block| block.location == Location::Parameter && block.fixed_bytes().is_some());
         let protected = fixed.filter(|block| block.attribute.is_protected_in(Phase::Cp4));
         protected.map(|block| (block.idn, rig.parameters.get(block.idn))).collect()
     };
-    for block in DICTIONARY.iter().filter(|block| block.attribute.command()) {
+    for block in DICTIONARY.blocks().iter().filter(|block| block.attribute.command()) {
         // A value of its own wherever a default could come back.
         let mut rig = Rig::in_cp4(&[(S(79), &[0, 16]), (S(76), &[0x0A]), (S(110), &[25_000, 0]), (S(33), &[2])]);
         rig.write(S(104), &[250]).unwrap();
@@ -238,14 +250,14 @@ fn no_command_changes_in_cp4_what_cp4_protects() {
 #[test]
 fn what_a_command_may_change_can_be_written_wherever_the_command_may_run() {
     // S-0-0262, in CP2 and CP3.
-    for block in dictionary::select(Selection::Backup) {
+    for block in DICTIONARY.select(Selection::Backup) {
         let protected = [Phase::Cp2, Phase::Cp3].map(|phase| block.attribute.is_protected_in(phase));
         assert_eq!(protected, [false; 2], "{}", block.idn);
     }
     // P-0-0220, P-0-0224 to P-0-0226.
     let computed = [100, 101, 104, 106, 107].map(S).into_iter().chain([111, 112, 113, 114, 221].map(P));
     for idn in computed {
-        assert!(!dictionary::find(idn).unwrap().attribute.is_protected_in(Phase::Cp4), "{idn}");
+        assert!(!DICTIONARY.find(idn).unwrap().attribute.is_protected_in(Phase::Cp4), "{idn}");
     }
 }
 
@@ -297,8 +309,8 @@ fn the_last_crash_is_told_in_words_and_as_a_record_and_nothing_is_shown_without_
     let show = |rig: &mut Rig| {
         rig.step(|_, parameters, context| {
             let (mut text, mut list) = (heapless::String::new(), heapless::Vec::new());
-            assert_eq!(context.read_text(P(12), parameters, &mut text), None);
-            context.read_longs(P(13), &mut list);
+            assert_eq!(context.read_text(DICTIONARY.find(P(12)).unwrap(), parameters, &mut text), None);
+            context.read_longs(DICTIONARY.find(P(13)).unwrap(), &mut list);
             (text.to_string(), list.to_vec())
         })
     };

@@ -7,15 +7,25 @@ use std::collections::BTreeSet;
 use std::string::{String, ToString};
 use std::vec::Vec;
 
-use sercos::dictionary::DICTIONARY;
+use rtic_core::Mutex;
+use sercos::Idn;
+use sercos::error::ServiceError;
+use sercos::service::Live;
+use sercos::transition::{self, CyclicConfiguration, Invalid};
 use servo::homing::HomingSettings;
 use servo::path::MotionLimits;
+use servo::probe::ProbeSettings;
 
-use super::rig::{Rig, words_of};
+use super::commissioning::{self, Finding as CommissioningFinding};
+use super::procedures::PROBE_CONTROL;
+use super::rig::{FACTS, Rig, Still, words_of};
 use super::tests::{P, S, attempts};
-use super::*;
+use super::{checks, loops, scope};
+use crate::dictionary::{DICTIONARY, Procedure};
 use crate::identification::Plan;
 use crate::motion::CommandValues;
+use crate::oscilloscope::{self, Configuration};
+use crate::settings::{InvalidSetting, MotionSettings, POSITION_FEEDBACK_2_SOURCE, homing};
 
 /// Data of the user's own, which the drive keeps and gives back.
 const KEPT_FOR_THE_USER: [(Idn, &str); 4] = [
@@ -45,13 +55,12 @@ struct Effects {
 
 impl Effects {
     fn of(rig: &mut Rig) -> Self {
-        let capabilities =
-            Capabilities { bit_rate: sercos::duration::BitRate::Mbit2, operation_modes: &OperationMode::SUPPORTED };
         let message = rig.text(S(95));
         let commands = rig.motion.snapshot().commands;
         rig.step(|_, parameters, context| {
+            let capabilities = checks::capabilities(context.identity.bit_rate, parameters);
             let cycle = transition::check_cp3(parameters, &capabilities);
-            let loops = MotionSettings::new(parameters, &FACTS);
+            let loops = loops::settings::<Still>(parameters);
             let mut computed = parameters.clone();
             let gains = commissioning::compute_gains(&mut computed, FACTS.frequency, |_| Ok(()));
             Self {
@@ -59,18 +68,18 @@ impl Effects {
                 homing: loops.and_then(|settings| homing(parameters, &settings)),
                 loops,
                 probing: ProbeSettings::new(parameters.get_word(PROBE_CONTROL)).ok(),
-                identifications: [224, 225, 226]
-                    .map(|command| commissioning::plan(P(command), parameters, FACTS.frequency)),
+                identifications: [Procedure::IdentifyWinding, Procedure::IdentifyFlux, Procedure::IdentifyInertia]
+                    .map(|procedure| commissioning::plan(procedure, parameters, FACTS.frequency)),
                 gains: gains.map(|()| [100, 101, 104, 106, 107].map(|number| computed.get(S(number)))),
-                recording: scope_configuration(parameters),
+                recording: scope::configuration(parameters),
                 oscilloscope: (
-                    context.read(oscilloscope::STATE, parameters),
-                    context.read(oscilloscope::WINDOW, parameters),
+                    context.read(DICTIONARY.find(oscilloscope::STATE).unwrap(), parameters),
+                    context.read(DICTIONARY.find(oscilloscope::WINDOW).unwrap(), parameters),
                 ),
                 message,
                 commands,
                 controlled: context.motion.lock(|motion| motion.controlled_bits()).0,
-                commutation_angle: context.read(COMMUTATION_ANGLE, parameters),
+                commutation_angle: context.read(DICTIONARY.find(P(118)).unwrap(), parameters),
                 locked: context.is_locked(),
             }
         })
@@ -147,7 +156,9 @@ fn drive(parameters: &[(Idn, Vec<u16>)]) -> Rig {
 fn every_data_block_that_can_be_written_has_an_effect_or_refuses_to_be_changed() {
     let drives = drives();
     let (mut without, mut kinds) = (Vec::new(), BTreeSet::new());
-    for block in DICTIONARY.iter().filter(|block| !block.attribute.is_read_only() && !block.attribute.command()) {
+    for block in
+        DICTIONARY.blocks().iter().filter(|block| !block.attribute.is_read_only() && !block.attribute.command())
+    {
         let mut seen = None;
         let mut taken = BTreeSet::new();
         'drives: for parameters in &drives {
@@ -184,8 +195,8 @@ fn every_data_block_that_can_be_written_has_an_effect_or_refuses_to_be_changed()
 #[test]
 fn every_choice_of_a_list_of_choices_is_another() {
     // Those whose values are names, not amounts or bits.
-    for idn in [S(265), P(117), P(140), P(141), P(170), P(174), Idn::POSITION_FEEDBACK_2_SOURCE] {
-        let block = dictionary::find(idn).unwrap();
+    for idn in [S(265), P(117), P(140), P(141), P(170), P(174), POSITION_FEEDBACK_2_SOURCE] {
+        let block = DICTIONARY.find(idn).unwrap();
         let (Some(least), Some(most)) = (block.minimum, block.maximum) else { panic!("{idn} has no limits") };
         let mut seen: Vec<Effects> = Vec::new();
         for value in least..=most {

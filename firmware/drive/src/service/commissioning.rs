@@ -11,23 +11,12 @@ use sercos::parameters::Parameters;
 use servo::SettingsError;
 use servo::axis::{current_gains, position_gain, velocity_gains};
 use servo::current::PwmFrequency;
-use servo::identification::{
-    FluxSettings, IdentificationError, IdentificationParameters, InductanceSettings, InertiaSettings,
-    ResistanceSettings,
-};
+use servo::identification::{FluxSettings, IdentificationError, IdentificationParameters, InductanceSettings, InertiaSettings, ResistanceSettings};
 use servo::units::{Acceleration, Position, Velocity};
 
+use crate::dictionary::Procedure;
 use crate::identification::{Failure, Measurement, Outcome, Plan};
 use crate::settings::InvalidSetting;
-
-/// P-0-0220.
-pub(crate) const COMPUTE_GAINS: Idn = Idn::product(220);
-/// P-0-0224.
-pub(crate) const IDENTIFY_WINDING: Idn = Idn::product(224);
-/// P-0-0225.
-pub(crate) const IDENTIFY_FLUX: Idn = Idn::product(225);
-/// P-0-0226.
-pub(crate) const IDENTIFY_INERTIA: Idn = Idn::product(226);
 
 const S: fn(u16) -> Idn = Idn::standard;
 const P: fn(u16) -> Idn = Idn::product;
@@ -36,7 +25,7 @@ const P: fn(u16) -> Idn = Idn::product;
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub(crate) struct Commissioning {
     /// P-0-0224, P-0-0225 or P-0-0226.
-    pub(crate) identifying: Option<Idn>,
+    pub(crate) identifying: Option<Procedure>,
     /// P-0-0228.
     pub(crate) finding: Option<Finding>,
 }
@@ -86,11 +75,6 @@ impl fmt::Display for Finding {
     }
 }
 
-/// Whether an IDN is a command that turns or holds the motor to measure it.
-pub(crate) fn is_identification(idn: Idn) -> bool {
-    matches!(idn, IDENTIFY_WINDING | IDENTIFY_FLUX | IDENTIFY_INERTIA)
-}
-
 /// P-0-0220. `check` says whether the loops can work with the parameters as they are.
 ///
 /// # Errors
@@ -132,7 +116,7 @@ pub(crate) fn compute_gains(
 ///
 /// # Errors
 /// [`Finding::Settings`].
-pub(crate) fn plan(idn: Idn, parameters: &Parameters, frequency: PwmFrequency) -> Result<Plan, Finding> {
+pub(crate) fn plan(procedure: Procedure, parameters: &Parameters, frequency: PwmFrequency) -> Result<Plan, Finding> {
     let peak_current = parameters.get(S(110));
     let current = parameters.get(S(111)).min(parameters.get(S(109))).min(peak_current);
     const COMMAND_REVERSED: u32 = 1 << 0;
@@ -148,11 +132,13 @@ pub(crate) fn plan(idn: Idn, parameters: &Parameters, frequency: PwmFrequency) -
         movement: Position::from_bits((i64::from(parameters.get(P(229))) << 32) / 100),
         frequency,
     };
-    Ok(match idn {
-        IDENTIFY_FLUX => {
+    Ok(match procedure {
+        Procedure::IdentifyFlux => {
             Plan::Flux(FluxSettings::new(&identification, parameters.get(P(111)), parameters.get(P(112)))?)
         }
-        IDENTIFY_INERTIA => Plan::Inertia(InertiaSettings::new(&identification, torque_constant(parameters))?),
+        Procedure::IdentifyInertia => {
+            Plan::Inertia(InertiaSettings::new(&identification, torque_constant(parameters))?)
+        }
         _ => Plan::Winding(ResistanceSettings::new(&identification)?, InductanceSettings::new(&identification)?),
     })
 }
@@ -234,6 +220,7 @@ fn filter_delay(parameters: &Parameters, first: u16) -> u64 {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::dictionary::DICTIONARY;
 
     fn valid(_: &Parameters) -> Result<(), InvalidSetting> {
         Ok(())
@@ -247,7 +234,7 @@ mod tests {
 
     #[test]
     fn gains_that_the_loops_cannot_work_with_are_taken_back() {
-        let mut parameters = Parameters::new();
+        let mut parameters = Parameters::new(&DICTIONARY);
         parameters.set(P(111), 600).unwrap();
         let before = gains(&parameters);
         let refused = |_: &Parameters| Err(InvalidSetting { idn: S(100), reason: None });
@@ -259,7 +246,7 @@ mod tests {
 
     #[test]
     fn a_gain_beyond_its_limits_is_named_and_none_is_changed() {
-        let mut parameters = Parameters::new();
+        let mut parameters = Parameters::new(&DICTIONARY);
         // 1 kg m^2 at 0.8 Nm/A and 40 Hz: 314 A s/rad.
         parameters.set(P(221), 10_000_000).unwrap();
         let before = gains(&parameters);
@@ -271,10 +258,10 @@ mod tests {
     #[test]
     fn an_identification_turns_as_velocity_commands_of_its_sign_would() {
         let of = |polarity: u64, velocity: i32| {
-            let mut parameters = Parameters::new();
+            let mut parameters = Parameters::new(&DICTIONARY);
             parameters.set(S(43), polarity).unwrap();
             parameters.set(P(218), velocity.cast_unsigned().into()).unwrap();
-            plan(IDENTIFY_FLUX, &parameters, PwmFrequency::Khz16).unwrap()
+            plan(Procedure::IdentifyFlux, &parameters, PwmFrequency::Khz16).unwrap()
         };
         let forwards = std::format!("{:?}", of(0, 3_000_000));
         assert_eq!(std::format!("{:?}", of(7, -3_000_000)), forwards);
@@ -306,13 +293,13 @@ mod tests {
         ];
         for finding in findings {
             let text = std::string::ToString::to_string(&finding);
-            assert!((10..=sercos::service::LIVE_TEXT_BYTES).contains(&text.len()), "{text}: {}", text.len());
+            assert!((10..=sercos::capacity::LIVE_TEXT_BYTES).contains(&text.len()), "{text}: {}", text.len());
         }
     }
 
     #[test]
     fn a_filter_of_the_current_command_makes_the_velocity_loop_slower() {
-        let mut parameters = Parameters::new();
+        let mut parameters = Parameters::new(&DICTIONARY);
         assert_eq!(filter_delay(&parameters, 170), 0);
         parameters.set(P(170), 1).unwrap();
         // 2 * 0.707 / (2 pi 800 Hz).

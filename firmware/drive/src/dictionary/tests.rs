@@ -1,14 +1,19 @@
 use super::*;
-use crate::attribute::{Format, Length};
-use crate::data_block::Location;
-use crate::phase::Phase;
+use sercos::Phase;
+use sercos::attribute::{Format, Length};
+use sercos::data_block::NeededFor;
+use sercos::diagnostic::Class2;
+use sercos::parameters::Parameters;
+use sercos::unit::Unit;
+
+use crate::signal::word::SourceBit;
 
 #[test]
 fn every_row_is_consistent() {
-    for block in DICTIONARY {
+    for block in DICTIONARY.blocks() {
         let idn = block.idn;
         let attribute = block.attribute;
-        assert_eq!(find(idn).map(|found| found.idn), Some(idn));
+        assert_eq!(DICTIONARY.find(idn).map(|found| found.idn), Some(idn));
         assert_eq!(attribute.conversion_factor(), 1, "{idn}");
         assert!(!block.name.is_empty() && block.name.is_ascii() && block.name.len() <= 60, "{idn}: {}", block.name);
         assert!(block.unit.preferred().is_ascii(), "{idn}");
@@ -116,7 +121,7 @@ fn the_attributes_that_masters_know_by_heart_are_those_of_a_real_drive() {
         (292, 0x7035_0001),
         (390, 0x7031_0001),
     ] {
-        let block = find(Idn::standard(number)).unwrap();
+        let block = DICTIONARY.find(Idn::standard(number)).unwrap();
         assert_eq!(block.attribute.raw_value(), attribute, "{}", block.idn);
     }
 }
@@ -124,7 +129,7 @@ fn the_attributes_that_masters_know_by_heart_are_those_of_a_real_drive() {
 #[test]
 fn the_amplifiers_peak_current_is_as_writable_as_the_motors_for_the_builder_chooses_both() {
     // A real drive has 7312_0001H: its amplifier is built in.
-    let [motor, amplifier] = [109, 110].map(|number| find(Idn::standard(number)).unwrap());
+    let [motor, amplifier] = [109, 110].map(|number| DICTIONARY.find(Idn::standard(number)).unwrap());
     assert_eq!(amplifier.attribute, motor.attribute);
     assert_eq!(amplifier.attribute.raw_value(), 0x4312_0001);
     assert!(amplifier.stored);
@@ -133,8 +138,8 @@ fn the_amplifiers_peak_current_is_as_writable_as_the_motors_for_the_builder_choo
 #[test]
 fn the_idn_lists_hold_what_the_reference_asks_for() {
     let numbers = |selection| -> std::vec::Vec<u16> {
-        let selected: std::vec::Vec<u16> = select(selection).map(|block| block.idn.0).collect();
-        let listed: std::vec::Vec<u16> = list(selection).iter().map(|idn| idn.0).collect();
+        let selected: std::vec::Vec<u16> = DICTIONARY.select(selection).map(|block| block.idn.0).collect();
+        let listed: std::vec::Vec<u16> = DICTIONARY.list(selection).iter().map(|idn| idn.0).collect();
         assert_eq!(listed, selected, "{selection:?}");
         selected
     };
@@ -158,14 +163,14 @@ fn the_idn_lists_hold_what_the_reference_asks_for() {
     assert!(numbers(Selection::ChangeableInCp4).contains(&104));
     assert!(!numbers(Selection::ChangeableInCp4).contains(&32));
     assert!(numbers(Selection::NeededForCp4).contains(&32));
-    assert_eq!(numbers(Selection::All).len(), DICTIONARY.len());
+    assert_eq!(numbers(Selection::All).len(), DICTIONARY.blocks().len());
     assert!(!numbers(Selection::Backup).contains(&2));
 }
 
 #[test]
 fn what_a_backup_of_another_drive_holds_takes_its_own_value_and_no_other() {
     for (number, value) in [(208, 0), (269, 1)] {
-        let block = find(Idn::standard(number)).unwrap();
+        let block = DICTIONARY.find(Idn::standard(number)).unwrap();
         assert_eq!((block.minimum, block.maximum, block.default), (Some(value), Some(value), value));
         assert!([Phase::Cp2, Phase::Cp3, Phase::Cp4].iter().all(|&phase| !block.attribute.is_protected_in(phase)));
     }
@@ -173,19 +178,124 @@ fn what_a_backup_of_another_drive_holds_takes_its_own_value_and_no_other() {
 
 #[test]
 fn no_at_may_be_asked_for_earlier_than_the_drive_can_send_it() {
-    let [t1_min, t1] = [3, 6].map(|number| find(Idn::standard(number)).unwrap());
+    let [t1_min, t1] = [3, 6].map(|number| DICTIONARY.find(Idn::standard(number)).unwrap());
     assert_eq!((t1.minimum, t1.default), (Some(t1_min.default), t1_min.default));
 }
 
 #[test]
 fn the_numbers_that_other_makers_controls_write_blindly_are_free() {
     // P-0-0005: the language of DIAX and ECODRIVE.
-    assert!(find(Idn::product(5)).is_none());
+    assert!(DICTIONARY.find(Idn::product(5)).is_none());
 }
 
 #[test]
 fn an_unknown_idn_is_not_found() {
-    assert!(find(Idn::standard(0)).is_none());
-    assert!(find(Idn(0x1002)).is_none(), "parameter set 1 does not exist");
-    assert!(find(Idn::product(4095)).is_none());
+    assert!(DICTIONARY.find(Idn::standard(0)).is_none());
+    assert!(DICTIONARY.find(Idn(0x1002)).is_none(), "parameter set 1 does not exist");
+    assert!(DICTIONARY.find(Idn::product(4095)).is_none());
+}
+
+/// What follows from the accessor must fit the row: a number is read as a number, a text as a text.
+#[test]
+fn every_accessor_fits_the_format_of_its_row() {
+    for block in DICTIONARY.blocks() {
+        let format = (block.attribute.length(), block.attribute.format());
+        let fits = match access(block) {
+            Access::Parameter => true,
+            Access::Limit(limit) => limit.idn() == block.idn && block.minimum.is_some() && block.maximum.is_some(),
+            Access::Feedback(_) | Access::Command(_) | Access::Number(_) => {
+                matches!(format.0, Length::Two | Length::Four)
+            }
+            Access::Word(_) | Access::Bit(..) | Access::Enable(_) => format.0 == Length::Two,
+            Access::Text(_) => format == (Length::ListOfBytes, Format::Text),
+            Access::List(_) => format == (Length::ListOfTwo, Format::Idn),
+            Access::Words(_) => format.0 == Length::ListOfTwo,
+            Access::Longs(_) => format.0 == Length::ListOfFour,
+            Access::Procedure(procedure) => procedure.idn() == block.idn && block.attribute.command(),
+        };
+        assert!(fits, "{}: {:?} with {format:?}", block.idn, access(block));
+    }
+}
+
+#[test]
+fn every_data_block_that_the_table_lets_a_master_configure_can_be_carried() {
+    for block in DICTIONARY.select(Selection::ConfigurableInAt) {
+        assert!(access(block).feedback().is_some(), "{} in the AT", block.idn);
+    }
+    for block in DICTIONARY.select(Selection::ConfigurableInMdt) {
+        assert!(access(block).command().is_some(), "{} in the MDT", block.idn);
+    }
+}
+
+#[test]
+fn every_data_block_that_the_table_lets_a_bit_show_has_a_source() {
+    for block in DICTIONARY.select(Selection::BitSources) {
+        assert!(source(block.idn).is_some(), "{}", block.idn);
+    }
+    assert_eq!(source(Idn::standard(2)), None);
+    assert_eq!(source(Idn::product(11)), None);
+    for block in DICTIONARY.select(Selection::BitTargets) {
+        assert_ne!(source(block.idn).unwrap().target(0), 0, "{}", block.idn);
+    }
+}
+
+#[test]
+fn every_warning_has_a_data_block_of_its_own_and_stands_in_the_manual() {
+    let manual = DICTIONARY.find(Idn::standard(12)).unwrap().documentation;
+    // A drive without a fan of its own has no cooling warning; bit 15 stands for S-0-0181.
+    for warning in Class2::all().difference(Class2::COOLING | Class2::MANUFACTURER).iter() {
+        let bit = warning.bits().trailing_zeros() as u16;
+        let idn = Idn::standard(310 + bit);
+        assert!(DICTIONARY.find(idn).is_some_and(|block| block.is_in(Selection::BitSources)), "{idn}");
+        assert_eq!(source(idn).unwrap().bit(0), Some(SourceBit { word: Word::Class2, mask: warning.bits() }));
+        let mut words = manual.split([' ', ':', ',']);
+        assert!(words.any(|word| word == std::format!("{bit}")), "bit {bit} is not in \"{manual}\"");
+    }
+}
+
+#[test]
+fn what_the_table_calls_the_default_is_what_the_default_scaling_makes() {
+    let parameters = Parameters::new(&DICTIONARY);
+    for block in DICTIONARY.blocks() {
+        assert_eq!(block.scaled_attribute(&parameters), block.attribute, "{}", block.idn);
+        assert_eq!(block.scaled_unit(&parameters), block.unit.preferred(), "{}", block.idn);
+    }
+}
+
+/// Their places in the memory of the parameters are seen through the others'.
+#[test]
+fn every_stored_data_block_has_a_place_of_its_own_and_counts_in_the_checksum() {
+    let fresh = Parameters::new(&DICTIONARY);
+    for block in DICTIONARY.select(Selection::Backup).filter(|block| block.fixed_bytes().is_some()) {
+        let mut other = fresh.clone();
+        let now = u64::from(other.get(block.idn));
+        let changed = other
+            .set(block.idn, now + 1)
+            .or_else(|_| other.set(block.idn, now.wrapping_sub(1)))
+            .or_else(|_| other.set(block.idn, 11))
+            .or_else(|_| other.set(block.idn, 0x8013));
+        assert_eq!(changed, Ok(()), "{}", block.idn);
+        assert_ne!(other.checksum(), fresh.checksum(), "{}", block.idn);
+        let differ = DICTIONARY
+            .blocks()
+            .iter()
+            .filter(|other| other.location == Location::Parameter && other.fixed_bytes().is_some())
+            .filter(|each| other.get(each.idn) != fresh.get(each.idn));
+        assert!(differ.map(|each| each.idn).eq([block.idn]), "{}", block.idn);
+    }
+}
+
+#[test]
+fn no_data_block_has_a_scaled_unit_of_its_own() {
+    // The motor's own data and those of the identification do not follow a scaling; an angle in hundredths of a degree is electrical.
+    let own = [Idn::standard(113), Idn::product(218), Idn::product(219)];
+    for block in DICTIONARY.blocks().iter().filter(|block| !own.contains(&block.idn)) {
+        let Unit::Fixed(unit) = block.unit else { continue };
+        let decimals = block.attribute.decimal_places().value();
+        let looks_scaled = matches!(
+            (unit, decimals),
+            ("deg", 4) | ("rpm", _) | ("rad/s^2" | "rad/s^3", _) | ("mm" | "mm/min" | "mm/s" | "mm/s^2", _)
+        );
+        assert!(!looks_scaled, "{} in {unit} must name what it measures", block.idn);
+    }
 }

@@ -1,0 +1,111 @@
+//! Parameters of this product: amplifier, motor, brake, filters, oscilloscope, identification.
+
+use super::Access;
+
+sercos::data_blocks! {
+    /// In ascending order.
+    pub(super) const PRODUCT_PARAMETERS accessed by Access;
+
+    /// Up to eight numbers of the control's own choice.
+    P 7 "Application data" [""] LONGS/0 written ALWAYS () = 0 => Parameter, stored;
+    /// A text of the control's own choice, as the serial number of the machine; up to 40 characters.
+    P 8 "Application identifier" [""] TEXT/0 written ALWAYS () = 0 => Parameter, stored;
+    /// Phase current at full deflection of the current sensors, 1 to 8 times S-0-0110.
+    P 100 "Measuring range of the phase currents" ["A"] U32/3 written IN_CP2_CP3 (1 to 4_000_000) = 25_000 => Parameter, stored, needed_for_cp4;
+    /// Bus voltage at the end of the converter's range.
+    P 101 "Measuring range of the bus voltage" ["V"] U16/0 written IN_CP2_CP3 (50 to 4_000) = 500 => Parameter, stored, needed_for_cp4;
+    /// Time for which both transistors of a phase are off at a change, set in the bridge's timer.
+    P 102 "Dead time of the bridge" ["ns"] U16/0 written NEVER () = 1_000 => Parameter;
+    /// Phase current up to which the dead time is compensated in proportion, 0.2 % of S-0-0110 at least; 0: no compensation.
+    P 103 "Band of the dead-time compensation" ["A"] U16/3 written ALWAYS (0 to 65_535) = 200 => Parameter, stored;
+    /// Bus voltage below which the torque goes (C1D bit 9). An eighth above it main power is there; below a sixteenth above it, it is gone, and an axis in operation is stopped out of the rest.
+    P 104 "Undervoltage threshold" ["V"] U16/0 written ALWAYS (1 to 4_000) = 150 => Parameter, stored, needed_for_cp4, restricted;
+    /// Bus voltage above which the bridge is switched off (C1D bit 8).
+    P 105 "Overvoltage threshold" ["V"] U16/0 written ALWAYS (1 to 4_000) = 440 => Parameter, stored, needed_for_cp4, restricted;
+    /// Phase current at which the current loop switches the bridge off (C1D bit 7); 0: 125 % of S-0-0110.
+    P 106 "Trip level of the phase currents" ["A"] U32/3 written IN_CP2_CP3 (0 to 4_000_000) = 0 => Parameter, stored, needed_for_cp4;
+    /// Largest current that weakens the field above the speed that the bus voltage reaches, in per cent of S-0-0110; 0: none, and a speed above it ends in an overcurrent.
+    P 107 "Field weakening current" ["%"] U16/1 written ALWAYS (0 to 900) = 500 => Parameter, stored;
+    /// Pole pairs of the motor; another number makes the commutation angle unknown.
+    P 110 "Pole pairs" [""] U16/0 written IN_CP2_CP3 (1 to 64) = 4 => Parameter, stored, needed_for_cp4;
+    /// Resistance of a phase.
+    P 111 "Winding resistance" ["Ohm"] U32/3 written ALWAYS (1 to 1_000_000) = 1_200 => Parameter, stored;
+    /// Inductance of a phase in the d axis; for the decoupling.
+    P 112 "Direct inductance" ["mH"] U32/3 written ALWAYS (0 to 1_000_000) = 6_000 => Parameter, stored, needed_for_cp4, restricted;
+    /// Inductance of a phase in the q axis; for the decoupling.
+    P 113 "Quadrature inductance" ["mH"] U32/3 written ALWAYS (0 to 1_000_000) = 6_000 => Parameter, stored, needed_for_cp4, restricted;
+    /// Flux linkage of the magnets with a phase, peak value: the torque constant over 1.5 times P-0-0110.
+    P 114 "Flux linkage" ["mVs"] U32/3 written ALWAYS (0 to 2_499_999) = 133_333 => Parameter, stored, needed_for_cp4;
+    /// Electrical angle at the encoder's index; -1: not known, the angle is then only that of the alignment.
+    P 115 "Commutation angle at the index" ["deg"] I32/2 written ALWAYS (-1 to 35_999) = -1 => Parameter, stored;
+    /// Largest current of the search for the commutation angle, in per cent of S-0-0110; ten times the friction.
+    P 116 "Alignment current" ["%"] U16/1 written ALWAYS (1 to 1_000) = 500 => Parameter, stored, needed_for_cp4;
+    /// 1: the encoder's index is connected, and lost or added increments are found by it.
+    P 117 "Encoder index" [""] BITS/0 written IN_CP2_CP3 (0 to 1) = 1 => Parameter, stored, needed_for_cp4;
+    /// Bit 0: there is a holding brake; bit 1: it has a contact; bit 2: the axis stays where it is with its brake open and without torque, and may be aligned so.
+    P 120 "Holding brake" [""] BITS/0 written IN_CP2_CP3 (0 to 7) = 0 => Parameter, stored, needed_for_cp4;
+    /// Current of the d axis with which the torque is proven before the brake opens, in per cent of S-0-0110.
+    P 121 "Test current of the torque proof" ["%"] U16/1 written ALWAYS (10 to 1_000) = 100 => Parameter, stored, needed_for_cp4;
+    /// Movement beyond which a brake does not hold.
+    P 122 "Window of the brake test" ["deg"] U16/2 written ALWAYS (1 to 36_000) = 100 => Parameter, stored, needed_for_cp4;
+    /// Time in which the torque goes after the brake has closed, and for which the axis is watched then.
+    P 123 "Time of the brake test" ["ms"] U16/0 written ALWAYS (1 to 10_000) = 20 => Parameter, stored, needed_for_cp4;
+    /// Of the motor's winding.
+    P 130 "Thermal time constant of the motor" ["s"] U32/3 written IN_CP2_CP3 (1_000 to 3_600_000) = 60_000 => Parameter, stored, needed_for_cp4;
+    /// Of the bridge.
+    P 131 "Thermal time constant of the amplifier" ["s"] U32/3 written IN_CP2_CP3 (1_000 to 3_600_000) = 5_000 => Parameter, stored, needed_for_cp4;
+    /// What an error does to a motor that runs: 0 velocity command zero at the torque limit, 1 torque-free, 2 ramp S-0-0138.
+    P 140 "Reaction to errors" [""] U16/0 written ALWAYS (0 to 2) = 2 => Parameter, stored;
+    /// Path between position commands: 0 straight lines, 1 cubic.
+    P 141 "Interpolation" [""] U16/0 written ALWAYS (0 to 1) = 0 => Parameter, stored;
+    /// Friction that grows with the velocity.
+    P 142 "Viscous friction compensation" ["mA/rpm"] U16/3 written ALWAYS (0 to 65_535) = 0 => Parameter, stored, restricted;
+    /// Filter 1 of the current command: 0 off, 1 low-pass, 2 notch.
+    P 170 "Current filter 1" [""] U16/0 written ALWAYS (0 to 2) = 0 => Parameter, stored;
+    /// Of filter 1.
+    P 171 "Frequency of current filter 1" ["Hz"] U16/1 written ALWAYS (100 to 35_000) = 8_000 => Parameter, stored;
+    /// Damping of the low-pass in 0.001 (200 to 2000), or width of the notch in 0.1 Hz (100 to 20 000).
+    P 172 "Width of current filter 1" [""] U16/0 written ALWAYS (100 to 20_000) = 707 => Parameter, stored;
+    /// What the notch leaves of its centre frequency.
+    P 173 "Depth of current filter 1" ["%"] U16/2 written ALWAYS (0 to 10_000) = 0 => Parameter, stored;
+    /// Filter 2 of the current command: 0 off, 1 low-pass, 2 notch.
+    P 174 "Current filter 2" [""] U16/0 written ALWAYS (0 to 2) = 0 => Parameter, stored;
+    /// Of filter 2.
+    P 175 "Frequency of current filter 2" ["Hz"] U16/1 written ALWAYS (100 to 35_000) = 8_000 => Parameter, stored;
+    /// As P-0-0172.
+    P 176 "Width of current filter 2" [""] U16/0 written ALWAYS (100 to 20_000) = 707 => Parameter, stored;
+    /// What the notch leaves of its centre frequency.
+    P 177 "Depth of current filter 2" ["%"] U16/2 written ALWAYS (0 to 10_000) = 0 => Parameter, stored;
+    /// What channel 1 records: the IDN of a parameter of two or four bytes, of a command or feedback value or of a word of bits, or a signal inside the loops (F000H up); 0: nothing. All settings count from the next arming on.
+    P 201 "Oscilloscope signal 1" [""] HEX/0 written ALWAYS (0 to 65_535) = 0xF004 => Parameter, restricted;
+    /// As P-0-0201, for channel 2.
+    P 202 "Oscilloscope signal 2" [""] HEX/0 written ALWAYS (0 to 65_535) = 0xF003 => Parameter, restricted;
+    /// As P-0-0201, for channel 3.
+    P 203 "Oscilloscope signal 3" [""] HEX/0 written ALWAYS (0 to 65_535) = 0xF006 => Parameter, restricted;
+    /// As P-0-0201, for channel 4.
+    P 204 "Oscilloscope signal 4" [""] HEX/0 written ALWAYS (0 to 65_535) = 0 => Parameter, restricted;
+    /// Bits 7 to 0: the channel that triggers, 0 to 3 for channel 1 to 4. Bits 15 to 8: 0 at once, 1 it rises to P-0-0206, 2 it falls to P-0-0206.
+    P 205 "Oscilloscope trigger" [""] HEX/0 written ALWAYS (0 to 65_535) = 0 => Parameter, restricted;
+    /// In the weight of the signal that triggers.
+    P 206 "Oscilloscope trigger level" [""] I32/0 written ALWAYS (-2_147_483_648 to 2_147_483_647) = 0 => Parameter;
+    /// How many of the 2048 points lie before the trigger.
+    P 207 "Oscilloscope pre-trigger" [""] U16/0 written ALWAYS (0 to 2_047) = 128 => Parameter;
+    /// 0: a point every current loop (62.5 us); n: a point every n loop ticks of 125 us.
+    P 208 "Oscilloscope sampling" [""] U16/0 written ALWAYS (0 to 65_535) = 1 => Parameter;
+    /// Writing 1 arms with P-0-0201 to P-0-0208, or is refused if they do not go together; 0 stops. Reads what was written last.
+    P 209 "Oscilloscope control" [""] U16/0 written ALWAYS (0 to 1) = 0 => Parameter, restricted;
+    /// Highest velocity of P-0-0225 and P-0-0226, and by its sign their direction; half of it is used too.
+    P 218 "Velocity of the identification" ["rpm"] I32/4 written ALWAYS (-2_147_483_647 to 2_147_483_647) = 3_000_000 => Parameter, stored;
+    /// Ramps of P-0-0225 and P-0-0226; where S-0-0136 and S-0-0137 are set, not above them. For P-0-0226 it should take some times the current of the friction.
+    P 219 "Acceleration of the identification" ["rad/s^2"] U32/3 written ALWAYS (1 to 2_147_483_647) = 100_000 => Parameter, stored;
+    /// Motor and load at the motor's shaft.
+    P 221 "Moment of inertia" ["kg cm^2"] U32/3 written ALWAYS (1 to 1_000_000_000) = 10_000 => Parameter, stored;
+    /// At -3 dB, for P-0-0220.
+    P 222 "Bandwidth of the current loop" ["Hz"] U16/0 written ALWAYS (10 to 2_716) = 1_000 => Parameter, stored;
+    /// Where its open loop crosses, for P-0-0220.
+    P 223 "Bandwidth of the velocity loop" ["Hz"] U16/0 written ALWAYS (1 to 444) = 40 => Parameter, stored;
+    /// How far P-0-0225 and P-0-0226 may turn the motor from where it stands; they fail and HALT stops the motor when it is further.
+    P 229 "Movement of the identification" ["rev"] U32/2 written ALWAYS (1 to 104_857_600) = 1_500 => Parameter, stored;
+    /// 0: there is no second encoder, telegram types 11 to 13 and S-0-0053 are refused; 1: the motor encoder stands in for it.
+    P 2705 "Source of position feedback 2" [""] U16/0 written IN_CP2_CP3 (0 to 1) = 0 => Parameter, stored;
+}
