@@ -3,7 +3,12 @@
 //! What a sequence measures is summed up here; its result takes divisions and is therefore asked for in the background
 //! (`commissioning`).
 
-use servo::identification::{CurrentRequest, FluxIdentification, FluxMeasurement, FluxSettings, IdentificationError, IdentificationInputs, IdentificationOutput, IdentificationState, InductanceIdentification, InductanceMeasurement, InductanceSettings, InertiaIdentification, InertiaMeasurement, InertiaSettings, ResistanceIdentification, ResistanceMeasurement, ResistanceSettings};
+use servo::identification::{
+    CurrentRequest, FluxIdentification, FluxMeasurement, FluxSettings, IdentificationError, IdentificationInputs,
+    IdentificationOutput, IdentificationState, InductanceIdentification, InductanceMeasurement, InductanceSettings,
+    InertiaIdentification, InertiaMeasurement, InertiaSettings, ResistanceIdentification, ResistanceMeasurement,
+    ResistanceSettings,
+};
 use servo::units::{Position, Velocity};
 
 /// What is to be measured, and how.

@@ -73,7 +73,9 @@ pub use state::{Conditions, DriveState, StateMachine, Switches, status_bits};
 pub use work::Work;
 
 pub use servo::current::PwmFrequency;
-pub use servo::motor::{BoardKind, CurrentControl, CurrentLink, CurrentLoopValues, Cycle, Facts, PowerStage, Samples, TemperatureSensor};
+pub use servo::motor::{
+    BoardKind, CurrentControl, CurrentLink, CurrentLoopValues, Cycle, Facts, PowerStage, Samples, TemperatureSensor,
+};
 pub use servo::scope::Scope;
 
 use sercon816::Bus;

@@ -410,7 +410,9 @@ mod tests {
     }
 
     fn scale() -> LimitScale {
-        crate::settings::MotionSettings::new(&Parameters::new(&DICTIONARY), &crate::service::FACTS, source).unwrap().limit_scale
+        crate::settings::MotionSettings::new(&Parameters::new(&DICTIONARY), &crate::service::FACTS, source)
+            .unwrap()
+            .limit_scale
     }
 
     #[test]

@@ -6,7 +6,9 @@ use sercos::Idn;
 use sercos::parameters::Parameters;
 use sercos::transition::OPERATION_MODES;
 use servo::SettingsError;
-use servo::axis::{AxisParameters, AxisSettings, CurrentFilterSettings, FilterSection, FrictionParameters, FrictionSettings};
+use servo::axis::{
+    AxisParameters, AxisSettings, CurrentFilterSettings, FilterSection, FrictionParameters, FrictionSettings,
+};
 use servo::clock::LoopClockSettings;
 use servo::encoder::TwiceReadSettings;
 use servo::homing::{HomingParameters, HomingSettings};

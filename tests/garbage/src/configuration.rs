@@ -2,8 +2,8 @@
 
 use std::sync::LazyLock;
 
-use drive::{Facts, MotionSettings, PwmFrequency, TemperatureSensor};
 use drive::dictionary::{DICTIONARY, records, source};
+use drive::{Facts, MotionSettings, PwmFrequency, TemperatureSensor};
 use sercos::command::CommandStatus;
 use sercos::data_block::{DataBlock, Location, NeededFor, Selection};
 use sercos::duration::{self, BitRate};

@@ -11,7 +11,10 @@ use sercos::parameters::Parameters;
 use servo::SettingsError;
 use servo::axis::{current_gains, position_gain, velocity_gains};
 use servo::current::PwmFrequency;
-use servo::identification::{FluxSettings, IdentificationError, IdentificationParameters, InductanceSettings, InertiaSettings, ResistanceSettings};
+use servo::identification::{
+    FluxSettings, IdentificationError, IdentificationParameters, InductanceSettings, InertiaSettings,
+    ResistanceSettings,
+};
 use servo::units::{Acceleration, Position, Velocity};
 
 use crate::dictionary::Procedure;

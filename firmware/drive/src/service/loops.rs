@@ -2,10 +2,10 @@
 
 use sercos::parameters::Parameters;
 
-use servo::motor::BoardKind;
 use crate::dictionary::source;
 use crate::hardware::Hardware;
 use crate::settings::{InvalidSetting, MotionSettings};
+use servo::motor::BoardKind;
 
 /// The settings of the loops. Some 200 us; divides.
 ///

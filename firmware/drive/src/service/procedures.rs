@@ -12,11 +12,11 @@ use super::commissioning::{self, Finding as CommissioningFinding};
 use super::context::Context;
 use super::finding::Finding;
 use super::loops;
-use servo::motor::BoardKind;
 use crate::dictionary::Procedure;
 use crate::hardware::Hardware;
 use crate::motion::Motion;
 use crate::settings::homing;
+use servo::motor::BoardKind;
 
 /// S-0-0147.
 pub(super) const HOMING_PARAMETER: Idn = Idn::standard(147);

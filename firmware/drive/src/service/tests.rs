@@ -18,7 +18,6 @@ use super::finding::Finding;
 use super::loops;
 use super::rig::{FACTS, Rig, Still, words_of};
 use crate::dictionary::DICTIONARY;
-use crate::hardware::Hardware;
 use crate::settings::{CycleSettings, InvalidSetting, MotionSettings};
 
 pub(super) const fn S(number: u16) -> Idn {

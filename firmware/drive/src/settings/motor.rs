@@ -7,9 +7,14 @@ use servo::arithmetic::Gain;
 use servo::axis::{CommandedTorqueLimits, TorqueLimitParameters, TorqueLimitSettings};
 use servo::brake::{BrakeParameters, BrakeSettings};
 use servo::commutation::{AlignmentSettings, CommutationSettings};
-use servo::current::{CurrentLoopParameters, CurrentLoopSettings, FieldWeakeningParameters, FieldWeakeningSettings, MotorModel, Protection};
+use servo::current::{
+    CurrentLoopParameters, CurrentLoopSettings, FieldWeakeningParameters, FieldWeakeningSettings, MotorModel,
+    Protection,
+};
 use servo::encoder::{EncoderMonitorParameters, EncoderMonitorSettings};
-use servo::monitor::{LoadParameters, LoadSettings, TemperatureParameters, TemperatureSettings, VoltageParameters, VoltageSettings};
+use servo::monitor::{
+    LoadParameters, LoadSettings, TemperatureParameters, TemperatureSettings, VoltageParameters, VoltageSettings,
+};
 use servo::motor::{CurrentSettings, Facts, MotorSettings};
 use servo::units::{CurrentFraction, Position, Velocity};
 

@@ -3,8 +3,8 @@
 use super::channel::{ChannelError, ServiceChannel};
 use drive::DICTIONARY;
 use drive::oscilloscope::{
-    CONTROL, Configuration, INTERVAL, LoopValues, Oscilloscope, POINTS, SIGNALS, STATE,
-    SignalValues, TRIGGER, Task, WINDOW, sample_source,
+    CONTROL, Configuration, INTERVAL, LoopValues, Oscilloscope, POINTS, SIGNALS, STATE, SignalValues, TRIGGER, Task,
+    WINDOW, sample_source,
 };
 use drive::service::scope::{refuses_setting, signal};
 use drive::{Command, CurrentLoopValues, Feedback, Source};
