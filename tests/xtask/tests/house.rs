@@ -31,27 +31,14 @@ struct Wing {
 
 const WINGS: [Wing; 6] = [
     Wing { name: "sercos", folder: "firmware/sercos/src", root: "lib.rs", circles: &[], by_detours: false },
-    Wing {
-        name: "sercon816",
-        folder: "firmware/sercon816/src",
-        root: "lib.rs",
-        circles: &[&["discovery.rs", "uncertain.rs"], &["register.rs", "timing.rs"]],
-        by_detours: false,
-    },
+    Wing { name: "sercon816", folder: "firmware/sercon816/src", root: "lib.rs", circles: &[], by_detours: false },
     Wing { name: "servo", folder: "firmware/servo/src", root: "lib.rs", circles: &[], by_detours: false },
     Wing {
         name: "drive",
         folder: "firmware/drive/src",
         root: "lib.rs",
         circles: &[
-            &[
-                "dictionary.rs",
-                "dictionary/axis.rs",
-                "dictionary/bits.rs",
-                "dictionary/lists.rs",
-                "dictionary/product.rs",
-                "dictionary/ring.rs",
-            ],
+            &["motion.rs", "motion/positioning.rs", "motion/positive_stop.rs", "motion/travel.rs", "motion/words.rs"],
             &[
                 "limits.rs",
                 "settings.rs",
@@ -60,7 +47,6 @@ const WINGS: [Wing; 6] = [
                 "settings/scaling.rs",
                 "settings/torque.rs",
             ],
-            &["motion.rs", "motion/positioning.rs", "motion/positive_stop.rs", "motion/travel.rs", "motion/words.rs"],
         ],
         by_detours: true,
     },

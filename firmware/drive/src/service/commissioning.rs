@@ -17,7 +17,7 @@ use servo::identification::{
 };
 use servo::units::{Acceleration, Position, Velocity};
 
-use crate::dictionary::Procedure;
+use crate::dictionary::procedures::Procedure;
 use crate::identification::{Failure, Measurement, Outcome, Plan};
 use crate::settings::InvalidSetting;
 

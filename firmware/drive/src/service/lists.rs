@@ -6,7 +6,7 @@ use sercon816::Bus;
 use sercos::capacity::{LIVE_LIST_ENTRIES, LIVE_LONG_ENTRIES};
 
 use super::context::Context;
-use crate::dictionary::{Longs, Words};
+use crate::dictionary::lists::{Longs, Words};
 use crate::hardware::Hardware;
 use crate::motion::Motion;
 use crate::settings::OperationMode;

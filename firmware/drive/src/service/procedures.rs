@@ -12,7 +12,7 @@ use super::commissioning::{self, Finding as CommissioningFinding};
 use super::context::Context;
 use super::finding::Finding;
 use super::loops;
-use crate::dictionary::Procedure;
+use crate::dictionary::procedures::Procedure;
 use crate::hardware::Hardware;
 use crate::motion::Motion;
 use crate::settings::homing;

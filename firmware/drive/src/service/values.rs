@@ -5,7 +5,8 @@ use sercon816::Bus;
 use sercos::parameters::Parameters;
 
 use super::context::Context;
-use crate::dictionary::{Access, Number};
+use crate::dictionary::access::Access;
+use crate::dictionary::numbers::Number;
 use crate::error_memory::seconds;
 use crate::hardware::Hardware;
 use crate::motion::Motion;
