@@ -29,8 +29,17 @@ pub(crate) const REVOLUTION: f64 = 3_600_000.0;
 
 /// The programs that `cargo xtask test` has built.
 pub(crate) fn on_qemu() -> Executor {
-    let path = |name: &str| std::env::var_os(name).unwrap_or_else(|| panic!("{name} {REASON}")).into();
-    Executor::Qemu(Elves { product: path("PRODUCT_ELF"), bus: path("BUS_PLUGIN") })
+    Executor::Qemu(elves())
+}
+
+/// The same, on whatever CPU is free.
+pub(crate) fn on_qemu_on_any_cpu() -> Executor {
+    Executor::Qemu(Elves { one_cpu: false, ..elves() })
+}
+
+fn elves() -> Elves {
+    let path = |name: &str| std::env::var_os(name).unwrap_or_else(|| panic!("{name} {REASON}"));
+    Elves::new(path("PRODUCT_ELF"), path("BUS_PLUGIN"))
 }
 
 /// A press drive whose encoder counts 8.7 increments in a microsecond at 1 000 rpm, as fast as the board's filters let pass: what is

@@ -85,9 +85,9 @@ pub(crate) struct Rig {
 fn elves() -> Elves {
     let path = |name: &str| {
         let missing = "is not set: run `cargo xtask test`, which builds the ELF and runs the tests in QEMU";
-        std::env::var_os(name).unwrap_or_else(|| panic!("{name} {missing}")).into()
+        std::env::var_os(name).unwrap_or_else(|| panic!("{name} {missing}"))
     };
-    Elves { product: path("PRODUCT_ELF"), bus: path("BUS_PLUGIN") }
+    Elves::new(path("PRODUCT_ELF"), path("BUS_PLUGIN"))
 }
 
 fn motion() -> Motion {

@@ -18,8 +18,6 @@ mod writes;
 #[cfg(test)]
 mod effects;
 #[cfg(test)]
-mod rig;
-#[cfg(test)]
-pub(crate) use rig::FACTS;
+pub(crate) mod rig;
 #[cfg(test)]
 mod tests;

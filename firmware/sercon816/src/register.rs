@@ -36,7 +36,7 @@ impl Register {
     pub const PHASE_RECEIVED: Self = Self::at(0x0B);
     /// 0DH: timeouts of the service containers, see [`ServiceTimeouts`].
     pub const SERVICE_TIMEOUTS: Self = Self::at(0x0D);
-    /// 0EH: divider of MCLK, see [`ClockDivider`].
+    /// 0EH: divider of MCLK, see [`ClockDivider`](crate::ClockDivider).
     pub const CLOCK_DIVIDER: Self = Self::at(0x0E);
     /// 0FH: TSCYC0, cycle time of transmission block 0 in us.
     pub const CYCLE_TIME_0: Self = Self::at(0x0F);

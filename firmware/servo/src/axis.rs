@@ -224,7 +224,7 @@ impl Axis {
     }
 
     /// Changes the mode without a bump: the new mode starts at the shaft, with the velocity command of the last tick as far as the shaft
-    /// turns that fast, see [`Axis::hand_over`], and with position control from a setpoint ahead by the lag that belongs to that velocity.
+    /// turns that fast, see `Axis::hand_over`, and with position control from a setpoint ahead by the lag that belongs to that velocity.
     /// The integral part of the velocity loop is kept: it holds the load.
     pub fn set_mode(&mut self, mode: Mode) {
         if mode == self.mode {

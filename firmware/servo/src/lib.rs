@@ -9,7 +9,8 @@
 //! t3 event -> LoopClock -> trim of the loop timer
 //! ```
 //!
-//! [`Axis`](axis::Axis) joins the chain; the parts can be used alone. The crate knows no bus and no hardware.
+//! [`Axis`](axis::Axis) joins the chain; the parts can be used alone. The crate knows no bus and no hardware. It is `no_std`,
+//! allocates nothing and has no `unsafe`. The package is `servo-axis`, the library `servo`.
 //!
 //! The chain, in the order of its parts:
 //!
@@ -30,10 +31,33 @@
 //!
 //! All of it stands on [`units`], what a position or a velocity is, and on [`arithmetic`].
 //!
+//! What holds for all of it:
+//!
 //! * All arithmetic is integer: the same input gives the same output, bit for bit, on the host and on the target.
 //! * What a tick calls contains no division, no float, no panic and no loop whose length depends on data. Divisions happen in
 //!   constructors of settings ([`AxisSettings::new`](axis::AxisSettings::new), ...), called when a parameter changes.
 //! * Settings and state are separate types, so that settings can be prepared in a background task and handed over in one move.
+//!
+//! # Example
+//!
+//! Gains from the data of a motor, for a velocity loop of 50 Hz on 0.001 kg m² with 0.5 Nm/A:
+//!
+//! ```
+//! use servo::SettingsError;
+//! use servo::axis::{position_gain, velocity_gains};
+//!
+//! let gains = velocity_gains(10_000, 500_000, 50, 250)?;
+//! assert_eq!((gains.proportional, gains.integral_time), (628, 127)); // mA s/rad, 0.1 ms
+//! assert_eq!(position_gain(50)?, 471); // 0.01 * 1000/min
+//! assert!(matches!(velocity_gains(0, 500_000, 50, 250), Err(SettingsError::Zero { .. })));
+//! # Ok::<(), SettingsError>(())
+//! ```
+//!
+//! `examples/position_loop.rs` lets an axis follow a master with them.
+//!
+//! # Licence
+//!
+//! MIT or Apache 2.0, at your choice.
 #![no_std]
 #![forbid(unsafe_code)]
 #![cfg_attr(

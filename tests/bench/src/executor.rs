@@ -16,6 +16,20 @@ pub struct Elves {
     pub product: PathBuf,
     /// The bus inside QEMU, a library that it loads.
     pub bus: PathBuf,
+    /// See [`emulator::GuestConfiguration::one_cpu`]; like the next two it changes no result.
+    pub one_cpu: bool,
+    /// See [`emulator::GuestConfiguration::whole_blocks`].
+    pub whole_blocks: bool,
+    /// See [`emulator::GuestConfiguration::foretells`].
+    pub foretells: bool,
+}
+
+impl Elves {
+    /// Run the usual way, which is the fastest.
+    #[must_use]
+    pub fn new(product: impl Into<PathBuf>, bus: impl Into<PathBuf>) -> Self {
+        Self { product: product.into(), bus: bus.into(), one_cpu: true, whole_blocks: true, foretells: true }
+    }
 }
 
 /// Where the drive under test runs. The drives beside it always run on this computer.
@@ -53,6 +67,17 @@ pub struct Measurements {
     pub trace: Option<emulator::Trace>,
     /// Decoded log lines.
     pub log: Vec<String>,
+    /// When which task ran, by its name in `firmware/app`, and `INT_SC` where the chip asked for a step of the service channel; only for a drive on this computer, and where somebody asked for it.
+    pub tasks: Option<Vec<(Nanoseconds, &'static str)>>,
+}
+
+impl Measurements {
+    /// A task runs.
+    pub(crate) fn note(&mut self, now: Nanoseconds, task: &'static str) {
+        if let Some(tasks) = &mut self.tasks {
+            tasks.push((now, task));
+        }
+    }
 }
 
 /// Measurements that a processor fills while it runs.

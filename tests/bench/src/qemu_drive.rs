@@ -36,20 +36,13 @@ impl QemuDrive {
         bit_rate: BitRate,
         measurements: SharedMeasurements,
     ) -> Result<Self, ProcessorError> {
-        let guest = Guest::start(&GuestConfiguration::new(&elves.product, &elves.bus))
-            .map_err(|error| ProcessorError::Stuck { address, cause: error.to_string() })?;
-        Ok(Self::around(guest, chip, motor_side, address, bit_rate, measurements))
-    }
-
-    /// The same around a guest that was started otherwise.
-    fn around(
-        guest: Guest,
-        chip: &SharedChip,
-        motor_side: &SharedMotorSide,
-        address: u8,
-        bit_rate: BitRate,
-        measurements: SharedMeasurements,
-    ) -> Self {
+        let how = GuestConfiguration {
+            one_cpu: elves.one_cpu,
+            whole_blocks: elves.whole_blocks,
+            foretells: elves.foretells,
+            ..GuestConfiguration::new(&elves.product, &elves.bus)
+        };
+        let guest = Guest::start(&how).map_err(|error| ProcessorError::Stuck { address, cause: error.to_string() })?;
         motor_side.borrow_mut().leave_breaks();
         let elf = Elf::new(guest);
         let environment = QemuEnvironment {
@@ -61,7 +54,7 @@ impl QemuDrive {
             chip_runs: false,
             observer: BusObserver::new(measurements),
         };
-        Self { address, elf, environment }
+        Ok(Self { address, elf, environment })
     }
 
     /// Resets the processor; `now` is the world's time.
@@ -287,6 +280,3 @@ fn word_of(byte_offset: u32) -> u16 {
     let within = byte_offset % REGISTERS;
     u16::try_from(within / 2).unwrap_or(u16::MAX)
 }
-
-#[cfg(test)]
-mod tests;

@@ -1,6 +1,7 @@
 //! The ELF, counted instruction by instruction on a fast ring.
 
-use bench::{Elves, traced};
+use super::elves;
+use bench::traced;
 use emulator::Listing;
 
 /// CAN2_TX.
@@ -9,10 +10,7 @@ const CONTROL_LOOP: u16 = 16 + 63;
 #[test]
 #[ignore = "needs QEMU and the ELF: cargo xtask test"]
 fn two_traced_runs_count_the_same() {
-    let path = |name: &str| {
-        std::env::var_os(name).unwrap_or_else(|| panic!("{name} is not set: run `cargo xtask test`")).into()
-    };
-    let elves = Elves { product: path("PRODUCT_ELF"), bus: path("BUS_PLUGIN") };
+    let elves = elves();
     let count =
         || traced(&elves, Listing { slow_bus: 0x6000_0000..0x7000_0000, ..Listing::default() }, &mut |_| {}).unwrap();
     let first = count();

@@ -9,6 +9,7 @@
 //! * `laws`: one file a law.
 #![forbid(unsafe_code)]
 
+mod blocks;
 mod broken;
 mod dialogue;
 mod lasting;

@@ -1,9 +1,10 @@
 //! What the drive is set to, as the service channel and the MDT have told, and from the start what docs/idn.md says of a new drive.
 
-use std::collections::{BTreeMap, BTreeSet};
+use std::collections::BTreeSet;
 
 use ring::ident::Idn;
 
+use crate::blocks::Blocks;
 use crate::units::Units;
 
 /// Settings of a new drive that the laws ask for, as docs/idn.md has them: number and value of the operation data.
@@ -102,7 +103,7 @@ const OF_POSITION: [u16; 3] = [57, 159, 261];
 /// What is known of a drive's settings.
 #[derive(Clone, Debug)]
 pub struct Settings {
-    values: BTreeMap<u16, Vec<u16>>,
+    values: Blocks,
     /// [`SCALING`] of the last set that came into operation.
     scaling: [Option<Vec<u16>>; SCALING.len()],
     /// Written since CP2 began: their numbers count in the scaling that the set ends with.
@@ -114,7 +115,7 @@ pub struct Settings {
 impl Default for Settings {
     fn default() -> Self {
         let mut settings = Self {
-            values: BTreeMap::new(),
+            values: Blocks::new(),
             scaling: Default::default(),
             fresh: BTreeSet::new(),
             mdt: Vec::new(),
@@ -155,7 +156,7 @@ impl Settings {
     /// S-0-0001 is S-0-0002 as long as nobody has written it.
     fn follow_cycle(&mut self) {
         if !self.fresh.contains(&Idn::CONTROL_UNIT_CYCLE.0)
-            && let Some(words) = self.values.get(&Idn::CYCLE.0).cloned()
+            && let Some(words) = self.values.get(Idn::CYCLE.0).map(<[u16]>::to_vec)
         {
             self.values.insert(Idn::CONTROL_UNIT_CYCLE.0, words);
         }
@@ -179,7 +180,7 @@ impl Settings {
         for (number, words) in SCALING.iter().zip(&self.scaling) {
             match words {
                 Some(words) => old.values.insert(*number, words.clone()),
-                None => old.values.remove(number),
+                None => old.values.remove(*number),
             };
         }
         self.scaling = now;
@@ -213,18 +214,18 @@ impl Settings {
                 self.values.insert(number, vec![value as u16, (value >> 16) as u16]);
             }
             None => {
-                self.values.remove(&number);
+                self.values.remove(number);
             }
         }
     }
 
     fn scaling_now(&self) -> [Option<Vec<u16>>; SCALING.len()] {
-        SCALING.map(|number| self.values.get(&number).cloned())
+        SCALING.map(|number| self.values.get(number).map(<[u16]>::to_vec))
     }
 
     /// A value that came in the MDT.
     pub fn note_cyclic(&mut self, idn: Idn, value: u32) {
-        let words = self.values.entry(idn.0).or_default();
+        let words = self.values.entry(idn.0);
         words.clear();
         words.push(value as u16);
         if Self::bytes_of(idn) == Some(4) {
@@ -234,26 +235,26 @@ impl Settings {
 
     /// It is no longer known.
     pub fn forget(&mut self, idn: Idn) {
-        self.values.remove(&idn.0);
+        self.values.remove(idn.0);
     }
 
     /// S-0-0262 has been executed: what can be written now has its default; without `protected`, only what no phase protects.
     pub fn load_defaults(&mut self, protected: bool) {
         if protected {
-            self.values.retain(|number, _| OF_THE_RING.contains(number));
+            self.values.retain(|number| OF_THE_RING.contains(&number));
             self.new_drive(|number| !OF_THE_RING.contains(&number));
             self.scaling = self.scaling_now();
             self.fresh.clear();
         } else {
             // What may change in CP4 says the drive; until it is read it is unknown.
-            self.values.retain(|number, _| OF_THE_RING.contains(number) || is_protected_in_cp4(*number));
+            self.values.retain(|number| OF_THE_RING.contains(&number) || is_protected_in_cp4(number));
         }
     }
 
     /// Everything that is known, to be compared with what is read.
     #[must_use]
     pub fn words(&self, idn: Idn) -> Option<&[u16]> {
-        self.values.get(&idn.0).map(Vec::as_slice)
+        self.values.get(idn.0)
     }
 
     /// A value of two bytes.

@@ -124,7 +124,7 @@ impl Wire {
             self.released |= !on;
         }
         if self.phase >= 3 {
-            self.commands = split(data, settings.mdt_contents());
+            split(data, settings.mdt_contents(), &mut self.commands);
         }
     }
 
@@ -137,7 +137,7 @@ impl Wire {
         self.status = u16::from_le_bytes([status_low, status_high]);
         self.info[1] = u16::from_le_bytes([info_low, info_high]);
         if self.phase >= 3 {
-            self.feedback = split(data, settings.at_contents());
+            split(data, settings.at_contents(), &mut self.feedback);
         }
     }
 
@@ -222,15 +222,14 @@ impl Wire {
 }
 
 /// The values of a record; what lies behind a value of unknown length is left out.
-fn split(mut data: &[u8], contents: &[Idn]) -> Vec<(Idn, u32)> {
-    let mut values = Vec::with_capacity(contents.len());
+fn split(mut data: &[u8], contents: &[Idn], values: &mut Vec<(Idn, u32)>) {
+    values.clear();
     for idn in contents {
         let Some(length) = Settings::bytes_of(*idn) else { break };
         let Some((own, rest)) = data.split_at_checked(length) else { break };
         values.push((*idn, own.iter().rev().fold(0, |value, byte| value << 8 | u32::from(*byte))));
         data = rest;
     }
-    values
 }
 
 #[cfg(test)]

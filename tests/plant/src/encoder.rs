@@ -1,6 +1,6 @@
 //! The incremental encoder on the motor shaft, and what a counter makes of it.
 
-use crate::turn::Turn;
+use crate::turn::{Turn, floor};
 
 /// In increments: what lies so near below an edge of the tracks is the edge, for fractions that binary numbers only approach.
 const ON_THE_EDGE: f64 = 1e-6;
@@ -78,7 +78,7 @@ impl Encoder {
             return counter;
         }
         let increments = revolution.wrapping_mul(i64::from(self.increments_per_revolution));
-        let count = increments.wrapping_add(increment.floor() as i64) as u32;
+        let count = increments.wrapping_add(floor(increment)) as u32;
         let count = self.initial_count.wrapping_add(count).wrapping_add(counter.slip);
         Counter { latch: Some(counter.frozen.unwrap_or(count)), pulses: counter.pulses.wrapping_add(1), ..counter }
     }
@@ -107,5 +107,5 @@ impl Encoder {
 
 /// The revolution in which the angle `at`, given in a revolution, was passed last on the way from far below.
 fn last_passed(turn: Turn, at: f64) -> i64 {
-    turn.whole + (turn.part - at).floor() as i64
+    turn.whole + floor(turn.part - at)
 }

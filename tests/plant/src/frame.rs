@@ -1,5 +1,7 @@
 //! The rotor's frame of reference: currents and voltages along the magnet (d) and across it (q).
 
+use crate::turn::floor;
+
 /// Half the square root of three.
 const SINE_OF_THIRD: f64 = 0.866_025_403_784_438_6;
 
@@ -62,12 +64,12 @@ impl Frame {
 /// Sine and cosine of an angle in turns, from additions and multiplications alone: the C library's differ in the last bit between machines.
 /// The error is below 1e-15.
 fn sine_and_cosine(turns: f64) -> (f64, f64) {
-    let quarter = (4.0 * turns + 0.5).floor();
-    let x = (turns - 0.25 * quarter) * core::f64::consts::TAU;
+    let quarter = floor(4.0 * turns + 0.5);
+    let x = (turns - 0.25 * quarter as f64) * core::f64::consts::TAU;
     let sine = x * series(x * x, &SINE_FACTORS);
     let cosine = series(x * x, &COSINE_FACTORS);
     // The remainder of a negative number by 4 is wanted positive.
-    match (quarter as i64) & 3 {
+    match quarter & 3 {
         0 => (sine, cosine),
         1 => (cosine, -sine),
         2 => (-sine, -cosine),

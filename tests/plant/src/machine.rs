@@ -157,19 +157,29 @@ impl Machine {
 
     /// Lets time pass until `to` nanoseconds. Earlier instants than those already reached are left alone.
     pub fn advance(&mut self, to: u64) {
-        while let Some(stretch) = self.timeline.next(to) {
+        loop {
+            while let Some(nanoseconds) = self.timeline.next_without_input(to) {
+                self.pass_time(nanoseconds);
+            }
+            let Some(stretch) = self.timeline.next(to) else { return };
             self.pass(stretch);
         }
     }
 
-    fn pass(&mut self, Stretch { nanoseconds, input }: Stretch<Input>) {
-        self.asked = Asked(None);
-        if !self.still {
-            let before = self.state;
-            self.state = self.step(nanoseconds);
-            self.still = nanoseconds == GRID && self.state == before;
+    fn pass_time(&mut self, nanoseconds: u64) {
+        if self.still {
+            return;
         }
+        self.asked = Asked(None);
+        let state = self.step(nanoseconds);
+        self.still = nanoseconds == GRID && state == self.state;
+        self.state = state;
+    }
+
+    fn pass(&mut self, Stretch { nanoseconds, input }: Stretch<Input>) {
+        self.pass_time(nanoseconds);
         if let Some(input) = input {
+            self.asked = Asked(None);
             self.apply(input);
             self.still = false;
         }
@@ -316,8 +326,8 @@ impl Machine {
     /// The encoder counter: quantised, wrapping at 2^32.
     #[must_use]
     pub fn encoder_count(&mut self, at: u64) -> u32 {
-        let state = self.state_at(at);
-        self.settings.encoder.count(state.counter, state.shafts.turn)
+        let State { counter, shafts, .. } = *self.state_at(at);
+        self.settings.encoder.count(counter, shafts.turn)
     }
 
     /// What [`Machine::encoder_count`] will answer at an instant ahead if no input comes until then: a look that passes no time.
@@ -377,8 +387,8 @@ impl Machine {
     /// Phase currents in A, positive into the motor.
     #[must_use]
     pub fn phase_currents(&mut self, at: u64) -> [f64; 3] {
-        let state = self.state_at(at);
-        self.frame(state.shafts.turn.part).phases(state.current)
+        let State { current, shafts, .. } = *self.state_at(at);
+        self.frame(shafts.turn.part).phases(current)
     }
 
     /// Currents along and across the magnet in A, amplitudes of the phase current.
@@ -445,19 +455,19 @@ impl Machine {
     }
 
     /// The state at an instant, beside the grid without a trace in the state that is kept.
-    fn state_at(&mut self, at: u64) -> State {
+    fn state_at(&mut self, at: u64) -> &State {
         self.advance(at);
-        if self.still {
-            return self.state;
+        let beyond = self.timeline.beyond(at);
+        if self.still || beyond == 0 {
+            return &self.state;
         }
-        if let Asked(Some((when, state))) = self.asked
-            && when == at
-        {
-            return state;
+        if self.asked.0.is_none_or(|(when, _)| when != at) {
+            self.asked = Asked(Some((at, self.step(beyond))));
         }
-        let state = self.step(self.timeline.beyond(at));
-        self.asked = Asked(Some((at, state)));
-        state
+        match &self.asked {
+            Asked(Some((_, state))) => state,
+            Asked(None) => &self.state,
+        }
     }
 }
 

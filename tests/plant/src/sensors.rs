@@ -1,11 +1,12 @@
 //! What the converter of the board sees: 12 bit samples of currents, bus voltage and temperatures.
 
 use crate::noise::Noise;
+use crate::turn::floor;
 
 /// The sample of 0 A without offset.
 const MIDDLE: f64 = 2_048.0;
 /// The largest sample.
-const LARGEST: f64 = 4_095.0;
+const LARGEST: i64 = 4_095;
 /// Temperature sensors: the sample at 0 degrees Celsius, and its change per kelvin.
 const COUNTS_AT_ZERO_CELSIUS: f64 = 500.0;
 const COUNTS_PER_KELVIN: f64 = 10.0;
@@ -48,5 +49,5 @@ pub(crate) fn temperature_sample(temperature: f64) -> u16 {
 }
 
 fn quantise(counts: f64) -> u16 {
-    (counts + 0.5).floor().clamp(0.0, LARGEST) as u16
+    floor(counts + 0.5).clamp(0, LARGEST) as u16
 }

@@ -48,6 +48,23 @@ impl<I: Copy, const GRID: u64> Timeline<I, GRID> {
         Some(stretch)
     }
 
+    /// Passes the next whole or partial step of the grid that ends at `to` or earlier and at which no input begins to hold, and says how long
+    /// it is: most of them, and an input is large to carry about.
+    pub(crate) fn next_without_input(&mut self, to: u64) -> Option<u64> {
+        let grid = self.grid_behind(self.time);
+        let first = self.inputs.front().map_or(u64::MAX, |(at, _)| *at);
+        if grid > to || first <= grid {
+            return None;
+        }
+        let nanoseconds = grid - self.time;
+        self.time = grid;
+        Some(nanoseconds)
+    }
+
+    const fn grid_behind(&self, time: u64) -> u64 {
+        (time / GRID + 1) * GRID
+    }
+
     /// The state's instant, to look ahead from.
     pub(crate) const fn place(&self) -> Place {
         Place { time: self.time, inputs: 0 }
@@ -55,7 +72,7 @@ impl<I: Copy, const GRID: u64> Timeline<I, GRID> {
 
     /// The stretch behind a place that ends at `to` or earlier; the place moves to its end.
     pub(crate) fn look(&self, place: &mut Place, to: u64) -> Option<Stretch<I>> {
-        let grid = (place.time / GRID + 1) * GRID;
+        let grid = self.grid_behind(place.time);
         let input = self.inputs.get(place.inputs).filter(|(at, _)| *at <= grid);
         let end = input.map_or(grid, |(at, _)| *at);
         if end > to {
@@ -94,6 +111,20 @@ mod tests {
         assert_eq!(timeline.beyond(12), 2);
         assert_eq!(stretches(&mut timeline, 31), [(3, Some('a')), (7, Some('b')), (10, None)]);
         assert_eq!(timeline.beyond(31), 1);
+    }
+
+    #[test]
+    fn steps_without_an_input_end_where_one_begins() {
+        let mut timeline = Timeline::<char, 10>::new();
+        timeline.enter('a', 13);
+        assert_eq!(timeline.next_without_input(9), None);
+        assert_eq!(timeline.next_without_input(25), Some(10));
+        assert_eq!(timeline.next_without_input(25), None, "an input lies in this step");
+        assert_eq!(timeline.next(25), Some(Stretch { nanoseconds: 3, input: Some('a') }));
+        assert_eq!(timeline.next_without_input(25), Some(7));
+        assert_eq!((timeline.next_without_input(25), timeline.time()), (None, 20));
+        timeline.enter('b', 30);
+        assert_eq!(timeline.next_without_input(30), None, "an input at the end of this step");
     }
 
     #[test]

@@ -33,12 +33,13 @@ fn read(path: &Path) -> Result<Vec<u8>> {
     std::fs::read(path).with_context(|| format!("cannot read {}", path.display()))
 }
 
-fn build_ungated(installing: Installing) -> Result<Elves> {
+/// The same, whatever the size.
+pub(crate) fn build_ungated(installing: Installing) -> Result<Elves> {
     let compiler = setup::target_compiler(installing)?;
     let folder = build_folder()?;
     eprintln!("building the release ELF of the drive ({TARGET}: {compiler})");
     let product = build_one(&compiler, &folder, "app")?;
-    Ok(Elves { product, bus: build_bus()? })
+    Ok(Elves::new(product, build_bus()?))
 }
 
 /// The library that QEMU loads, built by this computer's compiler.

@@ -82,9 +82,8 @@ mod tests {
         let path = |name: &str| {
             std::env::var_os(name)
                 .unwrap_or_else(|| panic!("{name} is not set: run `cargo xtask test`, which builds the ELF"))
-                .into()
         };
-        finds_the_ring_closed(&Executor::Qemu(bench::Elves { product: path("PRODUCT_ELF"), bus: path("BUS_PLUGIN") }));
+        finds_the_ring_closed(&Executor::Qemu(bench::Elves::new(path("PRODUCT_ELF"), path("BUS_PLUGIN"))));
     }
 
     fn finds_the_ring_closed(executor: &Executor) {

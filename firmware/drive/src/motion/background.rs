@@ -138,7 +138,7 @@ impl<B: Bus + Clone, H: Hardware> Motion<B, H> {
         true
     }
 
-    /// Asks for [`Work::SERVICE_CHANNEL`] when the loop clock has locked to the ring, or after so many ticks of the supervision without.
+    /// Asks for `Work::SERVICE_CHANNEL` when the loop clock has locked to the ring, or after so many ticks of the supervision without.
     pub fn wait_for_lock(&mut self, ticks: u16) {
         self.lock_patience = ticks;
     }
@@ -302,10 +302,10 @@ impl<B: Bus + Clone, H: Hardware> Motion<B, H> {
 
     /// P-0-0118 in 0.01 degree; -1: not known.
     pub(crate) fn commutation_angle(&self) -> i32 {
-        const CIRCLE: u64 = 36_000;
+        const CIRCLE: u32 = 36_000;
         let angle = self.motor.commutation_angle(self.encoder.position());
-        let hundredths = |angle: u32| (u64::from(angle).wrapping_mul(CIRCLE).wrapping_add(1 << 31) >> 32) as i32;
-        angle.map_or(-1, |angle| hundredths(angle) % CIRCLE as i32)
+        let hundredths = |angle: u32| (u64::from(angle).wrapping_mul(CIRCLE.into()).wrapping_add(1 << 31) >> 32) as u32;
+        angle.map_or(-1, |angle| (hundredths(angle) % CIRCLE).cast_signed())
     }
 
     /// P-0-0119.

@@ -9,7 +9,7 @@ use servo::units::{CurrentFraction, Velocity};
 
 use super::Motion;
 use crate::hardware::Hardware;
-use crate::settings::Polarity;
+use crate::operation_mode::Polarity;
 use crate::signal::command::{Command, CommandValue};
 use crate::signal::record::Datum;
 use crate::state::Switches;

@@ -12,7 +12,7 @@ use servo::path::CommandJump;
 use super::Motion;
 use crate::diagnosis::Manufacturer1;
 use crate::hardware::Hardware;
-use crate::settings::OperationMode;
+use crate::operation_mode::OperationMode;
 
 impl<B: Bus + Clone, H: Hardware> Motion<B, H> {
     /// A drive that is to be switched on far from its command stays off: neither the torque nor the brake has to come for it.

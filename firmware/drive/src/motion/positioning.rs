@@ -13,7 +13,7 @@ use servo::units::{Position, Velocity};
 
 use super::Motion;
 use crate::hardware::Hardware;
-use crate::settings::{Direction, OperationMode, TargetSource};
+use crate::operation_mode::{Direction, OperationMode, TargetSource};
 use crate::state::DriveState;
 
 /// What is known of the drive's own movement.

@@ -10,7 +10,7 @@ use super::Motion;
 use crate::diagnosis::faults::Findings;
 use crate::diagnosis::{Manufacturer1, Manufacturer3};
 use crate::hardware::Hardware;
-use crate::settings::Reaction;
+use crate::operation_mode::Reaction;
 use crate::state::{Conditions, DriveState};
 use crate::work::Work;
 

@@ -19,7 +19,7 @@ use servo::units::{Acceleration, Position, Velocity};
 
 use crate::dictionary::procedures::Procedure;
 use crate::identification::{Failure, Measurement, Outcome, Plan};
-use crate::settings::InvalidSetting;
+use crate::settings::invalid::InvalidSetting;
 
 const S: fn(u16) -> Idn = Idn::standard;
 const P: fn(u16) -> Idn = Idn::product;

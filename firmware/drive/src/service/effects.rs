@@ -26,7 +26,8 @@ use crate::dictionary::procedures::Procedure;
 use crate::identification::Plan;
 use crate::motion::CommandValues;
 use crate::oscilloscope::{self, Configuration};
-use crate::settings::{InvalidSetting, MotionSettings, POSITION_FEEDBACK_2_SOURCE, homing};
+use crate::settings::invalid::InvalidSetting;
+use crate::settings::{MotionSettings, POSITION_FEEDBACK_2_SOURCE, homing};
 
 /// Data of the user's own, which the drive keeps and gives back.
 const KEPT_FOR_THE_USER: [(Idn, &str); 4] = [

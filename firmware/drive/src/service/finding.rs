@@ -10,7 +10,7 @@ use crate::dictionary::access::Access;
 use crate::dictionary::access_of;
 use crate::dictionary::texts::Text;
 use crate::motion::HomingFailure;
-use crate::settings::InvalidSetting;
+use crate::settings::invalid::InvalidSetting;
 
 /// What keeps a transition check from passing, homing from starting or a write from being taken.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

@@ -9,7 +9,7 @@ use super::context::Context;
 use crate::dictionary::lists::{Longs, Words};
 use crate::hardware::Hardware;
 use crate::motion::Motion;
-use crate::settings::OperationMode;
+use crate::operation_mode::OperationMode;
 
 /// Numbers of the languages of S-0-0095: German, English.
 const LANGUAGES: [u16; 2] = [0, 1];

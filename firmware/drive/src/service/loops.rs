@@ -1,11 +1,12 @@
 //! What the parameters make of the loops.
 
 use sercos::parameters::Parameters;
+use servo::motor::BoardKind;
 
 use crate::dictionary::source;
 use crate::hardware::Hardware;
-use crate::settings::{InvalidSetting, MotionSettings};
-use servo::motor::BoardKind;
+use crate::settings::MotionSettings;
+use crate::settings::invalid::InvalidSetting;
 
 /// The settings of the loops. Some 200 us; divides.
 ///

@@ -6,6 +6,7 @@ use sercos::command::{CommandAction, CommandState};
 use sercos::error::ServiceError;
 use sercos::parameters::Parameters;
 use sercos::{Idn, Phase};
+use servo::motor::BoardKind;
 use servo::probe::ProbeSettings;
 
 use super::commissioning::{self, Finding as CommissioningFinding};
@@ -16,7 +17,6 @@ use crate::dictionary::procedures::Procedure;
 use crate::hardware::Hardware;
 use crate::motion::Motion;
 use crate::settings::homing;
-use servo::motor::BoardKind;
 
 /// S-0-0147.
 pub(super) const HOMING_PARAMETER: Idn = Idn::standard(147);
@@ -98,11 +98,7 @@ where
             Procedure::PositiveStop => self.motion.lock(Motion::cancel_positive_stop),
             Procedure::Probing => self.motion.lock(|motion| motion.set_probing(None)),
             // Over in an instant: there is nothing left to undo.
-            Procedure::ResetClass1
-            | Procedure::CancelReference
-            | Procedure::LoadDefaults
-            | Procedure::SetAbsolutePosition
-            | Procedure::ComputeGains => {}
+            _ => {}
         }
         CommandState::Executed
     }

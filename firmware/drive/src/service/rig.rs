@@ -15,6 +15,7 @@ use sercos::service::Live;
 use sercos::service::{Progress, Reply, Server, Step};
 use sercos::transition::{self, Invalid};
 use sercos::{Idn, Phase, PhaseMachine};
+
 use servo::current::PwmFrequency;
 use servo::motor::{BoardKind, CurrentLink, Facts, TemperatureSensor};
 

@@ -18,7 +18,8 @@ use super::finding::Finding;
 use super::loops;
 use super::rig::{FACTS, Rig, Still, words_of};
 use crate::dictionary::DICTIONARY;
-use crate::settings::{CycleSettings, InvalidSetting, MotionSettings};
+use crate::settings::invalid::InvalidSetting;
+use crate::settings::{CycleSettings, MotionSettings};
 
 pub(super) const fn S(number: u16) -> Idn {
     Idn::standard(number)

@@ -3,6 +3,7 @@
 use rtic_core::Mutex;
 use sercon816::Bus;
 use sercos::parameters::Parameters;
+use servo::motor::{BoardKind, Facts};
 
 use super::context::Context;
 use crate::dictionary::access::Access;
@@ -12,7 +13,6 @@ use crate::hardware::Hardware;
 use crate::motion::Motion;
 use crate::signal::feedback::{Feedback, FeedbackValue};
 use crate::signal::word::{Source, Word};
-use servo::motor::{BoardKind, Facts};
 
 /// Period of the current loop in 0.1 us.
 const fn current_loop_period(facts: &Facts) -> u16 {

@@ -16,8 +16,8 @@ use crate::dictionary::access_of;
 use crate::dictionary::numbers::Number;
 use crate::hardware::Hardware;
 use crate::motion::Motion;
+use crate::operation_mode::Direction;
 use crate::oscilloscope;
-use crate::settings::Direction;
 use crate::signal::word::Word;
 
 /// S-0-0393.

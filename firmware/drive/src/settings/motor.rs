@@ -18,7 +18,7 @@ use servo::monitor::{
 use servo::motor::{CurrentSettings, Facts, MotorSettings};
 use servo::units::{CurrentFraction, Position, Velocity};
 
-use super::InvalidSetting;
+use super::invalid::InvalidSetting;
 
 const S: fn(u16) -> Idn = Idn::standard;
 const P: fn(u16) -> Idn = Idn::product;

@@ -8,7 +8,7 @@ use servo::SettingsError;
 use servo::arithmetic::Gain;
 use servo::units::CurrentFraction;
 
-use super::InvalidSetting;
+use super::invalid::InvalidSetting;
 use super::scaling::{FEED_EXPONENT, Ratio, TWO_PI, decimal, feed, gear, weighting};
 
 /// Torque data as currents, and back.

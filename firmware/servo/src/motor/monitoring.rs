@@ -191,7 +191,6 @@ impl<B: BoardKind> Motor<B> {
         }
     }
 
-    #[cold]
     fn encoder_failed(&mut self, torque: bool) -> MotorFaults {
         self.forget_the_angle();
         // What a motor without torque does is nobody's fault: it may be turned by hand while the encoder is being wired.

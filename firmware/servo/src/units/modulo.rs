@@ -97,7 +97,7 @@ const FARTHEST: usize = 4;
 
 /// Where the current modulo range begins in the unbounded position.
 ///
-/// Follows the position by a few ranges a call, see [`FARTHEST`].
+/// Follows the position by a few ranges a call, see `FARTHEST`.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub struct ModuloCounter {

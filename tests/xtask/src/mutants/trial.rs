@@ -6,6 +6,7 @@ use super::scratch::Scratch;
 use crate::setup::{self, Installing, TARGET, TargetCompiler};
 use crate::{firmware, process, workspace};
 use anyhow::{Context, Result, bail};
+use bench::Elves;
 use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
 use std::process::Command;
@@ -18,7 +19,7 @@ pub(super) const UNOPTIMISED: [(&str, &str); 2] =
 const TESTS_OF_THE_ELF: [&str; 6] = ["--package", "integration", "--package", "emulator", "--package", "xtask"];
 /// Packages of the product that have tests of their own.
 const PORTABLE: [&str; 8] =
-    ["--package", "sercos", "--package", "sercon816", "--package", "servo", "--package", "drive"];
+    ["--package", "sercos", "--package", "sercon816", "--package", "servo-axis", "--package", "drive"];
 
 /// What came of a defect.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -66,25 +67,23 @@ enum Place {
 pub(super) struct Bench {
     scratch: Scratch,
     compiler: TargetCompiler,
-    bus: PathBuf,
+    /// Without a defect, from the user's own sources.
+    whole: Elves,
     programs: Vec<Program>,
     portable: Option<Vec<Program>>,
 }
 
 impl Bench {
-    /// Builds the tests without a defect.
+    /// Builds the tests and the ELF without a defect.
     pub(super) fn new(installing: Installing) -> Result<Self> {
         setup::qemu(installing)?;
         let compiler = setup::target_compiler(installing)?;
         let scratch = Scratch::new()?;
         eprintln!("building the tests and the ELF without a defect");
+        let whole = firmware::build_ungated(installing)?;
         scratch.begin_with("firmware", &firmware::build_folder()?)?;
         let programs = programs::build(workspace::root(), &TESTS_OF_THE_ELF, &[])?;
-        let bench = Self { scratch, compiler, bus: firmware::build_bus()?, programs, portable: None };
-        if let Err(reason) = bench.build_elf()? {
-            bail!("the ELF does not build without a defect: {reason}");
-        }
-        Ok(bench)
+        Ok(Self { scratch, compiler, whole, programs, portable: None })
     }
 
     /// Every test that must turn red is there and green without a defect.
@@ -97,7 +96,7 @@ impl Bench {
         }
         for name in names {
             let ended = match self.find(&name)? {
-                Place::OnElf(program, test) => self.run_on_elf(&program, &test)?,
+                Place::OnElf(program, test) => self.run_on_elf(&program, &test, &self.whole.product)?,
                 Place::OnHost(program, test) => match self.run_on_host(&program, &test)? {
                     Ok(ended) => ended,
                     Err(reason) => bail!("{name} does not build without a defect: {reason}"),
@@ -142,7 +141,7 @@ impl Bench {
                         }
                         elf_is_built = true;
                     }
-                    self.run_on_elf(&program, &test)?
+                    self.run_on_elf(&program, &test, &self.broken_elf())?
                 }
                 Place::OnHost(program, test) => match self.run_on_host(&program, &test)? {
                     Ok(ended) => ended,
@@ -196,9 +195,12 @@ impl Bench {
         })
     }
 
-    fn run_on_elf(&self, program: &Program, test: &str) -> Result<Ended> {
-        let product = self.scratch.build_folder("firmware").join(TARGET).join("release/app");
-        program.run(test, &[("PRODUCT_ELF", &product), ("BUS_PLUGIN", &self.bus)], &self.words())
+    fn broken_elf(&self) -> PathBuf {
+        self.scratch.build_folder("firmware").join(TARGET).join("release/app")
+    }
+
+    fn run_on_elf(&self, program: &Program, test: &str, product: &Path) -> Result<Ended> {
+        program.run(test, &[("PRODUCT_ELF", product), ("BUS_PLUGIN", &self.whole.bus)], &self.words())
     }
 
     fn run_on_host(&self, program: &Program, test: &str) -> Result<Result<Ended, String>> {

@@ -7,10 +7,11 @@ use drive::oscilloscope::{
     WINDOW, sample_source,
 };
 use drive::service::scope::{refuses_setting, signal};
-use drive::{Command, CurrentLoopValues, Feedback, Source};
+use drive::{Command, Feedback, Source};
 use sercos::Idn;
 use sercos::parameters::Parameters;
 use servo::axis::{AxisOutput, Limiting};
+use servo::motor::CurrentLoopValues;
 use servo::path::CommandSource;
 use servo::scope::Scope;
 use servo::units::{CurrentFraction, Position, Velocity};

@@ -66,7 +66,9 @@ impl TargetCompiler {
                 .env("CARGO_TARGET_THUMBV7EM_NONE_EABIHF_LINKER", "ld.lld")
                 .env_remove("CARGO")
                 .env_remove("RUSTUP_TOOLCHAIN")
-                .env_remove("RUSTC_WRAPPER");
+                .env_remove("RUSTC_WRAPPER")
+                // It calls clippy, which a distribution's compiler comes without.
+                .env_remove("RUSTC_WORKSPACE_WRAPPER");
         }
         command
     }

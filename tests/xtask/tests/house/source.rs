@@ -83,15 +83,13 @@ impl Crate {
                 let name = below.ident.to_string();
                 let below_path: Path = path.iter().cloned().chain([name.clone()]).collect();
                 let inner = format!("{folder}{name}/");
-                match (&below.content, place_of(&below.attrs)) {
-                    (Some((_, items)), _) => self.read_module(items, file, &inner, &below_path, only_for_tests, read),
-                    (None, Some(place)) => {
-                        let folder = file.rsplit_once('/').map_or(String::new(), |(folder, _)| format!("{folder}/"));
-                        let place = format!("{folder}{place}");
-                        let inner = place.rsplit_once('/').map_or(String::new(), |(folder, _)| format!("{folder}/"));
-                        self.read_file(&place, &inner, &below_path, only_for_tests, read);
-                    }
-                    (None, None) => {
+                if below.attrs.iter().any(|attribute| attribute.path().is_ident("path")) {
+                    assert!(only_for_tests, "#[path] in {file}");
+                    continue;
+                }
+                match &below.content {
+                    Some((_, items)) => self.read_module(items, file, &inner, &below_path, only_for_tests, read),
+                    None => {
                         let beside = format!("{folder}{name}.rs");
                         let chosen = if read(&beside).is_some() { beside } else { format!("{inner}mod.rs") };
                         self.read_file(&chosen, &inner, &below_path, only_for_tests, read);
@@ -191,18 +189,8 @@ impl Mentions<'_> {
     fn words(&mut self, tokens: TokenStream) {
         let mut path = Path::new();
         let mut colons = 0;
-        let mut after_dollar = false;
         for token in tokens {
-            let is_of_the_macro = std::mem::take(&mut after_dollar);
             match token {
-                // `$crate` has to take what is public, and what else begins so has another name where it is used.
-                TokenTree::Ident(_) if is_of_the_macro => path.push(String::new()),
-                TokenTree::Punct(mark) if mark.as_char() == '$' => {
-                    after_dollar = true;
-                    if !path.is_empty() {
-                        self.add(std::mem::take(&mut path));
-                    }
-                }
                 TokenTree::Punct(mark) if mark.as_char() == ':' && !path.is_empty() => {
                     colons += 1;
                     continue;
@@ -261,17 +249,6 @@ impl<'ast> Visit<'ast> for Mentions<'_> {
             visit::visit_impl_item(self, item);
         }
     }
-}
-
-/// Where `#[path]` says that a module is.
-fn place_of(attributes: &[syn::Attribute]) -> Option<String> {
-    attributes.iter().find(|attribute| attribute.path().is_ident("path")).and_then(|attribute| match &attribute.meta {
-        syn::Meta::NameValue(syn::MetaNameValue {
-            value: syn::Expr::Lit(syn::ExprLit { lit: syn::Lit::Str(place), .. }),
-            ..
-        }) => Some(place.value()),
-        _ => None,
-    })
 }
 
 fn is_for_tests(attributes: &[syn::Attribute]) -> bool {

@@ -1,43 +1,32 @@
 //! What must not change what the ELF does on a ring.
 
+use super::elves;
+use bench::{DriveSetup, Elves, Executor, parameters_of, ring_of_drives_on};
 use emulator::Trace;
 use plant::ReferenceAxis;
 use ring::master::{CommandValues, DriveScript, MasterScript, Motion, ScriptedMaster, Telegram};
-use ring::{Ring, RingConfiguration};
-
-use super::*;
-use crate::axis::parameters_of;
-use crate::ring_of_drives::{DriveSetup, observer, station};
-use crate::world::{Inhabited, World};
+use ring::wire::BitRate;
+use ring::{Nanoseconds, RingConfiguration};
 
 const ADDRESS: u8 = 5;
 
 /// A drive run up at 2 ms and switched on, in a world that looks at it in steps; what it did in the first 1.5 s.
-fn run_up(step: Nanoseconds, change: impl FnOnce(&mut GuestConfiguration)) -> Trace {
-    let path =
-        |name: &str| std::env::var_os(name).unwrap_or_else(|| panic!("{name} is not set: run `cargo xtask test`"));
-    let product = path("PRODUCT_ELF");
-    let bus = path("BUS_PLUGIN");
-    let mut how = GuestConfiguration::new(product, bus);
-    change(&mut how);
-    let guest = Guest::start(&how).unwrap();
-    let configuration = RingConfiguration::new(1, BitRate::M2);
-    let setup = DriveSetup::new(ADDRESS);
-    let (chip, motor_side) = station(&setup, BitRate::M2, &configuration.clock);
-    let measurements = SharedMeasurements::default();
-    let drive = QemuDrive::around(guest, &chip, &motor_side, ADDRESS, BitRate::M2, measurements.clone());
-    let inhabited = Inhabited { processor: Box::new(drive), motor_side, laws: observer(&setup) };
+fn run_up(step: Nanoseconds, change: impl FnOnce(&mut Elves)) -> Trace {
+    let mut elves = elves();
+    change(&mut elves);
     let script =
         DriveScript::new(ADDRESS, Telegram::standard(2).unwrap()).with_all(parameters_of(&ReferenceAxis::press()));
     let motion = Motion::new(1_000_000, |_| CommandValues::at_velocity(1_000_000));
     let script = MasterScript { motion: Some(motion), ..MasterScript::new(vec![script]) };
-    let mut world = World::new(Ring::new(configuration, ScriptedMaster::new(script), vec![chip]), vec![inhabited]);
+    let (configuration, master) = (RingConfiguration::new(1, BitRate::M2), ScriptedMaster::new(script));
+    let on_elf = |_| Executor::Qemu(elves.clone());
+    let (mut world, drives) = ring_of_drives_on(configuration, master, &[DriveSetup::new(ADDRESS)], on_elf).unwrap();
     let end = Nanoseconds::from_millis(1_500);
     while world.now() < end {
         let until = (world.now() + step).min(end);
         world.run_until(until).unwrap();
     }
-    let (state, trace) = (world.ring().master().state().to_string(), measurements.borrow().trace.unwrap());
+    let (state, trace) = (world.ring().master().state().to_string(), drives[0].measurements.borrow().trace.unwrap());
     println!("{state}: {trace}");
     trace
 }
