@@ -33,13 +33,7 @@ const WINGS: [Wing; 6] = [
     Wing { name: "sercos", folder: "firmware/sercos/src", root: "lib.rs", circles: &[], by_detours: false },
     Wing { name: "sercon816", folder: "firmware/sercon816/src", root: "lib.rs", circles: &[], by_detours: false },
     Wing { name: "servo", folder: "firmware/servo/src", root: "lib.rs", circles: &[], by_detours: false },
-    Wing {
-        name: "drive",
-        folder: "firmware/drive/src",
-        root: "lib.rs",
-        circles: &[],
-        by_detours: true,
-    },
+    Wing { name: "drive", folder: "firmware/drive/src", root: "lib.rs", circles: &[], by_detours: true },
     Wing { name: "board", folder: "board/src", root: "lib.rs", circles: &[], by_detours: false },
     Wing { name: "app", folder: "firmware/app/src", root: "main.rs", circles: &[], by_detours: false },
 ];

@@ -9,14 +9,14 @@ use super::context::Context;
 use crate::dictionary::access::Access;
 use crate::dictionary::numbers::Number;
 use crate::error_memory::seconds;
-use crate::hardware::{Hardware, LOOP_PERIOD_MICROSECONDS};
+use crate::hardware::Hardware;
 use crate::motion::Motion;
 use crate::signal::feedback::{Feedback, FeedbackValue};
 use crate::signal::word::{Source, Word};
 
 /// Period of the current loop in 0.1 us.
 const fn current_loop_period(facts: &Facts) -> u16 {
-    10 * LOOP_PERIOD_MICROSECONDS / facts.frequency.cycles_per_tick() as u16
+    (facts.frequency.nanoseconds() / 100) as u16
 }
 
 impl<B, H, M> Context<'_, B, M>

@@ -35,6 +35,15 @@ impl PwmFrequency {
         }
     }
 
+    /// Of a cycle, in ns.
+    #[must_use]
+    pub const fn nanoseconds(self) -> u32 {
+        match self {
+            Self::Khz16 => 62_500,
+            Self::Khz8 => 125_000,
+        }
+    }
+
     /// Cycles in a second.
     #[must_use]
     pub const fn hertz(self) -> u32 {
