@@ -1,6 +1,7 @@
-//! The recording of a real master, and recordings made here, played against our drives.
+//! Recordings of masters, a real one and ours, played against our drives.
 
-use crate::common::{real_recording, recorded, tight_ring};
+use crate::common::{recorded, recordings, tight_ring};
+use crate::recordings::ours;
 use bench::{DriveSetup, ReplayOptions, replay};
 use ring::Nanoseconds;
 use ring::capture::Recording;
@@ -12,11 +13,26 @@ use ring::wire::BitRate;
 
 #[test]
 fn four_drives_do_all_that_the_recorded_ones_did() {
-    let Some(recording) = real_recording() else { return };
-    let report = replay(recording, &ReplayOptions::on_host(), &mut |_| {}).unwrap();
-    assert!(report.passed, "{report:#?}");
-    assert_eq!(report.drives.len(), 4);
-    assert!(report.drives.iter().all(|drive| drive.written == 14 && drive.service_steps >= 127));
+    for (known, recording) in recordings() {
+        let report = replay(recording, &ReplayOptions::on_host(), &mut |_| {}).unwrap();
+        assert!(report.passed, "{report:#?}");
+        assert_eq!(report.drives.len(), 4);
+        for drive in &report.drives {
+            assert_eq!(drive.written, known.written, "{known:?}");
+            assert!(drive.service_steps >= 127, "{known:?}: {} steps", drive.service_steps);
+        }
+    }
+}
+
+/// `UPDATE_GOLDEN=1` makes it anew.
+#[test]
+fn the_recording_in_the_tree_is_what_our_master_sends() {
+    let made = recorded(&[1, 2, 3, 4], 2_000, SlotChoice::Computed(MdtPlace::Late), Pace::RECORDED, BitRate::M2);
+    let path = ours().path;
+    if std::env::var_os("UPDATE_GOLDEN").is_some() {
+        std::fs::write(&path, made.to_text()).unwrap();
+    }
+    assert!(Recording::open(&path).unwrap() == made, "set UPDATE_GOLDEN=1 to record the master as it is now");
 }
 
 #[test]
@@ -47,7 +63,8 @@ fn recordings_with_other_times_and_addresses_pass() {
 
 #[test]
 fn the_recording_passes_whichever_way_the_silicon_turns_out() {
-    let Some(recording) = real_recording() else { return };
+    let recordings = recordings();
+    let (_, recording) = recordings.last().unwrap();
     let variants: Vec<_> = Alternatives::singles().into_iter().chain(Alternatives::pairs()).collect();
     let workers = std::thread::available_parallelism().map_or(1, std::num::NonZero::get);
     let failures: Vec<String> = std::thread::scope(|scope| {
@@ -55,7 +72,6 @@ fn the_recording_passes_whichever_way_the_silicon_turns_out() {
         let threads: Vec<_> = variants
             .chunks(share)
             .map(|variants| {
-                let recording = &recording;
                 scope.spawn(move || -> Vec<String> {
                     variants.iter().flat_map(|variant| failures_with(recording, variant)).collect()
                 })

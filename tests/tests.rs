@@ -22,6 +22,8 @@ mod led;
 mod positioning;
 mod power;
 mod qemu;
+#[path = "recordings/find.rs"]
+mod recordings;
 mod recovery;
 mod replay;
 mod run_up;

@@ -33,7 +33,7 @@
 
 use core::sync::atomic::{AtomicBool, Ordering};
 
-use drive::Cycle;
+use drive::{Cycle, PwmFrequency};
 use stm32f4xx_hal::{
     pac,
     rcc::{Enable, Rcc},
@@ -41,27 +41,7 @@ use stm32f4xx_hal::{
 
 use crate::{clocks::APB2_TIMER_HZ, current_sense::TRIGGER_TO_HOLD, dead_time, edge_time, loop_phase};
 
-/// PWM frequency, and with it the rate of the current loop.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum PwmFrequency {
-    /// 16 kHz: two periods a tick.
-    Khz16,
-    /// 8 kHz, half of the switching losses: one period a tick.
-    Khz8,
-}
-
-impl PwmFrequency {
-    /// Peak of the counter without trim: half a period, in counts of 168 MHz.
-    #[must_use]
-    pub const fn nominal_reload(self) -> u16 {
-        match self {
-            Self::Khz16 => (APB2_TIMER_HZ / 16_000 / 2) as u16,
-            Self::Khz8 => (APB2_TIMER_HZ / 8_000 / 2) as u16,
-        }
-    }
-}
-
-/// The board's PWM frequency: that of `drive`, and a constant, so that the current loop decides nothing about it.
+/// The board's PWM frequency, a constant, so that the current loop decides nothing about it.
 pub const PWM_FREQUENCY: PwmFrequency = PwmFrequency::Khz16;
 
 /// Dead time between high and low side, in nanoseconds: IGBT modules of this size switch within some 0.5 us.
@@ -118,7 +98,7 @@ pub(crate) fn start(timer: pac::TIM1, rcc: &mut Rcc) -> (Bridge, Modulator) {
         w.oc2m().pwm_mode1().oc2pe().enabled()
     });
     // Before the preload is switched on, so that it is in force: at 0 OC4REF would be high at once, and start the converters.
-    let reload = PWM_FREQUENCY.nominal_reload();
+    let reload = PWM_FREQUENCY.reload();
     timer.ccr4().write(|w| w.ccr().set(trigger(reload.into()) as u16));
     // Mode 2: OC4REF rises while counting up, before the peak. Mode 1 would rise behind it.
     timer.ccmr2_output().write(|w| {
@@ -298,7 +278,7 @@ const fn reload(frequency: PwmFrequency, trim: i32, first: bool) -> u32 {
         PwmFrequency::Khz8 => limited,
         PwmFrequency::Khz16 => limited.wrapping_add(first as i32) >> 1,
     };
-    (frequency.nominal_reload() as u32).wrapping_add_signed(share)
+    (frequency.reload() as u32).wrapping_add_signed(share)
 }
 
 /// Counts since the last peak: down from it, or up again behind the valley.
@@ -308,7 +288,7 @@ const fn since_peak(reload: u32, down: bool, counter: u32) -> u32 {
 
 /// More counts than these after the last peak that was seen, and a period was left out: one and a half.
 const fn overdue(frequency: PwmFrequency) -> u16 {
-    frequency.nominal_reload().wrapping_mul(3)
+    frequency.reload().wrapping_mul(3)
 }
 
 /// Is a period the first one of a tick, after one that was or was not?
@@ -322,14 +302,15 @@ const fn first(frequency: PwmFrequency, previous: bool) -> bool {
 // Registers.
 const _: () = {
     use PwmFrequency::{Khz8, Khz16};
-    assert!(Khz16.nominal_reload() == 5_250 && Khz8.nominal_reload() == 10_500);
+    // Half a period.
+    assert!(Khz16.reload() as u32 == APB2_TIMER_HZ / 16_000 / 2 && Khz8.reload() as u32 == APB2_TIMER_HZ / 8_000 / 2);
     assert!(OFF == 0x1E94, "1 us, level 2, idle levels driven, break enabled and active low, no automatic enable");
     assert!(ON == 0x9E94);
     assert!(!BIF & SR_BITS == 0x1E7F);
     assert!(trigger(5_250) == 5_106 && trigger(10_500) == 10_356);
     // The dead time leaves room for the pulses, and the trigger lies in the low-side pulse of a bridge without voltage.
     assert!(dead_time::counts(OFF as u8) == 168);
-    assert!(dead_time::counts(OFF as u8) + TRIGGER_TO_HOLD < Khz16.nominal_reload() / 2);
+    assert!(dead_time::counts(OFF as u8) + TRIGGER_TO_HOLD < Khz16.reload() / 2);
 };
 
 // Trim: the ends, the limits, and the sum of the two periods of a tick for every trim.

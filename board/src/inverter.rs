@@ -2,7 +2,7 @@
 
 use drive::{Cycle, PowerStage, Samples};
 
-use crate::{bridge::Modulator, current_sense::CurrentSense, encoder, loop_watchdog};
+use crate::{bridge::Modulator, current_sense::CurrentSense, encoder, facts::Kind, loop_watchdog};
 
 /// Modulation, converters, and a view of the encoder's counter; owned by the current loop.
 #[derive(Debug)]
@@ -12,6 +12,8 @@ pub struct Inverter {
 }
 
 impl PowerStage for Inverter {
+    type Board = Kind;
+
     #[inline(always)]
     fn begin(&mut self) -> Cycle {
         self.current_sense.acknowledge();

@@ -47,6 +47,7 @@ pub mod current_sense;
 pub mod dead_time;
 pub mod edge_time;
 pub mod encoder;
+mod facts;
 pub mod fsmc;
 pub mod inputs;
 pub mod interrupt_pins;
@@ -61,6 +62,7 @@ pub mod switches;
 pub mod timestamp;
 pub mod watchdog;
 
+pub use facts::Kind;
 pub use inverter::Inverter;
 pub use motor_side::MotorSide;
 /// Registers and interrupt vectors of the part, for `rtic::app(device = ...)`.

@@ -6,8 +6,9 @@ use crate::{
     brake_coil::BrakeCoil,
     bridge::Bridge,
     encoder::Encoder,
+    facts::Kind,
     inputs, interrupt_pins,
-    loop_phase::{self, LoopPhase},
+    loop_phase::LoopPhase,
     marks::{Edge, Marks},
 };
 
@@ -23,7 +24,7 @@ pub struct MotorSide {
 }
 
 impl Hardware for MotorSide {
-    const LOOP_TIMER_COUNTS: u16 = loop_phase::COUNTS;
+    type Board = Kind;
 
     #[inline(always)]
     fn encoder_count(&mut self) -> u32 {

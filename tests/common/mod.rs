@@ -1,7 +1,6 @@
 //! Recordings for the replays: the real one, and others made with the scripted master and software slaves.
 
-use std::path::{Path, PathBuf};
-
+use crate::recordings::Known;
 use ring::capture::Recording;
 use ring::ident::Idn;
 use ring::master::{DriveScript, MasterScript, ScriptedMaster, SlotChoice, Telegram};
@@ -11,16 +10,10 @@ use ring::software_slave::SoftwareSlave;
 use ring::wire::BitRate;
 use ring::{Nanoseconds, Ring, RingConfiguration};
 
-/// The recording of a Beckhoff FC7502 with four drives; `None`, with a word about it, where it is not there.
-pub(crate) fn real_recording() -> Option<Recording> {
-    let folder = std::env::var_os("SERCOS_CAPTURES")
-        .map_or_else(|| Path::new(env!("CARGO_MANIFEST_DIR")).join("../../shared/captures"), PathBuf::from);
-    let path = folder.join("fc7502-four-drives.tsv");
-    if !path.exists() {
-        eprintln!("SKIPPED: no recording at {}; set SERCOS_CAPTURES to the folder of recordings", path.display());
-        return None;
-    }
-    Some(Recording::open(&path).unwrap())
+/// The recordings that are here: our own master's, and that of a real one where it is found.
+pub(crate) fn recordings() -> Vec<(Known, Recording)> {
+    let known = crate::recordings::recordings().into_iter();
+    known.map(|known| (known.clone(), Recording::open(&known.path).unwrap())).collect()
 }
 
 /// A ring in which 59 us lie between the MDT (it ends at 1 958 us of 2 000) and the first AT (17 us).

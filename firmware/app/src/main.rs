@@ -143,7 +143,7 @@ mod app {
     /// row switches the bridge off.
     #[task(binds = ADC, priority = 5, local = [current])]
     fn current_loop(context: current_loop::Context) {
-        if context.local.current.current_loop().contains(Work::CONTROL_LOOP) {
+        if context.local.current.current_loop() {
             rtic::pend(Interrupt::CAN2_TX);
         }
     }

@@ -3,7 +3,7 @@
 //! Inside, a place is an angle of the motor in the direction of positive current. Signs are turned round here, on the way in and out, and the
 //! loops know nothing of them. `docs/polarity.md` says which data blocks go this way.
 
-use servo::{Modulo, Position, PositionScale};
+use servo::units::{Modulo, Position, PositionScale};
 
 /// The coordinates in which the master reads S-0-0051.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

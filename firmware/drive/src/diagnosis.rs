@@ -1,6 +1,8 @@
 //! States, warnings and errors of the drive in plain words: S-0-0095 (text) and S-0-0390 (number), with cause and remedy for
 //! P-0-0010, P-0-0011 and the manual. One table for all of them.
 
+pub(crate) mod faults;
+
 use bitflags::bitflags;
 use sercos::Phase;
 use sercos::diagnostic::{Class1, Class2};

@@ -1,6 +1,7 @@
 //! The feedback values of one instant, as the loops have them.
 
-use servo::{AxisOutput, CurrentFraction, Position, Velocity};
+use servo::axis::AxisOutput;
+use servo::units::{CurrentFraction, Position, Velocity};
 
 /// What the AT shows: where the axis was at t4, and what the loops had given by then. Each value is weighted when it is asked for, as few of
 /// them are.

@@ -1,9 +1,14 @@
-//! What the drive needs of the board: two traits, one for the tasks of the loop tick, one for the current loop above them.
+//! What the tasks of the loop tick need of the board; what the current loop above them needs is [`servo::motor::PowerStage`].
+
+use servo::motor::BoardKind;
 
 /// The motor side of a board, as the tasks of the loop tick see it.
 ///
 /// Every call is a few register accesses; none may wait.
 pub trait Hardware {
+    /// The board that it is on.
+    type Board: BoardKind;
+
     /// The encoder counter now, in increments (four per line), wrapping at 2^32.
     fn encoder_count(&mut self) -> u32;
 
@@ -11,8 +16,10 @@ pub trait Hardware {
     /// on the given line: the feedback value of t4 without software jitter.
     fn encoder_latch(&mut self, line: InterruptLine) -> u32;
 
-    /// Phase of the last edge of this line: time from the beginning of its loop tick, in counts of [`Hardware::LOOP_TIMER_COUNTS`] to
+    /// Phase of the last edge of this line: time from the beginning of its loop tick, in counts of [`Facts::loop_timer_counts`] to
     /// the tick, as the hardware captured it. Read with the latch, before the interrupt is acknowledged.
+    ///
+    /// [`Facts::loop_timer_counts`]: servo::motor::Facts::loop_timer_counts
     fn edge_phase(&mut self, line: InterruptLine) -> u16;
 
     /// An edge has come on this line that its handler has not begun to serve: what [`Hardware::encoder_latch`] and
@@ -51,60 +58,6 @@ pub trait Hardware {
 
     /// Why the processor was started; read once at start.
     fn reset_cause(&self) -> ResetCause;
-
-    /// Counts of the loop timer's clock in one untrimmed loop period of [`LOOP_PERIOD_MICROSECONDS`].
-    const LOOP_TIMER_COUNTS: u16;
-}
-
-/// Inverter and sensors, as the current loop sees them.
-///
-/// Every call is a few register accesses; none may wait.
-pub trait PowerStage {
-    /// To be called first in a cycle: acknowledges the interrupt, and tells which cycle this is.
-    fn begin(&mut self) -> Cycle;
-
-    /// What the converters measured for this cycle.
-    fn samples(&mut self) -> Samples;
-
-    /// Temperatures of heat sink and motor, 12 bits each.
-    fn temperatures(&mut self) -> [u32; 2];
-
-    /// The encoder counter now.
-    fn encoder_count(&mut self) -> u32;
-
-    /// Compare values of the three phases, 0 (low side) to the reload value or more (high side); they act from the next bottom of the
-    /// period on.
-    fn set_compare(&mut self, counts: [u16; 3]);
-
-    /// Lengthens loop ticks by so many counts of [`Hardware::LOOP_TIMER_COUNTS`] from the next period on; set in every cycle.
-    fn trim(&mut self, counts: i32);
-
-    /// Switches all six transistors off, at once.
-    fn switch_off(&mut self);
-
-    /// The current loop runs, and has a new order of the control loop: once in a loop tick, while both are well. A board that does not hear it for some
-    /// ticks ends the program.
-    fn is_alive(&mut self);
-}
-
-/// Which cycle of the current loop this is.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-#[cfg_attr(feature = "defmt", derive(defmt::Format))]
-pub struct Cycle {
-    /// The first of a loop tick.
-    pub first: bool,
-    /// The bottom of the period has passed: what is set now acts a period too late.
-    pub late: bool,
-}
-
-/// Results of the converters, 12 bits each, in the whole words that they are read and worked with.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-#[cfg_attr(feature = "defmt", derive(defmt::Format))]
-pub struct Samples {
-    /// Phase currents, 2 048 at zero; positive flows into the motor.
-    pub currents: [u32; 3],
-    /// Bus voltage.
-    pub bus: u32,
 }
 
 /// Digital inputs. A broken wire reads as `false`, which is the safe state of each of them.
@@ -140,7 +93,7 @@ pub enum ProbeInput {
 }
 
 /// Period of the velocity and position loops in microseconds; divides every legal S-0-0002 (multiples of 250 us).
-pub const LOOP_PERIOD_MICROSECONDS: u16 = 125;
+pub const LOOP_PERIOD_MICROSECONDS: u16 = servo::units::LOOP_PERIOD_MICROSECONDS as u16;
 
 /// One of the two interrupt outputs of the SERCON816. Both lines have a capture channel of the encoder timer.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

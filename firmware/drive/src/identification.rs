@@ -9,7 +9,7 @@ use servo::identification::{
     InertiaIdentification, InertiaMeasurement, InertiaSettings, ResistanceIdentification, ResistanceMeasurement,
     ResistanceSettings,
 };
-use servo::{Position, Velocity};
+use servo::units::{Position, Velocity};
 
 /// What is to be measured, and how.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

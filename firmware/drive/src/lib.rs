@@ -29,7 +29,6 @@ mod announcement;
 mod communication;
 mod coordinates;
 pub mod crash;
-mod current_control;
 mod diagnosis;
 pub mod dictionary;
 mod error_memory;
@@ -39,10 +38,9 @@ mod identification;
 mod identity;
 mod interrupts;
 mod limits;
-mod link;
 mod motion;
-mod motor;
 mod mst;
+mod operation_mode;
 pub mod oscilloscope;
 pub mod service;
 mod settings;
@@ -52,22 +50,20 @@ mod state;
 mod work;
 
 pub use communication::{Communication, PhaseReport, StartError};
-pub use current_control::{CurrentControl, CurrentSettings};
 pub use diagnosis::{
     Circumstances, DIAGNOSES, Diagnosis, Manufacturer1, Manufacturer2, Manufacturer3, Severity, diagnose,
     of_phase_error,
 };
 pub use dictionary::DICTIONARY;
 pub use error_memory::{ERRORS, ErrorMemory, ErrorRecord};
-pub use hardware::{
-    Cycle, Hardware, Inputs, InterruptLine, LOOP_PERIOD_MICROSECONDS, PowerStage, ProbeInput, ResetCause, Samples,
-};
+pub use hardware::{Hardware, Inputs, InterruptLine, LOOP_PERIOD_MICROSECONDS, ProbeInput, ResetCause};
 pub use identity::{DriveAddress, Identity};
 pub use interrupts::Interrupts;
-pub use link::CurrentLink;
 pub use motion::{CommandValues, Motion};
+pub use operation_mode::{OperationMode, Polarity, Reaction};
 pub use service::access::{Access, LONGEST_PASSWORD, SHORTEST_PASSWORD};
-pub use settings::{CycleSettings, InvalidSetting, MotionSettings, MotorSettings, OperationMode, Polarity, Reaction};
+pub use settings::invalid::InvalidSetting;
+pub use settings::{CycleSettings, MotionSettings};
 pub use signal::bits::{BitSettings, SIGNAL_BITS};
 pub use signal::command::{Command, CommandValue};
 pub use signal::control_bits::Enable;
@@ -79,14 +75,18 @@ pub use snapshot::Snapshot;
 pub use state::{Conditions, DriveState, StateMachine, Switches, status_bits};
 pub use work::Work;
 
-pub use servo::Scope;
+pub use servo::current::PwmFrequency;
+pub use servo::motor::{
+    BoardKind, CurrentControl, CurrentLink, CurrentLoopValues, Cycle, Facts, PowerStage, Samples, TemperatureSensor,
+};
+pub use servo::scope::Scope;
 
 use sercon816::Bus;
 use sercos::parameters::Parameters;
 
 /// The four parts of a drive; each belongs to the tasks of one priority.
 #[derive(Debug)]
-pub struct Drive<B, H, P: 'static> {
+pub struct Drive<B, H: Hardware, P: 'static> {
     /// The current loop.
     pub current: CurrentControl<P>,
     /// The interrupt lines.
@@ -102,7 +102,7 @@ pub struct Drive<B, H, P: 'static> {
 ///
 /// # Errors
 /// The defaults do not make a drive with this board's loop timer (a mistake in the table or the board, found by tests).
-pub fn new<B: Bus + Clone, H: Hardware, P: PowerStage>(
+pub fn new<B: Bus + Clone, H: Hardware, P: PowerStage<Board = H::Board>>(
     bus: B,
     hardware: H,
     stage: P,

@@ -7,21 +7,18 @@
 
 use bitflags::bitflags;
 use sercos::attribute::Attribute;
-use sercos::parameters::Parameters;
-use servo::{AxisMovements, MotionLimits, SettingsError, VelocityLimits};
+use servo::SettingsError;
+use servo::axis::{AxisMovements, VelocityLimits};
+use servo::path::MotionLimits;
 
-use crate::settings::LimitScale;
+use crate::settings::limit_values::LimitValues;
+use crate::settings::limits::LimitScale;
 use crate::signal::limit::{LIMITS, Limit};
 
 /// How many limits there are.
 const COUNT: usize = LIMITS.len();
 
 impl Limit {
-    /// All of them, in the order of their IDNs.
-    pub(crate) fn all() -> impl Iterator<Item = Self> {
-        LIMITS.iter().map(|&(_, limit)| limit)
-    }
-
     /// What has to be worked out anew when it changes.
     const fn effects(self) -> Effects {
         match self {
@@ -58,33 +55,6 @@ bitflags! {
 
 /// What has to be prepared outside the hot tasks, because it takes divisions.
 const PREPARED: Effects = Effects::AXIS.union(Effects::POSITIONING);
-
-/// All limits, each in the increments of its scaling.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-#[cfg_attr(feature = "defmt", derive(defmt::Format))]
-pub struct LimitValues([i32; COUNT]);
-
-impl LimitValues {
-    /// As the parameters say; what needs 32 bits without sign saturates.
-    pub(crate) fn new(parameters: &Parameters) -> Self {
-        let mut values = Self::default();
-        for (block, limit) in LIMITS {
-            values.set(*limit, i32::try_from(parameters.get_signed(block.idn)).unwrap_or(i32::MAX));
-        }
-        values
-    }
-
-    /// One of them.
-    pub(crate) fn get(&self, limit: Limit) -> i32 {
-        self.0.get(limit as usize).copied().unwrap_or(0)
-    }
-
-    fn set(&mut self, limit: Limit, value: i32) {
-        if let Some(place) = self.0.get_mut(limit as usize) {
-            *place = value;
-        }
-    }
-}
 
 /// Format and range of a limit, from its data block.
 #[derive(Clone, Copy, Debug)]
@@ -295,6 +265,7 @@ impl CyclicLimits {
 mod tests {
     use super::*;
     use crate::dictionary::{DICTIONARY, source};
+    use sercos::parameters::Parameters;
 
     fn carried(limits: &[Limit]) -> CyclicLimits {
         let mut cyclic = CyclicLimits::default();
@@ -408,7 +379,9 @@ mod tests {
     }
 
     fn scale() -> LimitScale {
-        crate::settings::MotionSettings::new(&Parameters::new(&DICTIONARY), 10_500, source).unwrap().limit_scale
+        crate::settings::MotionSettings::new(&Parameters::new(&DICTIONARY), &crate::service::rig::FACTS, source)
+            .unwrap()
+            .limit_scale
     }
 
     #[test]

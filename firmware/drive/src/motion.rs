@@ -13,9 +13,13 @@ use sercos::command::CommandState;
 use sercos::diagnostic::{Class1, Class2, Class3};
 use sercos::phase::PhaseError;
 use sercos::supervision::Supervision;
-use servo::{
-    Axis, AxisOutput, LOOP_TICKS_PER_SUPERVISION, Limiting, LoopClock, Mode, RangeMonitor, Scope, TwiceReadEncoder,
-};
+use servo::axis::{Axis, AxisOutput, Limiting, Mode};
+use servo::clock::LoopClock;
+use servo::encoder::TwiceReadEncoder;
+use servo::monitor::RangeMonitor;
+use servo::motor::{CurrentLink, Motor, Progress};
+use servo::scope::Scope;
+use servo::units::LOOP_TICKS_PER_SUPERVISION;
 
 mod background;
 mod clock_monitor;
@@ -43,11 +47,10 @@ use crate::feedback::ShownValues;
 use crate::hardware::{Hardware, Inputs, InterruptLine};
 use crate::identification::{Identification, Outcome};
 use crate::limits::CyclicLimits;
-use crate::link::CurrentLink;
-use crate::motor::{Motor, Progress};
 use crate::mst::MstMonitor;
+use crate::operation_mode::{OperationMode, Reaction};
 use crate::oscilloscope::Oscilloscope;
-use crate::settings::{MotionSettings, OperationMode, Reaction};
+use crate::settings::MotionSettings;
 use crate::signal::record::{Datum, Records};
 use crate::state::{DriveState, StateMachine, Switches};
 use crate::work::Work;
@@ -91,7 +94,7 @@ impl CommandValues {
 /// Laid out as declared: what every loop tick touches comes first, where an instruction reaches it without an address of its own.
 #[repr(C)]
 #[derive(Debug)]
-pub struct Motion<B, H> {
+pub struct Motion<B, H: Hardware> {
     /// Loop ticks until a t3 event is overdue; 0 outside the cyclic phases.
     until_overdue: u16,
     /// Loop ticks until the next look of the supervision.
@@ -104,7 +107,7 @@ pub struct Motion<B, H> {
     /// What the loops gave in the last tick.
     output: AxisOutput,
     axis: Axis,
-    motor: Motor,
+    motor: Motor<H::Board>,
     machine: StateMachine,
     hardware: H,
     /// The bridge as it was last set.

@@ -21,7 +21,8 @@ use sercos::Idn;
 use sercos::attribute::{Attribute, Format, Length};
 use sercos::capacity::LIVE_LONG_ENTRIES;
 use sercos::error::ServiceError;
-use servo::{SCOPE_CHANNELS, Scope, ScopeEdge, ScopeSettings, ScopeSettingsError, ScopeTrigger};
+use servo::motor::CurrentLoopValues;
+use servo::scope::{SCOPE_CHANNELS, Scope, ScopeEdge, ScopeSettings, ScopeSettingsError, ScopeTrigger};
 
 use crate::signal::command::Command;
 use crate::signal::feedback::Feedback;
@@ -29,9 +30,9 @@ use crate::signal::word::Source;
 
 mod internal;
 
-pub use internal::{CurrentLoopValues, INTERNAL_SIGNALS, Internal, InternalSignal, LoopValues};
+pub use internal::{INTERNAL_SIGNALS, Internal, InternalSignal, LoopValues};
 
-/// P-0-0200: a [`servo::ScopeState`] as a number.
+/// P-0-0200: a [`servo::scope::ScopeState`] as a number.
 pub const STATE: Idn = Idn::product(200);
 /// P-0-0201 to P-0-0204: what each channel records, an IDN or the number of an [`Internal`] signal; 0: nothing.
 pub const SIGNALS: [Idn; SCOPE_CHANNELS] = [Idn::product(201), Idn::product(202), Idn::product(203), Idn::product(204)];

@@ -18,6 +18,6 @@ mod writes;
 #[cfg(test)]
 mod effects;
 #[cfg(test)]
-mod rig;
+pub(crate) mod rig;
 #[cfg(test)]
 mod tests;

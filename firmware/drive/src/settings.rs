@@ -1,150 +1,39 @@
 //! From the parameters of the master to the settings of the hot tasks: every division is made here.
 
-use core::fmt;
-
 use sercos::Idn;
 use sercos::parameters::Parameters;
 use sercos::transition::OPERATION_MODES;
-use servo::{
+use servo::SettingsError;
+use servo::axis::{
     AxisParameters, AxisSettings, CurrentFilterSettings, FilterSection, FrictionParameters, FrictionSettings,
-    HomingParameters, HomingSettings, Interpolation, LoopClockSettings, MotionLimits, Position, PositionScale,
-    SUPERVISION_PERIOD_MICROSECONDS, SettingsError, TravelRange, TwiceReadSettings, Velocity, VelocityScale,
 };
+use servo::clock::LoopClockSettings;
+use servo::encoder::TwiceReadSettings;
+use servo::homing::{HomingParameters, HomingSettings};
+use servo::monitor::TravelRange;
+use servo::motor::{Facts, MotorSettings};
+use servo::path::{Interpolation, MotionLimits};
+use servo::units::{Position, PositionScale, SUPERVISION_PERIOD_MICROSECONDS, Velocity, VelocityScale};
 
-mod limits;
+pub(crate) mod increments;
+pub(crate) mod invalid;
+pub(crate) mod limit_values;
+pub(crate) mod limits;
 pub(crate) mod motor;
-mod scaling;
-mod torque;
+pub(crate) mod scaling;
+pub(crate) mod torque;
 
+use invalid::{InvalidSetting, blamed, invalid, signed, unsupported};
+use limit_values::LimitValues;
+use limits::LimitScale;
 use scaling::DerivativeScale;
-pub(crate) use scaling::{Ratio, increments};
-
-pub(crate) use limits::LimitScale;
-pub use motor::MotorSettings;
-pub(crate) use torque::TorqueScale;
+use torque::TorqueScale;
 
 use crate::coordinates::Coordinates;
 use crate::hardware::LOOP_PERIOD_MICROSECONDS;
-use crate::limits::LimitValues;
-use crate::motor::READ_TWICE;
+use crate::operation_mode::{Direction, OperationMode, Polarity, Reaction};
 use crate::signal::bits::BitSettings;
 use crate::signal::word::Source;
-
-/// A parameter that the drive cannot work with: a write in operation is refused for it, and S-0-0128 lists it in S-0-0022.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-#[cfg_attr(feature = "defmt", derive(defmt::Format))]
-pub struct InvalidSetting {
-    /// The parameter.
-    pub idn: Idn,
-    /// What is wrong with it, where the motion side says more than "not supported".
-    pub reason: Option<SettingsError>,
-}
-
-impl fmt::Display for InvalidSetting {
-    fn fmt(&self, formatter: &mut fmt::Formatter<'_>) -> fmt::Result {
-        match &self.reason {
-            Some(reason) => write!(formatter, "{}: {reason}", self.idn),
-            None => write!(formatter, "{}: a value this drive does not support", self.idn),
-        }
-    }
-}
-
-/// What a mode of operation does with the command values (sercos2.md 6.2).
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-#[cfg_attr(feature = "defmt", derive(defmt::Format))]
-pub enum OperationMode {
-    /// 1: torque commands S-0-0080.
-    Torque,
-    /// 2: velocity commands S-0-0036.
-    Velocity,
-    /// 3: position commands S-0-0047 with following distance.
-    PositionWithLag,
-    /// 11: position commands S-0-0047 with velocity feed-forward.
-    PositionWithoutLag,
-    /// 0013H: the drive goes to S-0-0258 by itself, with following distance.
-    PositioningWithLag,
-    /// 001BH: the drive goes to S-0-0258 by itself, with velocity feed-forward.
-    PositioningWithoutLag,
-    /// 0213H: the drive goes by itself to what S-0-0346 takes over of S-0-0282, with following distance.
-    ControlledPositioningWithLag,
-    /// 021BH: the drive goes by itself to what S-0-0346 takes over of S-0-0282, with velocity feed-forward.
-    ControlledPositioningWithoutLag,
-}
-
-/// Where the target of a movement that the drive makes by itself comes from.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-#[cfg_attr(feature = "defmt", derive(defmt::Format))]
-pub enum TargetSource {
-    /// S-0-0258.
-    Target,
-    /// S-0-0282, when S-0-0346 takes it over.
-    Control,
-}
-
-impl OperationMode {
-    /// The values of S-0-0032 to S-0-0035 and S-0-0284 to S-0-0287, and of S-0-0292.
-    pub const SUPPORTED: [u16; 8] = [1, 2, 3, 11, 0x13, 0x1B, 0x213, 0x21B];
-
-    /// The mode of an operation-mode parameter, `None` for 0 (none) and for everything this drive does not have.
-    #[must_use]
-    pub const fn from_parameter(value: u16) -> Option<Self> {
-        match value {
-            1 => Some(Self::Torque),
-            2 => Some(Self::Velocity),
-            3 => Some(Self::PositionWithLag),
-            11 => Some(Self::PositionWithoutLag),
-            0x13 => Some(Self::PositioningWithLag),
-            0x1B => Some(Self::PositioningWithoutLag),
-            0x213 => Some(Self::ControlledPositioningWithLag),
-            0x21B => Some(Self::ControlledPositioningWithoutLag),
-            _ => None,
-        }
-    }
-
-    /// Where the target comes from in a mode in which the drive moves by itself; `None` in the others.
-    #[inline]
-    #[must_use]
-    pub const fn target_source(self) -> Option<TargetSource> {
-        match self {
-            Self::PositioningWithLag | Self::PositioningWithoutLag => Some(TargetSource::Target),
-            Self::ControlledPositioningWithLag | Self::ControlledPositioningWithoutLag => Some(TargetSource::Control),
-            Self::Torque | Self::Velocity | Self::PositionWithLag | Self::PositionWithoutLag => None,
-        }
-    }
-
-    /// Whether the mode feeds the velocity forward.
-    #[inline]
-    #[must_use]
-    pub const fn is_without_lag(self) -> bool {
-        matches!(self, Self::PositionWithoutLag | Self::PositioningWithoutLag | Self::ControlledPositioningWithoutLag)
-    }
-}
-
-/// In which direction a modulo axis goes to a position (bits 1 and 0 of S-0-0393).
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-#[cfg_attr(feature = "defmt", derive(defmt::Format))]
-pub enum Direction {
-    /// 0: the shortest way.
-    #[default]
-    Shortest,
-    /// 1: upwards.
-    Positive,
-    /// 2: downwards.
-    Negative,
-}
-
-impl Direction {
-    /// The direction in S-0-0393; `None` for what is none.
-    #[must_use]
-    pub const fn from_parameter(value: u16) -> Option<Self> {
-        match value & 3 {
-            0 => Some(Self::Shortest),
-            1 => Some(Self::Positive),
-            2 => Some(Self::Negative),
-            _ => None,
-        }
-    }
-}
 
 /// What movements to a target need (S-0-0259, S-0-0260, S-0-0359, S-0-0193, S-0-0108, S-0-0393, S-0-0418).
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -158,47 +47,6 @@ pub struct PositioningSettings {
     pub drops_target: bool,
     /// S-0-0418.
     pub window_behind: Position,
-}
-
-/// What an error does to a motor that runs (P-0-0140).
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-#[cfg_attr(feature = "defmt", derive(defmt::Format))]
-pub enum Reaction {
-    /// 0: the velocity command goes to zero at once; the motor stops at its torque limit.
-    TorqueLimit,
-    /// 1: torque-free at once, the brake closes.
-    TorqueFree,
-    /// 2: the velocity command goes to zero at S-0-0138.
-    #[default]
-    Ramp,
-}
-
-impl Reaction {
-    const fn from_parameter(value: u16) -> Self {
-        match value {
-            0 => Self::TorqueLimit,
-            1 => Self::TorqueFree,
-            _ => Self::Ramp,
-        }
-    }
-}
-
-/// Which signs are turned round (S-0-0043, S-0-0055, S-0-0085).
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-#[cfg_attr(feature = "defmt", derive(defmt::Format))]
-pub struct Polarity {
-    /// Bit 0: the command value.
-    pub command: bool,
-    /// Bit 1: the additive command value.
-    pub additive: bool,
-    /// Bit 2: the feedback value.
-    pub feedback: bool,
-}
-
-impl Polarity {
-    const fn from_parameter(value: u16) -> Self {
-        Self { command: value & 1 != 0, additive: value & 2 != 0, feedback: value & 4 != 0 }
-    }
 }
 
 /// What the cycle of the ring is to the loops: what S-0-0127 has accepted of S-0-0001 and S-0-0002 counts from CP3 on, whatever else is
@@ -321,7 +169,7 @@ impl MotionSettings {
     /// The first parameter that the drive cannot work with.
     pub fn new(
         parameters: &Parameters,
-        loop_timer_counts: u16,
+        facts: &Facts,
         sources: impl Fn(Idn) -> Option<Source>,
     ) -> Result<Self, InvalidSetting> {
         let position = scaling::position_scale(parameters)?;
@@ -330,7 +178,7 @@ impl MotionSettings {
         let coordinates = scaling::coordinates(parameters)?;
         let velocity_polarity = Polarity::from_parameter(parameters.get_word(Idn::standard(43)));
         let torque = TorqueScale::new(parameters)?;
-        let cycle = CycleSettings::new(parameters, loop_timer_counts)?;
+        let cycle = CycleSettings::new(parameters, facts.loop_timer_counts)?;
         let monitoring_window = position.to_position(signed(parameters, 159));
         let limits = LimitValues::new(parameters);
         let limit_scale = LimitScale::new(parameters, velocity, torque, derivatives, cycle.ticks_per_cycle)?;
@@ -372,7 +220,7 @@ impl MotionSettings {
             return Err(unsupported(277));
         }
         Ok(Self {
-            with_lag: as_measured(AxisSettings::new(&axis).map_err(blamed)?),
+            with_lag: as_measured(AxisSettings::new(&axis).map_err(blamed)?, facts),
             without_lag: as_measured(
                 AxisSettings::new(&AxisParameters {
                     feed_forward,
@@ -381,6 +229,7 @@ impl MotionSettings {
                     ..axis
                 })
                 .map_err(blamed)?,
+                facts,
             ),
             modes: modes(parameters)?,
             position,
@@ -414,7 +263,7 @@ impl MotionSettings {
                 window_behind: position.to_position(signed(parameters, 418)),
             },
             reaction: Reaction::from_parameter(parameters.get_word(Idn::product(140))),
-            motor: MotorSettings::new(parameters, &limit_scale.torque_limits(&limits), increments, fastest)?,
+            motor: motor::settings(parameters, facts, &limit_scale.torque_limits(&limits), increments, fastest)?,
             monitoring_window,
             velocity_threshold: velocity.to_velocity(signed(parameters, 125)),
             velocity_monitoring_window: velocity.to_velocity(signed(parameters, 377)),
@@ -439,32 +288,6 @@ const DROPS_TARGET: u16 = 1 << 2;
 
 /// Bit 3 of S-0-0277.
 const REVERSED: u16 = 1 << 3;
-
-fn invalid(number: u16) -> impl Fn(SettingsError) -> InvalidSetting {
-    move |reason| InvalidSetting { idn: Idn::standard(number), reason: Some(reason) }
-}
-
-/// A complaint of the loops, with the parameter that it is about.
-fn blamed(reason: SettingsError) -> InvalidSetting {
-    let number = match reason {
-        SettingsError::TicksPerCycle { .. } => 1,
-        SettingsError::Zero { .. } => 91,
-        SettingsError::FeedForward { .. } => 296,
-        SettingsError::ModuloOutOfRange => 103,
-        SettingsError::TooSmooth { .. } | SettingsError::BrakingTime { .. } => 349,
-        _ => 100,
-    };
-    invalid(number)(reason)
-}
-
-fn unsupported(number: u16) -> InvalidSetting {
-    InvalidSetting { idn: Idn::standard(number), reason: None }
-}
-
-/// A 32-bit parameter as the signed number that scalings work with; unsigned ones saturate.
-fn signed(parameters: &Parameters, number: u16) -> i32 {
-    i32::try_from(parameters.get_signed(Idn::standard(number))).unwrap_or(i32::MAX)
-}
 
 fn ticks(parameters: &Parameters, number: u16) -> u16 {
     parameters.get_word(Idn::standard(number)) / LOOP_PERIOD_MICROSECONDS
@@ -592,17 +415,16 @@ fn modes(parameters: &Parameters) -> Result<[Option<OperationMode>; 8], InvalidS
 }
 
 /// With what the motor side knows of the instant of its measurements.
-const fn as_measured(settings: AxisSettings) -> AxisSettings {
-    if READ_TWICE { settings.measured_a_quarter_tick_ago() } else { settings }
+const fn as_measured(settings: AxisSettings, facts: &Facts) -> AxisSettings {
+    if facts.reads_the_encoder_twice() { settings.measured_a_quarter_tick_ago() } else { settings }
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
     use crate::dictionary::{DICTIONARY, source};
-    use servo::CurrentFraction;
-
-    const TIMER: u16 = 10_500;
+    use crate::service::rig::FACTS;
+    use servo::units::CurrentFraction;
 
     fn with(changes: &[(u16, u32)]) -> Parameters {
         let mut parameters = Parameters::new(&DICTIONARY);
@@ -614,7 +436,7 @@ mod tests {
 
     #[test]
     fn the_defaults_of_the_table_make_a_drive() {
-        let settings = MotionSettings::new(&Parameters::new(&DICTIONARY), TIMER, source).unwrap();
+        let settings = MotionSettings::new(&Parameters::new(&DICTIONARY), &FACTS, source).unwrap();
         assert_eq!(settings.cycle.ticks_per_cycle, 16);
         assert_eq!(settings.modes[0], Some(OperationMode::Velocity));
         assert_eq!(settings.modes[1..], [None; 7]);
@@ -637,7 +459,7 @@ mod tests {
             (&[(44, 0x0A), (46, 32)], 46),
             (&[(76, 0x0A), (79, 1)], 79),
         ] {
-            let result = MotionSettings::new(&with(changes), TIMER, source);
+            let result = MotionSettings::new(&with(changes), &FACTS, source);
             assert_eq!(result.map_err(|error| error.idn).err(), Some(Idn::standard(culprit)), "{changes:?}");
         }
     }
@@ -645,7 +467,7 @@ mod tests {
     #[test]
     fn a_feedrate_override_beyond_100_per_cent_is_more_velocity_within_s_0_0091() {
         let positioning =
-            |changes: &[(u16, u32)]| MotionSettings::new(&with(changes), TIMER, source).unwrap().positioning;
+            |changes: &[(u16, u32)]| MotionSettings::new(&with(changes), &FACTS, source).unwrap().positioning;
         let doubled = positioning(&[(259, 1_000_000), (108, 20_000)]);
         assert_eq!(doubled, positioning(&[(259, 2_000_000)]));
         assert_ne!(doubled, positioning(&[(259, 1_000_000)]));
@@ -657,7 +479,7 @@ mod tests {
     #[test]
     fn a_feed_forward_of_120_per_cent_is_more_than_one_of_100() {
         let [whole, more] =
-            [1_000, 1_200].map(|gain| MotionSettings::new(&with(&[(296, gain)]), TIMER, source).unwrap());
+            [1_000, 1_200].map(|gain| MotionSettings::new(&with(&[(296, gain)]), &FACTS, source).unwrap());
         assert_ne!(whole.without_lag, more.without_lag);
         assert_eq!(whole.with_lag, more.with_lag);
     }
@@ -665,8 +487,8 @@ mod tests {
     #[test]
     fn parameter_scaling_per_second_is_sixty_times_that_per_minute() {
         // 1 * 10^-6 revolutions per second.
-        let settings = MotionSettings::new(&with(&[(44, 0x2A), (45, 1), (46, -6_i32 as u32)]), TIMER, source).unwrap();
-        let preferred = MotionSettings::new(&with(&[(44, 0x22)]), TIMER, source).unwrap();
+        let settings = MotionSettings::new(&with(&[(44, 0x2A), (45, 1), (46, -6_i32 as u32)]), &FACTS, source).unwrap();
+        let preferred = MotionSettings::new(&with(&[(44, 0x22)]), &FACTS, source).unwrap();
         assert_eq!(settings.velocity, preferred.velocity);
         let difference = settings.velocity.to_velocity(1_000_000) - Velocity::from_ten_thousandths_rpm(600_000);
         assert!(difference.abs().to_bits() <= 1, "one revolution per second is 60 rpm: {difference:?}");
@@ -674,7 +496,7 @@ mod tests {
 
     #[test]
     fn a_torque_command_is_the_inverse_of_the_torque_feedback() {
-        let settings = MotionSettings::new(&Parameters::new(&DICTIONARY), TIMER, source).unwrap();
+        let settings = MotionSettings::new(&Parameters::new(&DICTIONARY), &FACTS, source).unwrap();
         for command in [-4_000_i64, -1, 0, 1, 1_000, 4_000] {
             let current = settings.torque.current_of(command);
             assert!((settings.torque.increments_of(current) - command).abs() <= 1, "{command}");
@@ -685,7 +507,7 @@ mod tests {
     #[test]
     fn torque_feedback_is_in_tenths_of_a_per_cent_of_the_stall_current() {
         // Full peak current 20 A is 400.0 % of 5 A.
-        let settings = MotionSettings::new(&Parameters::new(&DICTIONARY), TIMER, source).unwrap();
+        let settings = MotionSettings::new(&Parameters::new(&DICTIONARY), &FACTS, source).unwrap();
         assert_eq!(settings.torque.increments_of(CurrentFraction::MAX), 4_000);
         assert_eq!(settings.torque.increments_of(CurrentFraction::from_bits(-(1 << 14))), -2_000);
     }

@@ -1,8 +1,9 @@
 //! What the chip wants: the two status registers read, acknowledged and sorted.
 
 use crate::bus::{Bus, Register};
-use crate::discovery::{Orders, TimerMap};
+use crate::discovery::Orders;
 use crate::status::{ErrorStatus, InterruptStatus};
+use crate::timer::TimerMap;
 use crate::uncertain::{
     ASSUMED_TIMERS, ENABLE_ALL, INITIAL_COMMAND_VALID_US, INTERRUPT_ROUNDS, ROUTING, TIMER_NEVER_US,
 };
@@ -181,8 +182,8 @@ impl<B: Bus> Interrupts<B> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::discovery::Timer;
     use crate::test_bus::{TestBus, Write};
+    use crate::timer::Timer;
 
     #[test]
     fn events_are_sorted_acknowledged_and_gone() {

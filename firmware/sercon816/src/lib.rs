@@ -1,7 +1,7 @@
 //! Driver for the SERCON816 SERCOS II ring controller, slave side.
 //!
-//! Everything goes through one trait, [`Bus`]: single 16-bit accesses to 43 control registers and 2048 words of dual-port
-//! RAM. A bus that is `Clone` gives each task its own handle, so that no task waits for another:
+//! The crate is `no_std`, allocates nothing and has no `unsafe`. Everything goes through one trait, [`Bus`]: single 16-bit accesses to 43
+//! control registers and 2048 words of dual-port RAM. A bus that is `Clone` gives each task its own handle, so that no task waits for another:
 //!
 //! | task | handle | what |
 //! |---|---|---|
@@ -12,8 +12,49 @@
 //! | t3 | [`CommandPort`] | the record of the MDT |
 //! | t4 | [`FeedbackPort`] | the record of the AT |
 //!
-//! The chip's reference guide is not public. What is known, and how well, is in sercon816.md; what is not known is in
-//! [`uncertain`], together with the way in which the driver does without.
+//! # Example
+//!
+//! A bus is four functions. Here is one on which nobody answers, and what the driver says of it:
+//!
+//! ```
+//! use sercon816::{BitRate, Bus, Configuration, MasterClock, RamAddress, Register, Slave, Transceiver};
+//!
+//! /// The data lines are pulled up.
+//! struct Nobody;
+//!
+//! impl Bus for Nobody {
+//!     fn read_register(&mut self, _: Register) -> u16 {
+//!         0xFFFF
+//!     }
+//!     fn write_register(&mut self, _: Register, _: u16) {}
+//!     fn read_ram(&mut self, _: RamAddress) -> u16 {
+//!         0xFFFF
+//!     }
+//!     fn write_ram(&mut self, _: RamAddress, _: u16) {}
+//! }
+//!
+//! let configuration = Configuration {
+//!     address: 5,
+//!     bit_rate: BitRate::Mbit2,
+//!     clock: MasterClock::Mhz32,
+//!     transceiver: Transceiver::STANDARD,
+//! };
+//! let refused = Slave::new(Nobody).initialise(&configuration).unwrap_err();
+//! assert_eq!(refused.to_string(), "version register reads FFFFH, a SERCON816 has 0010H");
+//! ```
+//!
+//! `examples/slave_on_a_bus.rs` sets a slave up on a bus that remembers, and shows what stands in the chip then.
+//!
+//! # Sources
+//!
+//! The chip's reference guide is not public. What is known, and how well, is in `docs/reference/sercon816.md` of the repository, which the code
+//! cites as sercon816.md with a section number; what is not known is in [`uncertain`], together with the way in which the driver does without.
+//!
+//! SERCOS is a trademark of its owner, with whom this crate is not connected.
+//!
+//! # Licence
+//!
+//! MIT or Apache 2.0, at your choice.
 #![no_std]
 #![forbid(unsafe_code)]
 #![cfg_attr(
@@ -37,6 +78,7 @@ mod header;
 mod interrupt;
 pub mod layout;
 mod port;
+mod rate;
 mod register;
 pub mod service;
 mod service_port;
@@ -44,18 +86,21 @@ mod slave;
 mod status;
 #[cfg(test)]
 mod test_bus;
+mod timer;
 mod timing;
 pub mod uncertain;
 
 pub use bus::{Bus, RamAddress, Register};
 pub use container::DataContainer;
-pub use discovery::{Discovery, Observation, Orders, Timer, TimerMap};
+pub use discovery::{Discovery, Observation, Orders};
 pub use header::{END_MARKER, HeaderKind, ReceiveHeader, TransmitHeader, TransmitMode, header_kind};
 pub use interrupt::{Events, Interrupts, Seen};
 pub use layout::Block;
 pub use port::{CommandPort, FeedbackPort};
-pub use register::{ClockDivider, SerialConfiguration, ServiceTimeouts, StartCommand, Transceiver};
+pub use rate::{BitRate, ClockDivider, MasterClock};
+pub use register::{SerialConfiguration, ServiceTimeouts, StartCommand, Transceiver};
 pub use service_port::{Boundary, ServiceAnswer, ServicePort, ServiceStep};
 pub use slave::{Configuration, CyclicConfiguration, CyclicError, EnterError, InitialiseError, Slave};
 pub use status::{ErrorStatus, InterruptStatus};
-pub use timing::{BitRate, MasterClock, Timing, Window};
+pub use timer::{Timer, TimerMap};
+pub use timing::{Timing, Window};

@@ -6,7 +6,7 @@
 use bitbybit::bitfield;
 
 use crate::bus::Register;
-use crate::timing::BitRate;
+use crate::rate::BitRate;
 use crate::uncertain;
 
 impl Register {
@@ -36,7 +36,7 @@ impl Register {
     pub const PHASE_RECEIVED: Self = Self::at(0x0B);
     /// 0DH: timeouts of the service containers, see [`ServiceTimeouts`].
     pub const SERVICE_TIMEOUTS: Self = Self::at(0x0D);
-    /// 0EH: divider of MCLK, see [`ClockDivider`].
+    /// 0EH: divider of MCLK, see [`ClockDivider`](crate::ClockDivider).
     pub const CLOCK_DIVIDER: Self = Self::at(0x0E);
     /// 0FH: TSCYC0, cycle time of transmission block 0 in us.
     pub const CYCLE_TIME_0: Self = Self::at(0x0F);
@@ -155,18 +155,6 @@ pub struct ServiceTimeouts {
 impl ServiceTimeouts {
     /// The published value FF0AH: 10 cycles handshake, 255 cycles BUSY.
     pub const STANDARD: Self = Self::DEFAULT.with_handshake(10).with_busy(255);
-}
-
-/// 0EH: divider of MCLK to the 1 us tick (sercon816.md 5.7); [`crate::Timing::clock_divider`] computes it.
-#[bitfield(u16, default = 0, debug)]
-#[derive(PartialEq, Eq)]
-pub struct ClockDivider {
-    /// MCLKDIV: MCLK in MHz, less 1.
-    #[bits(0..=7, rw)]
-    divider: u8,
-    /// MCLKST: preset of the divider at the MST.
-    #[bits(8..=15, rw)]
-    preset: u8,
 }
 
 /// How the optical transceivers are wired to the chip; the bits of 01H and 02H that the board decides.

@@ -4,14 +4,15 @@ use core::fmt;
 
 use crate::bus::{Bus, RamAddress, Register};
 use crate::container::DataContainer;
-use crate::discovery::TimerMap;
 use crate::header::{END_MARKER, ReceiveHeader, TransmitHeader, TransmitMode};
 use crate::layout::{
     BLOCK_POINTERS, Block, END, MAXIMUM_CYCLIC_WORDS, MST_ERRORS, SERVICE_CONTAINER, SERVICE_POINTER_COUNT,
     SERVICE_POINTERS, SERVICE_WORDS,
 };
+use crate::rate::{BitRate, MasterClock};
 use crate::register::{SerialConfiguration, ServiceTimeouts, StartCommand, Transceiver};
-use crate::timing::{BitRate, MasterClock, Timing, Window};
+use crate::timer::TimerMap;
+use crate::timing::{Timing, Window};
 use crate::uncertain;
 
 /// What the board and the operator decide.

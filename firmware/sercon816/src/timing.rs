@@ -2,65 +2,11 @@
 //!
 //! All terms are exact multiples of 1/1600 us, so integer arithmetic gives the very values of the formulas.
 
-use crate::register::ClockDivider;
+use crate::rate::{BitRate, ClockDivider, MasterClock};
 use crate::uncertain;
 
 /// Units of this module in one microsecond.
 const MICROSECOND: i32 = 1600;
-
-/// Bit rate of the ring.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
-#[cfg_attr(feature = "defmt", derive(defmt::Format))]
-pub enum BitRate {
-    /// 2 Mbit/s.
-    Mbit2,
-    /// 4 Mbit/s.
-    Mbit4,
-    /// 8 Mbit/s; chosen by the pins SBAUD and SBAUD16 (G14).
-    Mbit8,
-    /// 16 Mbit/s; chosen by the pins SBAUD and SBAUD16 (G14).
-    Mbit16,
-}
-
-impl BitRate {
-    /// Every bit rate of SERCOS II.
-    pub const ALL: [Self; 4] = [Self::Mbit2, Self::Mbit4, Self::Mbit8, Self::Mbit16];
-
-    const fn bit_time(self) -> i32 {
-        match self {
-            Self::Mbit2 => 800,
-            Self::Mbit4 => 400,
-            Self::Mbit8 => 200,
-            Self::Mbit16 => 100,
-        }
-    }
-}
-
-/// Frequency of the chip's clock input MCLK.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-#[cfg_attr(feature = "defmt", derive(defmt::Format))]
-pub enum MasterClock {
-    /// 16 MHz.
-    Mhz16,
-    /// 32 MHz, the highest permitted.
-    Mhz32,
-}
-
-impl MasterClock {
-    const fn megahertz(self) -> i32 {
-        match self {
-            Self::Mhz16 => 16,
-            Self::Mhz32 => 32,
-        }
-    }
-
-    const fn period(self) -> i32 {
-        match self {
-            Self::Mhz16 => 100,
-            Self::Mhz32 => 50,
-        }
-    }
-}
 
 /// A window in whole microseconds, relative to a nominal time; both edges belong to it.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

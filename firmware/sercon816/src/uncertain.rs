@@ -22,7 +22,7 @@
 //! use (G19: one buffer for each telegram).
 
 use crate::bus::Register;
-use crate::discovery::{Timer, TimerMap};
+use crate::timer::{Timer, TimerMap};
 
 /// 00H of the SERCON816. Settled; here because the chip's identity decides whether the rest of this file applies (G14).
 pub const VERSION: u16 = 0x0010;

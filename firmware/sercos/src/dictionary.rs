@@ -212,8 +212,8 @@ macro_rules! data_blocks {
         .with_default($default)
     };
     (@with $block:ident [$($property:ident),*]) => { $block$(.$property())* };
-    (@idn S $number:literal) => { $crate::Idn::standard($number) };
-    (@idn P $number:literal) => { $crate::Idn::product($number) };
+    (@idn S $number:literal) => { $crate::idn::Idn::standard($number) };
+    (@idn P $number:literal) => { $crate::idn::Idn::product($number) };
     (@unit position) => { $crate::unit::Unit::Scaled($crate::unit::Dimension::Position) };
     (@unit velocity) => { $crate::unit::Unit::Scaled($crate::unit::Dimension::Velocity) };
     (@unit acceleration) => { $crate::unit::Unit::Scaled($crate::unit::Dimension::Acceleration) };
@@ -269,7 +269,7 @@ macro_rules! dictionary {
     (@lists $($number:literal)+) => {
         [$({
             const SELECTION: $crate::data_block::Selection = $crate::dictionary::SELECTIONS[$number];
-            static IDNS: [$crate::Idn; $crate::dictionary::count(&DATA_BLOCKS, SELECTION)] =
+            static IDNS: [$crate::idn::Idn; $crate::dictionary::count(&DATA_BLOCKS, SELECTION)] =
                 $crate::dictionary::collect(&DATA_BLOCKS, SELECTION);
             &IDNS
         }),+]

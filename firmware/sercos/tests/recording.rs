@@ -1,17 +1,9 @@
-//! Every telegram of a real master's recording, against four slaves at step level.
-//!
-//! The recording is not part of the repository; the test skips, and says so, where it is missing.
+//! Every telegram of the recordings of masters, against four slaves at step level.
 
+use crate::recordings::{Known, recordings};
 use crate::support::{Boundary, Slave};
 use sercos::telegram::{Mst, RecordPacket, record_of};
 use sercos::{Idn, Phase};
-use std::path::PathBuf;
-
-fn recording() -> Option<String> {
-    let folder = std::env::var_os("SERCOS_CAPTURES")
-        .map_or_else(|| PathBuf::from(concat!(env!("CARGO_MANIFEST_DIR"), "/../../../shared/captures")), PathBuf::from);
-    std::fs::read_to_string(folder.join("fc7502-four-drives.tsv")).ok()
-}
 
 fn bytes(hex: &str) -> Vec<u8> {
     hex.split_ascii_whitespace().map(|byte| u8::from_str_radix(byte, 16).unwrap()).collect()
@@ -40,11 +32,13 @@ impl Station {
 }
 
 #[test]
-fn four_slaves_follow_the_recorded_master_into_cp4_without_an_error() {
-    let Some(recording) = recording() else {
-        eprintln!("skipped: no recording; set SERCOS_CAPTURES to the folder that holds fc7502-four-drives.tsv");
-        return;
-    };
+fn four_slaves_follow_the_recorded_masters_into_cp4_without_an_error() {
+    for known in recordings() {
+        four_slaves_follow(&known, &std::fs::read_to_string(&known.path).unwrap());
+    }
+}
+
+fn four_slaves_follow(known: &Known, recording: &str) {
     for boundary in [Boundary::WithLast, Boundary::AfterLast] {
         let mut stations: Vec<Station> =
             (0..4).map(|_| Station { slave: Slave::new(boundary, 16), handshake: false, steps: 0 }).collect();
@@ -70,7 +64,7 @@ fn four_slaves_follow_the_recorded_master_into_cp4_without_an_error() {
             let parameters = &station.slave.parameters;
             assert_eq!(station.slave.drive.machine.current(), Phase::Cp4);
             assert!(station.steps > 100, "drive {} saw {} steps", number + 1, station.steps);
-            assert_eq!(parameters.get(Idn::standard(6)), [92, 336, 580, 824][number]);
+            assert_eq!(parameters.get(Idn::standard(6)), u32::from(known.t1[number]));
             assert_eq!(parameters.get(Idn::standard(9)), [1, 9, 17, 25][number]);
             assert_eq!(parameters.list(Idn::AT_LIST), [Idn::standard(11), Idn::standard(51), Idn::product(19)]);
             assert_eq!(parameters.list(Idn::MDT_LIST), [Idn::standard(36)]);

@@ -4,6 +4,8 @@
 
 mod garbage;
 mod recording;
+#[path = "../../../tests/recordings/find.rs"]
+mod recordings;
 mod run_up;
 #[path = "../examples/sample/mod.rs"]
 mod sample;

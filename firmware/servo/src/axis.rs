@@ -1,10 +1,35 @@
 //! One axis: modes, loops and their bumpless hand-over.
 
-use crate::{
-    AxisMovements, AxisSettings, CommandJump, CommandSource, CurrentFilter, CurrentFraction, FilteredVelocity,
-    Interpolator, Limiting, ModuloCounter, MotionLimits, Position, PositionLoop, Ramp, Setpoint, TorqueLimits,
-    Trajectory, Velocity, VelocityFilter, VelocityInterpolator, VelocityLimits, VelocityLoop,
+pub(crate) mod acceleration_gain;
+pub(crate) mod filter;
+pub(crate) mod friction;
+pub(crate) mod limits;
+pub(crate) mod position_loop;
+pub(crate) mod settings;
+pub(crate) mod tuning;
+pub(crate) mod velocity_estimate;
+pub(crate) mod velocity_loop;
+
+pub use filter::{CurrentFilter, CurrentFilterSettings, FilterSection};
+pub use friction::{FrictionParameters, FrictionSettings};
+pub use limits::{
+    CommandedTorqueLimits, Limiting, TorqueLimitParameters, TorqueLimitSettings, TorqueLimits, VelocityLimits,
 };
+pub use position_loop::{PositionLoop, PositionLoopOutput, PositionLoopSettings};
+pub use settings::{AxisMovements, AxisParameters, AxisSettings};
+pub use tuning::{CurrentGains, VelocityGains, current_gains, position_gain, velocity_gains};
+pub use velocity_estimate::{FilteredVelocity, VelocityEstimate, VelocityFilter};
+pub use velocity_loop::{VelocityLoop, VelocityLoopOutput, VelocityLoopSettings};
+
+use crate::path::command_step::CommandJump;
+use crate::path::interpolation::Interpolator;
+use crate::path::limits::MotionLimits;
+use crate::path::ramp::Ramp;
+use crate::path::setpoint::{CommandSource, Setpoint};
+use crate::path::trajectory::Trajectory;
+use crate::path::velocity_interpolation::VelocityInterpolator;
+use crate::units::modulo::ModuloCounter;
+use crate::units::{CurrentFraction, Position, Velocity};
 
 /// What the axis does.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -199,7 +224,7 @@ impl Axis {
     }
 
     /// Changes the mode without a bump: the new mode starts at the shaft, with the velocity command of the last tick as far as the shaft
-    /// turns that fast, see [`Axis::hand_over`], and with position control from a setpoint ahead by the lag that belongs to that velocity.
+    /// turns that fast, see `Axis::hand_over`, and with position control from a setpoint ahead by the lag that belongs to that velocity.
     /// The integral part of the velocity loop is kept: it holds the load.
     pub fn set_mode(&mut self, mode: Mode) {
         if mode == self.mode {
@@ -521,7 +546,7 @@ impl Axis {
         output.limiting = limiting;
     }
 
-    /// Keeps the modulo range near the axis: to be called once in [`crate::LOOP_TICKS_PER_SUPERVISION`] ticks at least.
+    /// Keeps the modulo range near the axis: to be called once in [`crate::units::LOOP_TICKS_PER_SUPERVISION`] ticks at least.
     #[inline]
     pub fn follow_ranges(&mut self) {
         self.ranges = self.ranges_near(self.measured);
@@ -550,7 +575,7 @@ impl Axis {
         }
     }
 
-    /// Moves the zero of the axis by `difference` without a movement, as [`crate::Encoder::set_position`] did with the measurement.
+    /// Moves the zero of the axis by `difference` without a movement, as [`crate::encoder::Encoder::set_position`] did with the measurement.
     /// Divides.
     pub fn shift(&mut self, difference: Position) {
         self.measured = self.measured + difference;

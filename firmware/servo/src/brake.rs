@@ -19,11 +19,18 @@
 //! not sink before the velocity loop has found it. The sequence knows nothing of safety: a brake that must hold people's lives needs a
 //! chain of its own.
 
+pub(crate) mod error;
+pub(crate) mod settings;
+
 use fixed::types::U1F15;
 
-use crate::brake_settings::WHOLE;
-use crate::debounce::{Debounce, milliseconds_of};
-use crate::{BrakeError, BrakeSettings, CurrentFraction, Position};
+pub use error::BrakeError;
+pub use settings::{BrakeParameters, BrakeSettings};
+
+use settings::WHOLE;
+
+use crate::monitor::debounce::{Debounce, milliseconds_of};
+use crate::units::{CurrentFraction, Position};
 
 /// Part of the current command that is passed on, 0 ..= 1.
 pub type TorqueScale = U1F15;
@@ -76,7 +83,7 @@ pub struct BrakeOutput {
     pub torque_scale: TorqueScale,
     /// Command of the field axis while the torque is proven, else zero.
     pub test_current: CurrentFraction,
-    /// In the tick in which the torque comes on: the current with which the velocity loop is to start ([`crate::VelocityLoop::preset`]).
+    /// In the tick in which the torque comes on: the current with which the velocity loop is to start ([`crate::axis::VelocityLoop::preset`]).
     pub preload: Option<CurrentFraction>,
     /// In the tick in which a brake that has held the axis begins to open: an axis that stands is to hold this place with this current,
     /// whatever it meant to do before. What its loops have worked up against the closed brake would throw the load.

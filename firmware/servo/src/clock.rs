@@ -10,7 +10,7 @@
 //! Everything is in 32 bits: phases lie within half a period, 2^30 in 2^-16 count, and sums are taken modulo 2^32, which is more than a
 //! period and thus more than two phases can differ.
 
-use crate::SettingsError;
+use crate::error::SettingsError;
 
 /// The loop timer and the cycle, scaled.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

@@ -9,16 +9,15 @@
 //! Electrical angles are `u32` (differences `i32`), 2^32 to an electrical revolution. A current along angle 0 of the d axis turns the
 //! rotor to electrical angle 0.
 
-mod alignment;
-mod arctangent;
-mod index;
+pub(crate) mod alignment;
+pub(crate) mod index;
 
 use core::fmt;
 
 pub use alignment::{Alignment, AlignmentError, AlignmentOutput, AlignmentSettings, AlignmentState};
 pub use index::{IndexCorrection, IndexError, IndexOutput, IndexState};
 
-use crate::Position;
+use crate::units::Position;
 
 /// One electrical degree.
 const DEGREE: i32 = 11_930_465;
@@ -93,7 +92,7 @@ impl CommutationSettings {
 
     /// Electrical angle that belongs to a mechanical one, without offset. A whole electrical revolution is 0.
     ///
-    /// Exact for the position given: two steps of it (2^-32 revolution, see [`crate::Encoder`]) are 11e-6 electrical degrees at 64 pole
+    /// Exact for the position given: two steps of it (2^-32 revolution, see [`crate::encoder::Encoder`]) are 11e-6 electrical degrees at 64 pole
     /// pairs.
     #[inline]
     #[must_use]
@@ -154,7 +153,7 @@ const fn limited_angle(angle: i64, limit: i32) -> i32 {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::{Encoder, EncoderSettings};
+    use crate::encoder::{Encoder, EncoderSettings};
     use proptest::prelude::*;
 
     /// Electrical angle of so many increments, by whole numbers.

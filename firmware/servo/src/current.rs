@@ -16,18 +16,20 @@
 //! a limit does, by some instructions. What changes slower than the cycle comes from outside: gains when a parameter changes
 //! ([`CurrentLoopSettings`]), reference, feed-forward and bus voltage once a loop tick ([`CurrentCommand`]).
 
-mod command;
-mod control;
-mod modulator;
-mod protection;
-mod settings;
-mod shared;
-mod weakening;
+pub(crate) mod command;
+pub(crate) mod control;
+pub(crate) mod modulator;
+pub(crate) mod protection;
+pub(crate) mod readings;
+pub(crate) mod settings;
+pub(crate) mod shared;
+pub(crate) mod weakening;
 
 pub use command::{BusScale, CurrentCommand, MotorModel};
-pub use control::{CurrentLoop, CurrentReadings};
+pub use control::CurrentLoop;
 pub use modulator::DeadTimeCompensation;
 pub use protection::{Offsets, Protection, Trip};
+pub use readings::CurrentReadings;
 pub use settings::{CurrentLoopParameters, CurrentLoopSettings, PwmFrequency};
 pub use shared::{SharedCommand, SharedReadings};
 pub use weakening::{FieldWeakening, FieldWeakeningParameters, FieldWeakeningSettings, WeakeningOutput};

@@ -1,6 +1,18 @@
 //! From a wrapping 32-bit increment counter to an unbounded, exact position.
 
-use crate::{Position, SettingsError};
+pub(crate) mod hidden_motion;
+pub(crate) mod jump;
+pub(crate) mod monitor;
+pub(crate) mod twice_read;
+
+pub use jump::EncoderMotion;
+pub use monitor::{
+    EncoderError, EncoderMonitor, EncoderMonitorInputs, EncoderMonitorParameters, EncoderMonitorSettings,
+};
+pub use twice_read::{TwiceReadEncoder, TwiceReadSettings};
+
+use crate::error::SettingsError;
+use crate::units::Position;
 
 /// Resolution of an incremental encoder, with the factors that replace divisions.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

@@ -26,7 +26,7 @@ use settings::{
 };
 pub use settings::{HomingParameters, HomingSettings, HomingSettingsError};
 
-use crate::{Position, Velocity};
+use crate::units::{Position, Velocity};
 
 /// A marker closer than this to the beginning of its search, or to a whole revolution behind it, may be missed or met by chance.
 const UNAMBIGUOUS: i64 = HALF_REVOLUTION / 4;
@@ -67,7 +67,7 @@ pub enum HomingMotion {
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub struct Reference {
-    /// To be added to positions so that the reference point reads S-0-0052: the argument of [`crate::Axis::shift`].
+    /// To be added to positions so that the reference point reads S-0-0052: the argument of [`crate::axis::Axis::shift`].
     pub shift: Position,
     /// Edge of the home switch, in the coordinates before the shift; `None` when it is not evaluated.
     pub switch: Option<Position>,

@@ -33,10 +33,11 @@ pub use inductance::{InductanceIdentification, InductanceMeasurement, Inductance
 pub use inertia::{Inertia, InertiaIdentification, InertiaMeasurement, InertiaSettings};
 pub use resistance::{ResistanceIdentification, ResistanceMeasurement, ResistanceSettings};
 
-use crate::current::{CurrentReadings, PwmFrequency};
-use crate::settings::in_range;
-use crate::units::divide_rounding;
-use crate::{Acceleration, CurrentFraction, Position, SettingsError, Velocity};
+use crate::arithmetic::division::divide_rounding;
+use crate::current::readings::CurrentReadings;
+use crate::current::settings::PwmFrequency;
+use crate::error::{SettingsError, in_range};
+use crate::units::{Acceleration, CurrentFraction, Position, Velocity};
 
 /// Why a sequence gave no result.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

@@ -6,7 +6,7 @@
 
 use core::fmt;
 
-use crate::Position;
+use crate::units::Position;
 
 /// One of the two probe inputs.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

@@ -7,11 +7,20 @@
 //! | [`Acceleration`] | revolution per loop tick squared, 2^-48 | 1.4e-6 rad/s² | 0 ... 2.2e9 rad/s² |
 //! | [`CurrentFraction`] | peak current, 2^-15 | 31 ppm of peak | -1 ... +1 - 2^-15 |
 
+pub(crate) mod derivatives;
+pub(crate) mod modulo;
+pub(crate) mod scaling;
+
 use core::ops::{Add, Neg, Sub};
 
 use fixed::types::{I1F15, I32F32};
 
-use crate::wide::saturated;
+pub use derivatives::{Jerk, SignedAcceleration};
+pub use modulo::{Modulo, ModuloCounter};
+pub use scaling::{PositionScale, VelocityScale};
+
+use crate::arithmetic::division::{TEN_TO_15, TWO_PI_TIMES_TEN_TO_15, divide_rounding};
+use crate::arithmetic::wide::saturated;
 
 /// Period of the position and velocity loop in microseconds.
 pub const LOOP_PERIOD_MICROSECONDS: u32 = 125;
@@ -144,7 +153,7 @@ impl Velocity {
 
     /// From 10^-4 rpm, the preferred rotary scaling of S-0-0036, S-0-0040, S-0-0091 (sercos2.md 6.5); limited to +-15 000 rpm.
     ///
-    /// Divides: for parameters. Cyclic values go through [`crate::VelocityScale`].
+    /// Divides: for parameters. Cyclic values go through [`crate::units::VelocityScale`].
     #[must_use]
     pub fn from_ten_thousandths_rpm(value: i32) -> Self {
         // 10^-4 rpm = 2^36 / (60 * 8000 * 10^4) steps = 2^24 / 1171875 steps
@@ -229,26 +238,6 @@ impl Acceleration {
     }
 }
 
-/// 2 pi in 10^-15.
-pub(crate) const TWO_PI_TIMES_TEN_TO_15: i128 = 6_283_185_307_179_586;
-pub(crate) const TEN_TO_15: i128 = 1_000_000_000_000_000;
-
-/// `value` limited to `-limit ..= limit`. Unlike `clamp` it has no panic for a negative limit.
-#[inline]
-pub(crate) fn limited(value: i64, limit: i64) -> i64 {
-    value.min(limit).max(limit.wrapping_neg())
-}
-
-/// Quotient to the nearest integer, halves away from zero, limited to the range of `i64`; 0 for a divisor of 0.
-pub(crate) fn divide_rounding(numerator: i128, divisor: i128) -> i64 {
-    let half = divisor / 2;
-    let adjusted =
-        if (numerator < 0) == (divisor < 0) { numerator.saturating_add(half) } else { numerator.saturating_sub(half) };
-    let quotient = adjusted.checked_div(divisor).unwrap_or(0);
-    // Clamped to the range of i64.
-    quotient.clamp(i128::from(i64::MIN), i128::from(i64::MAX)) as i64
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -311,12 +300,6 @@ mod tests {
         #[test]
         fn a_velocity_in_ten_thousandths_of_rpm_reads_back(value in -149_999_000..149_999_000) {
             prop_assert_eq!(Velocity::from_ten_thousandths_rpm(value).to_ten_thousandths_rpm(), value);
-        }
-
-        #[test]
-        fn rounding_is_to_nearest(numerator in -(1_i64 << 50)..1 << 50, divisor in 1_i64..1 << 30) {
-            let quotient = i128::from(divide_rounding(numerator.into(), divisor.into()));
-            prop_assert!((quotient * i128::from(divisor) - i128::from(numerator)).abs() * 2 <= i128::from(divisor));
         }
     }
 }

@@ -2,10 +2,11 @@
 
 use std::f64::consts::TAU;
 
-use servo::{
+use servo::commutation::{
     Alignment, AlignmentError, AlignmentOutput, AlignmentSettings, AlignmentState, CommutationError,
-    CommutationSettings, CurrentFraction, Position,
+    CommutationSettings,
 };
+use servo::units::{CurrentFraction, Position};
 
 const POLE_PAIRS: u8 = 4;
 /// Electrical.

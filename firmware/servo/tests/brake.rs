@@ -1,10 +1,10 @@
 //! The sequence of the holding brake with an ideal drive around it.
 
 use proptest::prelude::*;
-use servo::{
+use servo::brake::{
     BrakeError, BrakeInputs, BrakeOutput, BrakeParameters, BrakeRequest, BrakeSequencer, BrakeSettings,
-    CurrentFraction, Position,
 };
+use servo::units::{CurrentFraction, Position};
 
 /// 20 and 30 ms, test current 5 % within 2 %, 2 ms, 50 ms; ramp and watch 40 ms; window 1/256 revolution.
 const PARAMETERS: BrakeParameters = BrakeParameters {

@@ -1,9 +1,9 @@
 //! The holding brake under a load that would fall: a vertical axis with brakes of every delay, weak, stuck and broken.
 
-use servo::{
+use servo::brake::{
     BrakeError, BrakeInputs, BrakeOutput, BrakeParameters, BrakeRequest, BrakeSequencer, BrakeSettings,
-    CurrentFraction, LOOP_TICKS_PER_SUPERVISION, Position,
 };
+use servo::units::{CurrentFraction, LOOP_TICKS_PER_SUPERVISION, Position};
 
 const TICK: f64 = 125e-6;
 /// Steps of the mechanics in a tick.

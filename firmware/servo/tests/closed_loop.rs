@@ -4,10 +4,9 @@ use crate::bench::{
     Bench, Master, degrees, is_limited, largest, modulo_of, parameters, revolutions, rpm, to_rpm, up_to,
 };
 use plant::{Coupling, ReferenceAxis};
-use servo::{
-    Acceleration, AxisOutput, AxisSettings, CommandSource, CurrentFilterSettings, CurrentFraction, FilterSection,
-    LOOP_TICKS_PER_SUPERVISION, Limiting, Mode, Modulo, Position, TorqueLimits, Velocity,
-};
+use servo::axis::{AxisOutput, AxisSettings, CurrentFilterSettings, FilterSection, Limiting, Mode, TorqueLimits};
+use servo::path::CommandSource;
+use servo::units::{Acceleration, CurrentFraction, LOOP_TICKS_PER_SUPERVISION, Modulo, Position, Velocity};
 
 const TAU: f64 = std::f64::consts::TAU;
 
@@ -52,7 +51,7 @@ fn the_small_machine_tool_axis_follows_within_one_increment_of_its_encoder() {
 #[test]
 fn without_feed_forward_the_axis_lags_by_velocity_over_kv_and_the_monitoring_expects_it() {
     let reference = ReferenceAxis::press();
-    let settings = servo::AxisParameters {
+    let settings = servo::axis::AxisParameters {
         feed_forward: 0,
         monitoring_window: revolutions(1.0 / 360.0),
         ..parameters(&reference)
@@ -83,7 +82,7 @@ fn a_blocked_axis_leaves_the_monitoring_window() {
 }
 
 /// At rest, with the velocity loop closed.
-fn velocity_bench(reference: &ReferenceAxis, settings: &servo::AxisParameters) -> Bench {
+fn velocity_bench(reference: &ReferenceAxis, settings: &servo::axis::AxisParameters) -> Bench {
     let mut bench = Bench::new(reference, settings);
     bench.ticks(8);
     bench.axis.set_mode(Mode::Velocity);
@@ -93,7 +92,7 @@ fn velocity_bench(reference: &ReferenceAxis, settings: &servo::AxisParameters) -
 #[test]
 fn a_velocity_step_within_the_current_limit_rises_fast_and_settles() {
     let reference = ReferenceAxis::press();
-    let settings = servo::AxisParameters { ticks_per_cycle: 4, ..parameters(&reference) };
+    let settings = servo::axis::AxisParameters { ticks_per_cycle: 4, ..parameters(&reference) };
     let mut bench = velocity_bench(&reference, &settings);
     bench.axis.command_velocity(rpm(100.0));
     bench.ticks(1_600);
@@ -117,7 +116,7 @@ fn a_velocity_step_within_the_current_limit_rises_fast_and_settles() {
 #[test]
 fn saturation_of_the_current_does_not_wind_the_integrator_up() {
     let reference = ReferenceAxis::press();
-    let settings = servo::AxisParameters { ticks_per_cycle: 4, ..parameters(&reference) };
+    let settings = servo::axis::AxisParameters { ticks_per_cycle: 4, ..parameters(&reference) };
     let mut bench = velocity_bench(&reference, &settings);
     bench.axis.command_velocity(rpm(1_500.0));
     let mut limited = 0;
@@ -135,7 +134,7 @@ fn saturation_of_the_current_does_not_wind_the_integrator_up() {
 #[test]
 fn the_current_stays_within_its_limit_and_drives_both_ways() {
     let reference = ReferenceAxis::press();
-    let settings = servo::AxisParameters { ticks_per_cycle: 4, ..parameters(&reference) };
+    let settings = servo::axis::AxisParameters { ticks_per_cycle: 4, ..parameters(&reference) };
     let mut bench = velocity_bench(&reference, &settings);
     bench.limit_torque(0.25);
     bench.axis.command_velocity(rpm(1_000.0));
@@ -149,14 +148,14 @@ fn the_current_stays_within_its_limit_and_drives_both_ways() {
 #[test]
 fn a_filter_that_is_switched_on_while_current_flows_makes_no_bump() {
     let reference = ReferenceAxis::press();
-    let settings = servo::AxisParameters { ticks_per_cycle: 4, ..parameters(&reference) };
+    let settings = servo::axis::AxisParameters { ticks_per_cycle: 4, ..parameters(&reference) };
     let mut bench = velocity_bench(&reference, &settings);
     bench.limit_torque(0.25);
     bench.axis.command_velocity(rpm(1_000.0));
     bench.ticks(100);
     let low_pass = FilterSection::LowPass { frequency: 1_000, damping: 707 };
     let filter = CurrentFilterSettings::new([low_pass, FilterSection::Off]).unwrap();
-    bench.axis.apply_settings(AxisSettings::new(&servo::AxisParameters { filter, ..settings }).unwrap());
+    bench.axis.apply_settings(AxisSettings::new(&servo::axis::AxisParameters { filter, ..settings }).unwrap());
     let currents = bench.ticks(20).into_iter().map(|output| output.current);
     assert_eq!(currents.min(), Some(CurrentFraction::from_num(0.25)));
 }
@@ -183,7 +182,7 @@ fn stopping_takes_the_time_and_the_way_of_the_deceleration_limit() {
 #[test]
 fn stopping_beyond_the_torque_brakes_with_all_of_it_and_does_not_swing_back() {
     let reference = ReferenceAxis::press();
-    let settings = servo::AxisParameters {
+    let settings = servo::axis::AxisParameters {
         deceleration: Acceleration::from_milliradians_per_second_squared(0),
         ..parameters(&reference)
     };
@@ -269,7 +268,7 @@ fn without_commands_the_setpoint_stands_after_two_cycles() {
 fn modulo_commands_go_on_through_the_wrap_for_a_load_behind_a_gear_of_seven_to_three() {
     let reference = ReferenceAxis::press();
     let modulo = Modulo::from_ratio(7, 3).unwrap();
-    let settings = servo::AxisParameters { modulo: Some(modulo), ..parameters(&reference) };
+    let settings = servo::axis::AxisParameters { modulo: Some(modulo), ..parameters(&reference) };
     for direction in [1.0, -1.0] {
         let mut bench = Bench::new(&reference, &settings);
         bench.ticks(8);
@@ -301,7 +300,7 @@ fn modulo_commands_go_on_through_the_wrap_for_a_load_behind_a_gear_of_seven_to_t
 fn mode_switches_at_speed_are_bumpless() {
     let reference = ReferenceAxis::press();
     for feed_forward in [10_000, 5_000, 0] {
-        let settings = servo::AxisParameters { feed_forward, ..parameters(&reference) };
+        let settings = servo::axis::AxisParameters { feed_forward, ..parameters(&reference) };
         let mut bench = velocity_bench(&reference, &settings);
         bench.axis.command_velocity(rpm(600.0));
         bench.ticks(8_000);
@@ -402,7 +401,8 @@ fn an_elastic_load_is_followed_and_stays_quiet() {
     // Rotor and cylinders apart, on a shaft with its resonance at 64 Hz with the rotor free.
     reference.motor.inertia = 0.03;
     reference.motor.coupling = Some(Coupling { load_inertia: 0.12, stiffness: 20_000.0, damping: 5.0 });
-    let mut bench = Bench::new(&reference, &servo::AxisParameters { velocity_gain: 6_000, ..parameters(&reference) });
+    let mut bench =
+        Bench::new(&reference, &servo::axis::AxisParameters { velocity_gain: 6_000, ..parameters(&reference) });
     let (_, constant) = ramp(&mut bench);
     let worst = largest(following_errors(&constant));
     assert!((0.001..0.05).contains(&worst), "{worst} degrees with an elastic load");
@@ -444,13 +444,13 @@ fn two_runs_give_the_same_bits() {
 fn the_integers_are_the_ones_that_every_machine_must_give() {
     // No floating point on the way: a checksum over the outputs for a made-up movement, to be the same on every host and target.
     let modulo = Modulo::from_ratio(7, 3).unwrap();
-    let settings = servo::AxisParameters {
+    let settings = servo::axis::AxisParameters {
         modulo: Some(modulo),
         feed_forward: 9_000,
         ticks_per_cycle: 16,
         ..parameters(&ReferenceAxis::press())
     };
-    let mut axis = servo::Axis::new(AxisSettings::new(&settings).unwrap(), Position::ZERO);
+    let mut axis = servo::axis::Axis::new(AxisSettings::new(&settings).unwrap(), Position::ZERO);
     let mut sum = 0xCBF2_9CE4_8422_2325_u64;
     let limits = TorqueLimits::symmetrical(CurrentFraction::MAX, Limiting::TORQUE_BIPOLAR);
     let mut noise = 1_u64;

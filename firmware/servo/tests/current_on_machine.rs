@@ -20,15 +20,15 @@ const AXES: [fn() -> ReferenceAxis; 5] = [
 
 /// With the shaft held fast.
 fn seized(setup: &Setup) -> Bench {
-    let mut bench = Bench::new(setup);
-    bench.machine.block(true, bench.time);
+    let bench = Bench::new(setup);
+    bench.machine().block(true, bench.time);
     bench
 }
 
 /// At a speed in rpm that nothing changes.
 fn turning(setup: Setup, rpm: f64) -> Bench {
     let mut bench = Bench::new(&setup.with_flywheel());
-    bench.machine.set_velocity(rpm * TAU / 60.0, bench.time);
+    bench.machine().set_velocity(rpm * TAU / 60.0, bench.time);
     bench.current_cycles([0.0; 2], 800);
     bench
 }
@@ -212,10 +212,12 @@ fn at_full_speed_the_induced_voltage_is_met_without_a_current() {
 #[test]
 fn a_bridge_that_closes_at_full_speed_meets_the_rotor_where_it_will_be() {
     let mut bench = turning(Setup::of(ReferenceAxis::precise()), 2_000.0);
-    bench.coast(400);
+    bench.coast(200);
+    // The bridge switches some cycles before the order to regulate comes, and until then it is a short circuit.
+    let at_first = bench.current_cycles([0.0, 0.0], 16);
+    within("largest q current in % of peak before it is regulated", largest(quadrature(&at_first)) * 100.0, 17.0..20.0);
     let currents = bench.current_cycles([0.0, 0.0], 16);
     assert_eq!(bench.trip, None);
-    // 168 V of EMF, 3.75 degrees of rotation in a cycle: 11 V beside it would be 0.3 A.
     within("largest d current in % of peak", largest(direct(&currents)) * 100.0, 0.01..0.15);
     within("largest q current in % of peak", largest(quadrature(&currents)) * 100.0, 0.005..0.035);
 }
@@ -319,9 +321,9 @@ fn a_small_current_follows_a_small_command_through_the_dead_time() {
 fn a_sag_of_the_bus_is_hardly_felt_by_the_current() {
     let mut bench = turning(Setup::of(ReferenceAxis::precise()), 500.0);
     bench.current_cycles([0.0, 0.5], 800);
-    bench.machine.set_supply(220.0, bench.time);
+    bench.machine().set_supply(220.0, bench.time);
     let currents = quadrature(&bench.current_cycles([0.0, 0.5], 3_200));
-    let bus = bench.machine.bus_voltage(bench.time);
+    let bus = bench.machine().bus_voltage(bench.time);
     within("bus in V", bus, 210.0..221.0);
     within("lowest current", lowest(currents.iter().copied()), 0.496..0.499);
     within("highest current", highest(currents.iter().copied()), 0.501..0.505);
@@ -364,7 +366,7 @@ fn a_current_above_the_trip_level_opens_the_bridge_and_dies() {
 fn a_sensor_that_stands_still_opens_the_bridge() {
     let mut bench = seized(&Setup::of(ReferenceAxis::precise()));
     bench.current_cycles([0.0, 0.5], 400);
-    bench.machine.fail_current_sensor(1, Some(2_048), bench.time);
+    bench.machine().fail_current_sensor(1, Some(2_048), bench.time);
     let currents = bench.current_cycles([0.0, 0.5], 160);
     assert_eq!(bench.trip, Some(Trip::CurrentSum));
     within("largest current", largest(quadrature(&currents)), 0.49..1.1);
@@ -374,10 +376,10 @@ fn a_sensor_that_stands_still_opens_the_bridge() {
 fn counts_that_no_motor_makes_open_the_bridge() {
     let mut bench = Bench::new(&Setup::of(ReferenceAxis::precise()));
     bench.current_cycles([0.0, 0.0], 16);
-    bench.machine.slip_encoder(2_000, bench.time);
+    bench.machine().slip_encoder(2_000, bench.time);
     bench.current_cycles([0.0, 0.0], 16);
     assert_eq!(bench.trip, None, "2 000 rpm are 2 185 counts in a cycle");
-    bench.machine.slip_encoder(10_000, bench.time);
+    bench.machine().slip_encoder(10_000, bench.time);
     bench.current_cycles([0.0, 0.0], 16);
     assert_eq!(bench.trip, Some(Trip::EncoderJump));
 }

@@ -3,8 +3,8 @@
 use std::f64::consts::TAU;
 
 use crate::inverter::{Drive, MotorData};
+use servo::axis::current_gains;
 use servo::current::PwmFrequency;
-use servo::current_gains;
 
 /// 0.7 ohm, 3.5 mH.
 const MOTOR: MotorData =

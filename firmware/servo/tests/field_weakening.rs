@@ -1,10 +1,11 @@
 //! Field weakening with the real current loop and a permanent magnet motor in f64 whose speed is ramped over its base speed and back.
 
 use crate::inverter::{Drive, MotorData};
+use servo::axis::current_gains;
 use servo::current::{
     CurrentReadings, FieldWeakening, FieldWeakeningParameters, FieldWeakeningSettings, PwmFrequency, WeakeningOutput,
 };
-use servo::{CurrentFraction, LOOP_TICKS_PER_SUPERVISION, current_gains};
+use servo::units::{CurrentFraction, LOOP_TICKS_PER_SUPERVISION};
 
 /// 0.2 Vs on 320 V: the longest vector is 181 V, 905 rad/s without load. 4 mH at 20 A are 0.08 Vs: at 0.9 of peak 36 % of the flux.
 const MOTOR: MotorData =

@@ -1,9 +1,10 @@
 //! Homing on a simulated axis with a home switch and an index pulse.
 
-use servo::{
+use servo::homing::{
     Homing, HomingError, HomingInputs, HomingMotion, HomingOutput, HomingParameters, HomingSettings, HomingState,
-    Position, Reference, Velocity,
+    Reference,
 };
+use servo::units::{Position, Velocity};
 
 // Bits of the homing parameter S-0-0147.
 const NEGATIVE: u16 = 1 << 0;

@@ -8,7 +8,7 @@ use servo::identification::{
     InertiaIdentification, InertiaMeasurement, InertiaSettings, ResistanceIdentification, ResistanceMeasurement,
     ResistanceSettings,
 };
-use servo::{Acceleration, Position, Velocity};
+use servo::units::{Acceleration, Position, Velocity};
 
 /// Low voltage, high current, hardly any resistance.
 const WHEEL: Machine = Machine {

@@ -2,9 +2,8 @@
 //! two-sided: a result that is too good means that the measurement broke.
 
 use proptest::prelude::*;
-use servo::{
-    CommandSource, Interpolation, Interpolator, InterpolatorSettings, Modulo, ModuloCounter, Position, Velocity,
-};
+use servo::path::{CommandSource, Interpolation, Interpolator, InterpolatorSettings};
+use servo::units::{Modulo, ModuloCounter, Position, Velocity};
 
 const TAU: f64 = std::f64::consts::TAU;
 const REVOLUTION: f64 = 4_294_967_296.0;

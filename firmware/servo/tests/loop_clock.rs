@@ -1,6 +1,7 @@
 //! The loop clock against two crystals: a loop timer that runs at its own pace, t3 events that come at the ring's.
 
-use servo::{LoopClock, LoopClockSettings, SettingsError};
+use servo::SettingsError;
+use servo::clock::{LoopClock, LoopClockSettings};
 
 const COUNTS: u16 = 10_500;
 const COUNT_NANOSECONDS: f64 = 125_000.0 / 10_500.0;

@@ -1,6 +1,6 @@
 //! The loop clock for ten million cycles between two crystals that warm up, with jitter and lost events: pure loop clock, no loops.
 
-use servo::{LoopClock, LoopClockSettings};
+use servo::clock::{LoopClock, LoopClockSettings};
 
 const COUNTS: u16 = 10_500;
 const TARGET: u16 = 7_875;

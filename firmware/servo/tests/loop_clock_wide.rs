@@ -1,6 +1,6 @@
 //! The loop clock, which counts in 32 bits and adds rates up, against its plain definition in 64 bits, to the bit.
 
-use servo::{LoopClock, LoopClockSettings};
+use servo::clock::{LoopClock, LoopClockSettings};
 
 /// The definition: trims, what is carried, and sums of their own, where nothing can overflow.
 struct Wide {

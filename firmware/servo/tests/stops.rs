@@ -3,8 +3,9 @@
 use crate::bench::{Bench, parameters, revolutions, rpm};
 use plant::ReferenceAxis;
 use proptest::prelude::*;
-use servo::{CommandJump, CommandLimits, Interpolator, InterpolatorSettings, Modulo, ModuloCounter, Position};
-use servo::{CurrentFraction, Mode};
+use servo::axis::Mode;
+use servo::path::{CommandJump, CommandLimits, Interpolator, InterpolatorSettings};
+use servo::units::{CurrentFraction, Modulo, ModuloCounter, Position};
 
 /// Of the press axis: S-0-0138 in rad/s², crossing of the velocity loop and Kv in 1/s.
 const DECELERATION: f64 = 400.0;
@@ -48,7 +49,7 @@ fn stop(
     second: (usize, Mode),
 ) -> Result<(), TestCaseError> {
     let reference = ReferenceAxis::press();
-    let settings = servo::AxisParameters {
+    let settings = servo::axis::AxisParameters {
         ticks_per_cycle: 16,
         feed_forward,
         monitoring_window: Position::ZERO,
@@ -125,7 +126,7 @@ proptest! {
     #[test]
     fn a_tracking_axis_stops_without_a_bump(velocity in 100.0..2_000.0_f64, load in -30.0..30.0_f64, stop in 0_usize..3) {
         let reference = ReferenceAxis::press();
-        let mut bench = Bench::new(&reference, &servo::AxisParameters { ticks_per_cycle: 4, ..parameters(&reference) });
+        let mut bench = Bench::new(&reference, &servo::axis::AxisParameters { ticks_per_cycle: 4, ..parameters(&reference) });
         bench.motor.set_load_torque(load, 0);
         bench.axis.set_mode(Mode::Velocity);
         bench.axis.command_velocity(rpm(velocity));
@@ -157,7 +158,7 @@ proptest! {
             None => ModuloCounter::default(),
         };
         let mut interpolator = Interpolator::new(Position::ZERO, ranges(0));
-        interpolator.start(&settings, Position::from_bits(start), servo::Velocity::ZERO, ranges(start));
+        interpolator.start(&settings, Position::from_bits(start), servo::units::Velocity::ZERO, ranges(start));
         // Whatever comes first, beyond the window it is refused, and with it nothing changes.
         let fresh = interpolator;
         let sign = if backwards { -1 } else { 1 };

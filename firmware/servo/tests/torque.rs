@@ -2,7 +2,8 @@
 
 use crate::bench::{Bench, is_limited, largest, parameters, rpm, to_rpm, up_to};
 use plant::ReferenceAxis;
-use servo::{AxisParameters, CurrentFraction, Mode};
+use servo::axis::{AxisParameters, Mode};
+use servo::units::CurrentFraction;
 
 const LIMIT_RPM: f64 = 30.0;
 

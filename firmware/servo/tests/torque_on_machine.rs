@@ -7,7 +7,8 @@ use crate::machine_bench::measure::{Step, highest, largest, mean, within};
 use crate::machine_bench::setup::Setup;
 use crate::machine_bench::{Bench, Seen, TICKS_PER_SECOND};
 use plant::ReferenceAxis;
-use servo::{CurrentFraction, Limiting, Mode, TorqueLimits, VelocityLimits};
+use servo::axis::{Limiting, Mode, VelocityLimits};
+use servo::units::CurrentFraction;
 
 fn share(value: f64) -> CurrentFraction {
     CurrentFraction::saturating_from_num(value)
@@ -30,7 +31,7 @@ fn in_torque_mode(setup: &Setup) -> Bench {
 /// Mean torque in Nm at a command, over five turns at 300 rpm that nothing changes.
 fn torque_at(setup: &Setup, command: f64) -> f64 {
     let mut bench = in_torque_mode(&setup.with_flywheel());
-    bench.machine.set_velocity(300.0 * TAU / 60.0, bench.time);
+    bench.machine().set_velocity(300.0 * TAU / 60.0, bench.time);
     bench.axis.command_torque(share(command));
     bench.run(0.05);
     mean(&torques(&bench.run(1.0)))
@@ -58,7 +59,7 @@ fn gain_errors_of_the_sensors_enter_the_torque_with_their_mean() {
 #[test]
 fn a_torque_step_rises_within_the_tick_that_it_needs_to_arrive_and_the_current_loop() {
     let mut bench = Bench::new(&Setup::of(ReferenceAxis::precise()));
-    bench.machine.block(true, bench.time);
+    bench.machine().block(true, bench.time);
     bench.start(Mode::Torque);
     bench.axis.command_torque(share(0.1));
     bench.run(0.02);
@@ -84,7 +85,7 @@ fn at_the_velocity_limit_the_velocity_loop_takes_over_without_a_kick_and_gives_b
     assert!(up[2_399].limiting.contains(Limiting::VELOCITY_BIPOLAR));
     assert!(!up[100].limiting.contains(Limiting::VELOCITY_BIPOLAR));
     // A load takes the axis off the limit: the torque is that of the command again.
-    bench.machine.set_load_torque(-4.0, bench.time);
+    bench.machine().set_load_torque(-4.0, bench.time);
     let held = bench.run(0.02);
     within("torque off the limit in Nm", mean(&torques(&held[80..])), 2.38..2.42);
     assert!(!held[159].limiting.contains(Limiting::VELOCITY_BIPOLAR));
@@ -95,7 +96,7 @@ fn a_braking_torque_is_not_held_back_at_the_velocity_limit_of_the_other_way() {
     let mut setup = Setup::of(ReferenceAxis::precise());
     setup.axis.velocity_limits = VelocityLimits::new(rpm(300.0), None, None);
     let mut bench = in_torque_mode(&setup);
-    bench.machine.set_velocity(400.0 * TAU / 60.0, bench.time);
+    bench.machine().set_velocity(400.0 * TAU / 60.0, bench.time);
     bench.axis.command_torque(share(-0.2));
     let seen = bench.run(0.01);
     within("torque in Nm", mean(&torques(&seen[16..])), -4.85..-4.75);
@@ -104,15 +105,11 @@ fn a_braking_torque_is_not_held_back_at_the_velocity_limit_of_the_other_way() {
 #[test]
 fn torque_limits_hold_in_torque_mode_and_name_themselves() {
     let mut bench = Bench::new(&Setup::of(ReferenceAxis::press()));
-    bench.machine.block(true, bench.time);
+    bench.machine().block(true, bench.time);
     bench.start(Mode::Torque);
-    bench.limits = TorqueLimits {
-        positive: share(0.3),
-        negative: share(-0.1),
-        positive_cause: Limiting::MOTOR_LOAD,
-        negative_cause: Limiting::TORQUE_NEGATIVE,
-    };
-    for (command, expected, cause) in [(0.9, 36.0, Limiting::MOTOR_LOAD), (-0.9, -12.0, Limiting::TORQUE_NEGATIVE)] {
+    bench.limit_torque(0.3, -0.1, 1.0);
+    for (command, expected, cause) in [(0.9, 36.0, Limiting::TORQUE_POSITIVE), (-0.9, -12.0, Limiting::TORQUE_NEGATIVE)]
+    {
         bench.axis.command_torque(share(command));
         bench.run(0.02);
         let seen = bench.run(0.05);

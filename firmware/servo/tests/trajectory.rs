@@ -2,7 +2,8 @@
 //! target is reached exactly and in the time that the formula of the profile gives.
 
 use proptest::prelude::*;
-use servo::{Acceleration, FeedrateOverride, Jerk, MotionLimits, Position, Setpoint, Trajectory, Velocity};
+use servo::path::{FeedrateOverride, MotionLimits, Setpoint, Trajectory};
+use servo::units::{Acceleration, Jerk, Position, Velocity};
 
 const RADIAN: f64 = 1.0 / std::f64::consts::TAU;
 const TICKS_PER_SECOND: f64 = 8_000.0;
@@ -280,7 +281,7 @@ proptest! {
         let limits = physical.limits();
         let velocity = Velocity::saturating_from_bits((speed * f64::from(i32::MAX)) as i64);
         let mut trajectory = Trajectory::start(Setpoint {
-            acceleration: servo::SignedAcceleration::from_bits(acceleration % (1 << 40)),
+            acceleration: servo::units::SignedAcceleration::from_bits(acceleration % (1 << 40)),
             ..Setpoint::moving(Position::from_bits(start), velocity)
         });
         let mut before = trajectory.setpoint();

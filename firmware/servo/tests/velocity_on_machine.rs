@@ -9,7 +9,8 @@ use crate::machine_bench::measure::{
 use crate::machine_bench::setup::{Setup, acceleration};
 use crate::machine_bench::{Bench, Seen, TICKS_PER_SECOND};
 use plant::ReferenceAxis;
-use servo::{CurrentFraction, Jerk, Limiting, Mode, TorqueLimits, velocity_gains};
+use servo::axis::{Limiting, Mode, velocity_gains};
+use servo::units::{CurrentFraction, Jerk};
 
 /// Commands every 500 us.
 fn precise() -> Setup {
@@ -163,7 +164,7 @@ fn friction_compensation_takes_most_of_the_reversal_spike_away() {
 /// What a load of 5 Nm does at 100 rpm: largest deviation in rpm and milliseconds until it stays within a tenth of that.
 fn stiffness(setup: &Setup) -> (f64, f64) {
     let mut bench = turning(setup, 100.0);
-    bench.machine.set_load_torque(-5.0, bench.time);
+    bench.machine().set_load_torque(-5.0, bench.time);
     let deviations: Vec<f64> = speeds(&bench.run(0.1)).iter().map(|speed| speed - 100.0).collect();
     let worst = largest(deviations.iter().copied());
     let last = deviations.iter().rposition(|deviation| deviation.abs() > 0.1 * worst).unwrap_or(0);
@@ -222,12 +223,7 @@ fn a_limited_jerk_rounds_the_corners_of_the_ramp() {
 #[test]
 fn each_sign_of_the_torque_has_its_own_limit() {
     let mut bench = with_velocity_loop(&precise());
-    bench.limits = TorqueLimits {
-        positive: CurrentFraction::from_num(0.5),
-        negative: CurrentFraction::from_num(-0.25),
-        positive_cause: Limiting::TORQUE_POSITIVE,
-        negative_cause: Limiting::TORQUE_NEGATIVE,
-    };
+    bench.limit_torque(0.5, -0.25, 1.0);
     bench.axis.command_velocity(rpm(1_500.0));
     let up = bench.run(0.02);
     bench.axis.command_velocity(rpm(-1_500.0));
@@ -243,7 +239,7 @@ fn each_sign_of_the_torque_has_its_own_limit() {
 #[test]
 fn out_of_the_torque_limit_the_velocity_overshoots_no_more_than_a_small_step() {
     let mut bench = with_velocity_loop(&precise());
-    bench.limits = TorqueLimits::symmetrical(CurrentFraction::from_num(0.2), Limiting::TORQUE_BIPOLAR);
+    bench.limit_torque(1.0, -1.0, 0.2);
     bench.axis.command_velocity(rpm(1_000.0));
     let seen = bench.run(0.2);
     let limited = seen.iter().filter(|seen| seen.limiting.contains(Limiting::TORQUE_BIPOLAR)).count();
@@ -255,7 +251,7 @@ fn out_of_the_torque_limit_the_velocity_overshoots_no_more_than_a_small_step() {
 #[test]
 fn the_velocity_limit_holds_whatever_is_commanded() {
     let mut setup = precise();
-    setup.axis.velocity_limits = servo::VelocityLimits::new(rpm(500.0), Some(rpm(300.0)), None);
+    setup.axis.velocity_limits = servo::axis::VelocityLimits::new(rpm(500.0), Some(rpm(300.0)), None);
     let mut bench = turning(&setup, 1_000.0);
     let seen = bench.run(0.1);
     within("limited speed in rpm", mean(&speeds(&seen)), 299.9..300.1);
@@ -320,8 +316,8 @@ fn a_vertical_load_is_taken_over_from_its_brake_without_a_fall() {
             // 1.5 Nm of 15 Nm.
             bench.axis.preload(CurrentFraction::from_num(0.1));
         }
-        bench.machine.set_brake(true, bench.time);
-        let start = bench.machine.angle(bench.time);
+        bench.machine().set_brake(true, bench.time);
+        let start = bench.machine().angle(bench.time);
         let seen = bench.run(0.3);
         (start - lowest(seen.iter().map(|seen| seen.angle))) * 360.0
     };

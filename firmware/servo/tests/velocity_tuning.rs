@@ -2,10 +2,10 @@
 
 use std::f64::consts::TAU;
 
-use servo::{
-    CurrentFraction, Limiting, Position, TorqueLimits, Velocity, VelocityEstimate, VelocityFilter, VelocityLoop,
-    VelocityLoopSettings, velocity_gains,
+use servo::axis::{
+    Limiting, TorqueLimits, VelocityEstimate, VelocityFilter, VelocityLoop, VelocityLoopSettings, velocity_gains,
 };
+use servo::units::{CurrentFraction, Position, Velocity};
 
 /// 0.001 kg m^2, 0.5 Nm/A, 20 A; velocity filter of 250 us, current loop of 1/(2 pi 882 Hz).
 const INERTIA: f64 = 0.001;

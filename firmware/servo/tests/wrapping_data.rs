@@ -1,7 +1,8 @@
 //! Position data of 32 bits on an axis that turns for ever: command and feedback are compared modulo 2^32.
 
 use proptest::prelude::*;
-use servo::{Interpolator, InterpolatorSettings, Modulo, ModuloCounter, Position, PositionScale};
+use servo::path::{Interpolator, InterpolatorSettings};
+use servo::units::{Modulo, ModuloCounter, Position, PositionScale};
 
 /// An axis whose place is counted in increments, exactly, as far as 128 bits go.
 struct Axis {

@@ -67,6 +67,17 @@ pub struct Measurements {
     pub trace: Option<emulator::Trace>,
     /// Decoded log lines.
     pub log: Vec<String>,
+    /// When which task ran, by its name in `firmware/app`, and `INT_SC` where the chip asked for a step of the service channel; only for a drive on this computer, and where somebody asked for it.
+    pub tasks: Option<Vec<(Nanoseconds, &'static str)>>,
+}
+
+impl Measurements {
+    /// A task runs.
+    pub(crate) fn note(&mut self, now: Nanoseconds, task: &'static str) {
+        if let Some(tasks) = &mut self.tasks {
+            tasks.push((now, task));
+        }
+    }
 }
 
 /// Measurements that a processor fills while it runs.

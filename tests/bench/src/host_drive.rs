@@ -110,7 +110,11 @@ impl HostDrive {
             if self.edges[index].is_some_and(|due| due <= now) {
                 self.edges[index] = None;
                 self.motor_side.borrow_mut().acknowledge(line);
+                self.measurements.borrow_mut().note(now, ["chip_interrupt_0", "chip_interrupt_1"][index]);
                 let work = self.interrupts.take(line, &mut self.motion);
+                if work.contains(Work::SERVICE_CHANNEL) {
+                    self.measurements.borrow_mut().note(now, "INT_SC");
+                }
                 self.start_tasks(now, work);
             }
         }
@@ -119,6 +123,15 @@ impl HostDrive {
     fn start_tasks(&mut self, now: Nanoseconds, mut work: Work) {
         if work.contains(Work::SERVICE_CHANNEL) {
             self.measurements.borrow_mut().service.start(now);
+        }
+        for (task, name) in [
+            (Work::COMMAND_VALID, "command_valid"),
+            (Work::CAPTURE_FEEDBACK, "capture_feedback"),
+            (Work::SUPERVISION, "supervision"),
+        ] {
+            if work.contains(task) {
+                self.measurements.borrow_mut().note(now, name);
+            }
         }
         if work.contains(Work::COMMAND_VALID) {
             work |= self.motion.command_valid();
@@ -139,9 +152,11 @@ impl HostDrive {
     fn background_tasks(&mut self, now: Nanoseconds) {
         let Some((_, work)) = self.background.take_if(|(due, _)| *due <= now) else { return };
         if work.contains(Work::PHASE_CHANGE) {
+            self.measurements.borrow_mut().note(now, "phase_change");
             self.communication.phase_change(&mut Exclusive(&mut self.interrupts), &mut Exclusive(&mut self.motion));
         }
         if work.contains(Work::SERVICE_CHANNEL) {
+            self.measurements.borrow_mut().note(now, "service_channel");
             self.communication.service_channel(&mut Exclusive(&mut self.motion));
             self.measurements.borrow_mut().service.stop(now);
         }
@@ -158,9 +173,13 @@ impl Processor for HostDrive {
     fn run(&mut self, now: Nanoseconds, _horizon: &dyn Fn() -> Nanoseconds) -> Result<(), ProcessorError> {
         self.take_edges();
         let due = self.motor_side.borrow_mut().take_cycle(now);
-        let tick = due && self.current.current_loop().contains(Work::CONTROL_LOOP);
+        if due {
+            self.measurements.borrow_mut().note(now, "current_loop");
+        }
+        let tick = due && self.current.current_loop();
         self.chip_interrupts(now);
         if tick {
+            self.measurements.borrow_mut().note(now, "control_loop");
             let mut work = self.motion.control_loop();
             if self.interrupts.need_polling() {
                 work |= self.interrupts.poll(&mut self.motion);

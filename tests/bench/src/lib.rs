@@ -3,7 +3,7 @@
 //! * [`world`], [`processor`]: one simulated time for all.
 //! * [`host_drive`], [`motor_side`]: the drive's portable tasks on this computer, beside a motor.
 //! * [`measure`], [`report`]: what a run tells.
-//! * [`traced`]: the ELF, counted instruction by instruction.
+//! * [`traced()`]: the ELF, counted instruction by instruction.
 #![forbid(unsafe_code)]
 
 mod axis;

@@ -4,7 +4,10 @@
 use std::cell::RefCell;
 use std::rc::Rc;
 
-use drive::{Cycle, Hardware, Inputs, InterruptLine, PowerStage, ProbeInput, ResetCause, Samples};
+use drive::{
+    BoardKind, Cycle, Facts, Hardware, Inputs, InterruptLine, PowerStage, ProbeInput, ResetCause, Samples,
+    TemperatureSensor,
+};
 use laws::Sight;
 use plant::{Machine, ReferenceAxis};
 use ring::Nanoseconds;
@@ -351,8 +354,26 @@ impl MotorSide {
     }
 }
 
+/// The board that this computer stands for.
+#[derive(Debug)]
+pub struct HostBoard;
+
+impl BoardKind for HostBoard {
+    const FACTS: Facts = Facts {
+        frequency: PwmFrequency::Khz16,
+        dead_time: 1_000,
+        loop_timer_counts: 10_500,
+        temperature_sensor: TemperatureSensor {
+            zero_counts: 500,
+            millicounts_per_kelvin: 10_000,
+            lowest_sample: 100,
+            highest_sample: 3_000,
+        },
+    };
+}
+
 impl Hardware for MotorSide {
-    const LOOP_TIMER_COUNTS: u16 = 10_500;
+    type Board = HostBoard;
 
     fn encoder_count(&mut self) -> u32 {
         let state = &mut *self.state.borrow_mut();
@@ -454,6 +475,8 @@ impl SimulatedStage {
 }
 
 impl PowerStage for SimulatedStage {
+    type Board = HostBoard;
+
     fn begin(&mut self) -> Cycle {
         let state = &mut *self.state.borrow_mut();
         let late = state.late_cycles > 0;
@@ -483,7 +506,7 @@ impl PowerStage for SimulatedStage {
     fn set_compare(&mut self, counts: [u16; 3]) {
         let state = &mut *self.state.borrow_mut();
         let bottom = state.timer.time_of(state.timer.peak + state.timer.period / 2);
-        let duties = counts.map(|count| f64::from(count) / f64::from(PwmFrequency::Khz16.reload()));
+        let duties = counts.map(|count| f64::from(count) / f64::from(HostBoard::FACTS.frequency.reload()));
         state.modulate(duties, bottom);
     }
 

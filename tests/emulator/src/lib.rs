@@ -2,7 +2,7 @@
 //!
 //! * [`Guest`]: the running product, advanced from event to event like every other participant of a simulation.
 //! * [`Environment`]: the world at its pins and on its external bus, which the caller implements.
-//! * [`audit`]: does the binary set its clocks, pins, bus and interrupts up as the board needs? [`audit_power_stage`]: and modulator and
+//! * [`audit()`]: does the binary set its clocks, pins, bus and interrupts up as the board needs? [`audit_power_stage`]: and modulator and
 //!   converters?
 //! * [`Measurements`]: instructions, exchanges and latencies, seen from outside.
 //! * [`Guest::begin_trace`], [`Activations`]: every instruction, counted by task and by function.

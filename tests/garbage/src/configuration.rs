@@ -2,8 +2,8 @@
 
 use std::sync::LazyLock;
 
-use drive::MotionSettings;
 use drive::dictionary::{DICTIONARY, records, source};
+use drive::{Facts, MotionSettings, PwmFrequency, TemperatureSensor};
 use sercos::command::CommandStatus;
 use sercos::data_block::{DataBlock, Location, NeededFor, Selection};
 use sercos::duration::{self, BitRate};
@@ -14,8 +14,18 @@ use crate::bytes::{Bytes, chosen};
 use crate::run_up::{command, run_up, words_of};
 use crate::support::{CAPABILITIES, Slave};
 
-/// Counts of the loop timer in a period of 125 us at 84 MHz, as the board has it.
-const LOOP_TIMER_COUNTS: u16 = 10_500;
+/// As the board has them.
+const FACTS: Facts = Facts {
+    frequency: PwmFrequency::Khz16,
+    dead_time: 1_000,
+    loop_timer_counts: 10_500,
+    temperature_sensor: TemperatureSensor {
+        zero_counts: 500,
+        millicounts_per_kelvin: 10_000,
+        lowest_sample: 100,
+        highest_sample: 3_000,
+    },
+};
 
 /// Whatever values a master writes before it asks for the transition checks:
 ///
@@ -41,11 +51,11 @@ pub fn configuration(bytes: &[u8]) {
         assert_fits(&configuration, bit_rate);
         assert_has_records(&configuration);
     }
-    let _ = MotionSettings::new(&slave.parameters, LOOP_TIMER_COUNTS, source);
+    let _ = MotionSettings::new(&slave.parameters, &FACTS, source);
     if checked(&mut slave, Idn::CP3_TRANSITION_CHECK) {
         assert_eq!(slave.mst(3), Ok(()));
         while write(&mut slave, &mut bytes) {}
-        let scaled = MotionSettings::new(&slave.parameters, LOOP_TIMER_COUNTS, source);
+        let scaled = MotionSettings::new(&slave.parameters, &FACTS, source);
         if checked(&mut slave, Idn::CP4_TRANSITION_CHECK) {
             assert_eq!(slave.mst(4), Ok(()));
             if let Ok(settings) = scaled {

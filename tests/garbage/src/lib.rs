@@ -4,9 +4,9 @@
 //! code does what it must not. The fuzz targets in `fuzz/` call them with bytes that libFuzzer finds by coverage; the
 //! tests here call them with random bytes and with the seeds, so that they hold in every ordinary test run, too.
 //!
-//! * [`service_channel`]: steps, phases, commands and lost telegrams, then a run-up.
-//! * [`configuration`]: values of parameters, then both transition checks and a run-up.
-//! * [`capture`]: recordings, line levels, telegrams, and a chip that receives them.
+//! * `service_channel`: steps, phases, commands and lost telegrams, then a run-up.
+//! * `configuration`: values of parameters, then both transition checks and a run-up.
+//! * `capture`: recordings, line levels, telegrams, and a chip that receives them.
 #![forbid(unsafe_code)]
 
 mod bytes;

@@ -1,6 +1,6 @@
 //! Recordings played against software slaves: the real one, and others made by the scripted master.
 
-use std::path::PathBuf;
+use crate::recordings::{self, Known};
 
 use ring::capture::{Recording, write_capture};
 use ring::ident::Idn;
@@ -12,17 +12,10 @@ use ring::software_slave::Manners;
 use ring::wire::BitRate;
 use ring::{Nanoseconds, Ring, RingConfiguration, SoftwareSlave};
 
-/// The recordings are not part of the repository; a test without them says so and does nothing.
-fn real_recording() -> Option<Recording> {
-    let repository = PathBuf::from(env!("CARGO_MANIFEST_DIR")).join("../..");
-    let folder =
-        std::env::var_os("SERCOS_CAPTURES").map_or_else(|| repository.join("../shared/captures"), PathBuf::from);
-    let file = folder.join("fc7502-four-drives.tsv");
-    if !file.exists() {
-        eprintln!("SKIPPED: no recording at {}; set SERCOS_CAPTURES", file.display());
-        return None;
-    }
-    Some(Recording::open(&file).unwrap_or_else(|error| panic!("{}: {error}", file.display())))
+/// The recordings that are here: our own master's, and that of a real one where it is found.
+fn recordings() -> Vec<(Known, Recording)> {
+    let open = |known: &Known| Recording::open(&known.path).unwrap_or_else(|error| panic!("{known:?}: {error}"));
+    recordings::recordings().into_iter().map(|known| (known.clone(), open(&known))).collect()
 }
 
 fn replay(recording: Recording, rate: BitRate, manners: &[Manners]) -> ReplayReport {
@@ -77,66 +70,83 @@ fn tight(drives: u8, pace: Pace) -> MasterScript {
 }
 
 #[test]
-fn the_real_recording_brings_four_drives_to_cp4() {
-    let Some(recording) = real_recording() else { return };
-    assert_eq!(recording.cycles.len(), 4277);
-    assert_eq!(recording.cycles.iter().filter(|cycle| cycle.mdt.is_some()).count(), 4152);
+fn every_recording_brings_four_drives_to_cp4() {
+    for (known, recording) in recordings() {
+        brings_four_drives_to_cp4(&known, recording);
+    }
+}
+
+fn brings_four_drives_to_cp4(known: &Known, recording: Recording) {
+    let with_mdt = recording.cycles.iter().filter(|cycle| cycle.mdt.is_some()).count();
+    assert_eq!((recording.cycles.len(), with_mdt), known.cycles, "{known:?}");
     let report = replay(recording, BitRate::M2, &[]);
     assert!(report.passed(), "{}", serde_json::to_string_pretty(&report).expect("a report is plain data"));
     assert_eq!(report.in_cp4(), 4);
-    for (drive, t1) in report.drives.iter().zip([92, 336, 580, 824]) {
+    for (drive, t1) in report.drives.iter().zip(known.t1) {
         assert_eq!(drive.written.get(&Idn(6)), Some(&vec![t1]));
         assert_eq!(drive.written.get(&Idn(16)), Some(&vec![6, 6, 11, 51, 0x8013]));
         assert_eq!((drive.missed_ats, drive.double_losses, drive.ats_at_wrong_time), (0, 0, 0));
         // 11 communication parameters and three procedure commands.
-        assert_eq!((drive.written.len(), drive.read_back), (14, 14));
+        assert_eq!((drive.written.len() as u64, drive.read_back as u64), (known.written, known.written));
         assert_eq!(drive.slowest_step(), 1);
     }
 }
 
 #[test]
 fn what_is_written_as_a_recording_is_read_as_the_same() {
-    let Some(recording) = real_recording() else { return };
-    assert_eq!(Recording::parse(&recording.to_text()).expect("what is written can be read"), recording);
+    for (known, recording) in recordings() {
+        assert_eq!(
+            Recording::parse(&recording.to_text()).expect("what is written can be read"),
+            recording,
+            "{known:?}"
+        );
+    }
 }
 
 #[test]
 fn a_drive_slower_than_the_recorded_ones_falls_behind() {
-    let Some(recording) = real_recording() else { return };
-    let report = replay(recording, BitRate::M2, &[Manners::default(), Manners { late: 1, ..Manners::default() }]);
-    assert!(!report.passed());
-    assert!(report.drives[0].passed());
-    let slow = &report.drives[1];
-    // The attribute's first word is given one cycle only; a drive that is late there is out of step from then on.
-    let first = &slow.fell_behind[0];
-    assert_eq!((first.step.as_str(), first.allowed, first.idn), ("read Attribute", 1, Some(Idn(3))));
+    for (_, recording) in recordings() {
+        let report = replay(recording, BitRate::M2, &[Manners::default(), Manners { late: 1, ..Manners::default() }]);
+        assert!(!report.passed());
+        assert!(report.drives[0].passed());
+        let slow = &report.drives[1];
+        // The attribute's first word is given one cycle only; a drive that is late there is out of step from then on.
+        let first = &slow.fell_behind[0];
+        assert_eq!((first.step.as_str(), first.allowed, first.idn), ("read Attribute", 1, Some(Idn(3))));
+    }
 }
 
 #[test]
 fn a_drive_that_forgets_a_write_does_not_pass() {
-    let Some(recording) = real_recording() else { return };
-    let report = replay(recording, BitRate::M2, &[Manners { forgets: vec![Idn(7)], ..Manners::default() }]);
-    assert!(!report.drives[0].passed());
-    let [mismatch] = &report.drives[0].mismatches[..] else { panic!("{:?}", report.drives[0].mismatches) };
-    assert_eq!((mismatch.idn, mismatch.written.clone(), mismatch.read.clone()), (Idn(7), vec![1698], Some(vec![0])));
-    assert!(report.drives[1].passed());
+    for (known, recording) in recordings() {
+        let report = replay(recording, BitRate::M2, &[Manners { forgets: vec![Idn(7)], ..Manners::default() }]);
+        assert!(!report.drives[0].passed());
+        let [mismatch] = &report.drives[0].mismatches[..] else { panic!("{:?}", report.drives[0].mismatches) };
+        assert_eq!(
+            (mismatch.idn, mismatch.written.clone(), mismatch.read.clone()),
+            (Idn(7), vec![known.t4], Some(vec![0]))
+        );
+        assert!(report.drives[1].passed());
+    }
 }
 
 #[test]
 fn a_refused_check_is_seen_in_the_replay() {
-    let Some(recording) = real_recording() else { return };
-    let report = replay(recording, BitRate::M2, &[Manners { invalid_for_cp3: vec![Idn(2)], ..Manners::default() }]);
-    assert_eq!(report.drives[0].acknowledged_before_switch, [Some(false), Some(true)]);
-    assert!(!report.drives[0].passed());
+    for (_, recording) in recordings() {
+        let report = replay(recording, BitRate::M2, &[Manners { invalid_for_cp3: vec![Idn(2)], ..Manners::default() }]);
+        assert_eq!(report.drives[0].acknowledged_before_switch, [Some(false), Some(true)]);
+        assert!(!report.drives[0].passed());
+    }
 }
 
 #[test]
 fn a_drive_that_is_silent_reaches_no_phase() {
-    let Some(recording) = real_recording() else { return };
-    let report = replay(recording, BitRate::M2, &[Manners { mute: true, ..Manners::default() }]);
-    assert_eq!(report.drives[0].highest_phase, None);
-    assert!(!report.drives[0].passed() && report.drives[0].double_losses > 0);
-    assert_eq!(report.in_cp4(), 3);
+    for (_, recording) in recordings() {
+        let report = replay(recording, BitRate::M2, &[Manners { mute: true, ..Manners::default() }]);
+        assert_eq!(report.drives[0].highest_phase, None);
+        assert!(!report.drives[0].passed() && report.drives[0].double_losses > 0);
+        assert_eq!(report.in_cp4(), 3);
+    }
 }
 
 #[test]

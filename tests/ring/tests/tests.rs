@@ -12,5 +12,7 @@ mod chip_ring;
 mod chip_slave_service;
 mod chip_socket;
 mod fibre_ring;
+#[path = "../../recordings/find.rs"]
+mod recordings;
 mod replay;
 mod scripted_master;

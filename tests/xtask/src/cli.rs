@@ -60,6 +60,8 @@ pub(crate) enum Command {
     },
     /// Run clippy over the host crates and, where the compiler can, the target crates; warnings are errors
     Clippy,
+    /// Make the documentation of the host crates and of the target crates; warnings are errors
+    Doc,
     /// Run the tests: on this computer and, with the release ELF, in QEMU
     Test {
         /// Only the tests that run on this computer

@@ -6,10 +6,17 @@
 #![forbid(unsafe_code)]
 
 mod budget;
+#[cfg(test)]
+mod citations;
 mod cli;
 mod clippy;
 mod demo;
+#[cfg(test)]
+mod design;
+mod doc;
 mod elf;
+#[cfg(test)]
+mod examples;
 mod explore;
 mod faults;
 mod firmware;
@@ -19,6 +26,8 @@ mod manual;
 mod mutants;
 mod process;
 mod progress;
+#[cfg(test)]
+mod readmes;
 mod replay;
 mod report;
 mod ring_server;
@@ -66,6 +75,7 @@ fn run(command_line: CommandLine) -> anyhow::Result<Verdict> {
             budget::run(style, profile.as_deref(), installing)
         }
         Command::Clippy => clippy::run(installing),
+        Command::Doc => doc::run(installing),
         Command::Test { host, qemu } => suite::run(suite::Selection::from_flags(host, qemu), installing),
         Command::Fuzz { target, runs } => fuzz::run(target, runs, installing),
         Command::Demo { on, output } => demo::run(on.into(), output, installing),

@@ -6,7 +6,7 @@
 use crate::firmware;
 use crate::setup::{self, Installing, TestRunner};
 use crate::{Verdict, process, workspace};
-use anyhow::Result;
+use anyhow::{Context, Result};
 use std::process::Command;
 use std::thread;
 
@@ -32,7 +32,10 @@ impl Selection {
     }
 }
 
-/// Runs the tests; the last thing printed is the test runner's own summary.
+/// Where tests that found no recording of a real master leave their names (`tests/recordings/find.rs`).
+const SKIPPED: &str = "SKIPPED_RECORDINGS";
+
+/// Runs the tests; the last things printed are the test runner's own summary and what was skipped.
 pub(crate) fn run(selection: Selection, installing: Installing) -> Result<Verdict> {
     let runner = setup::test_runner();
     let mut tests = tests(runner, selection);
@@ -52,7 +55,26 @@ pub(crate) fn run(selection: Selection, installing: Installing) -> Result<Verdic
     if selection != Selection::Qemu && process::watch(&mut examples_in_documentation())? == Verdict::Failed {
         return Ok(Verdict::Failed);
     }
-    process::watch(&mut tests)
+    let skipped = workspace::target_folder()?.join("skipped-recordings.txt");
+    if skipped.exists() {
+        std::fs::remove_file(&skipped).with_context(|| format!("cannot remove {}", skipped.display()))?;
+    }
+    let verdict = process::watch(tests.env(SKIPPED, &skipped))?;
+    if skipped.exists() {
+        let names = std::fs::read_to_string(&skipped).with_context(|| format!("cannot read {}", skipped.display()))?;
+        eprintln!("{}", told(&names));
+    }
+    Ok(verdict)
+}
+
+/// What was skipped, from the names that the tests have left.
+fn told(names: &str) -> String {
+    let names: std::collections::BTreeSet<_> = names.lines().collect();
+    format!(
+        "SKIPPED: {} tests played the recording of our own master alone, for that of a real master is not here (SERCOS_CAPTURES names its folder): {}",
+        names.len(),
+        names.into_iter().collect::<Vec<_>>().join(", ")
+    )
 }
 
 /// The tests' programs, compiled and not run.
@@ -100,6 +122,13 @@ fn tests(runner: TestRunner, selection: Selection) -> Command {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn what_was_skipped_is_counted_and_named() {
+        let line = told("replay::b\nreplay::a\nreplay::b\n");
+        assert!(line.starts_with("SKIPPED: 2 tests "), "{line}");
+        assert!(line.ends_with(": replay::a, replay::b"), "{line}");
+    }
 
     #[test]
     fn no_flag_means_every_test() {

@@ -1,6 +1,6 @@
 //! Parameters of the axis and its motor that other drives have too.
 
-use super::Access;
+use super::access::Access;
 
 sercos::data_blocks! {
     /// In ascending order.

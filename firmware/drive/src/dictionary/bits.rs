@@ -1,6 +1,6 @@
 //! Words of bits, and data blocks of one bit.
 
-use super::Access;
+use super::access::Access;
 use crate::signal::control_bits::Enable;
 use crate::signal::word::{Word, Word as Bit};
 

@@ -39,7 +39,7 @@ sercos::data_blocks! {
 impl Procedure {
     /// Its data block.
     #[must_use]
-    pub fn idn(self) -> Idn {
+    pub(crate) fn idn(self) -> Idn {
         // A row for each variant, in their order.
         PROCEDURES.get(self as usize).map_or(Idn(0), |(block, _)| block.idn)
     }

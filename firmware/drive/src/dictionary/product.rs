@@ -1,6 +1,6 @@
 //! Parameters of this product: amplifier, motor, brake, filters, oscilloscope, identification.
 
-use super::Access;
+use super::access::Access;
 
 sercos::data_blocks! {
     /// In ascending order.

@@ -1,6 +1,6 @@
 //! Parameters of the ring: cycle, slots, telegrams, what bits show and set.
 
-use super::Access;
+use super::access::Access;
 
 sercos::data_blocks! {
     /// In ascending order.

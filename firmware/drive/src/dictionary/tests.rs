@@ -1,12 +1,14 @@
 use super::*;
+use sercos::Idn;
 use sercos::Phase;
 use sercos::attribute::{Format, Length};
 use sercos::data_block::NeededFor;
+use sercos::data_block::{Bits, Cyclic, Location, Selection};
 use sercos::diagnostic::Class2;
 use sercos::parameters::Parameters;
 use sercos::unit::Unit;
 
-use crate::signal::word::SourceBit;
+use crate::signal::word::{SourceBit, Word};
 
 #[test]
 fn every_row_is_consistent() {
@@ -200,7 +202,7 @@ fn an_unknown_idn_is_not_found() {
 fn every_accessor_fits_the_format_of_its_row() {
     for block in DICTIONARY.blocks() {
         let format = (block.attribute.length(), block.attribute.format());
-        let fits = match access(block) {
+        let fits = match access_of(block) {
             Access::Parameter => true,
             Access::Limit(limit) => limit.idn() == block.idn && block.minimum.is_some() && block.maximum.is_some(),
             Access::Feedback(_) | Access::Command(_) | Access::Number(_) => {
@@ -213,17 +215,17 @@ fn every_accessor_fits_the_format_of_its_row() {
             Access::Longs(_) => format.0 == Length::ListOfFour,
             Access::Procedure(procedure) => procedure.idn() == block.idn && block.attribute.command(),
         };
-        assert!(fits, "{}: {:?} with {format:?}", block.idn, access(block));
+        assert!(fits, "{}: {:?} with {format:?}", block.idn, access_of(block));
     }
 }
 
 #[test]
 fn every_data_block_that_the_table_lets_a_master_configure_can_be_carried() {
     for block in DICTIONARY.select(Selection::ConfigurableInAt) {
-        assert!(access(block).feedback().is_some(), "{} in the AT", block.idn);
+        assert!(access_of(block).feedback().is_some(), "{} in the AT", block.idn);
     }
     for block in DICTIONARY.select(Selection::ConfigurableInMdt) {
-        assert!(access(block).command().is_some(), "{} in the MDT", block.idn);
+        assert!(access_of(block).command().is_some(), "{} in the MDT", block.idn);
     }
 }
 

@@ -4,7 +4,10 @@ use sercon816::Bus;
 use sercos::Phase;
 use sercos::diagnostic::Class1;
 use sercos::phase::{InterfaceStatus, PhaseError};
-use servo::{Axis, LoopClock, SUPERVISION_PERIOD_MICROSECONDS, TwiceReadEncoder};
+use servo::axis::Axis;
+use servo::clock::LoopClock;
+use servo::encoder::TwiceReadEncoder;
+use servo::units::SUPERVISION_PERIOD_MICROSECONDS;
 
 use super::{CommandValues, Motion, Positioning};
 use crate::diagnosis::{Circumstances, Manufacturer1, Manufacturer3};
@@ -135,7 +138,7 @@ impl<B: Bus + Clone, H: Hardware> Motion<B, H> {
         true
     }
 
-    /// Asks for [`Work::SERVICE_CHANNEL`] when the loop clock has locked to the ring, or after so many ticks of the supervision without.
+    /// Asks for `Work::SERVICE_CHANNEL` when the loop clock has locked to the ring, or after so many ticks of the supervision without.
     pub fn wait_for_lock(&mut self, ticks: u16) {
         self.lock_patience = ticks;
     }

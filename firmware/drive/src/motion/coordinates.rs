@@ -1,7 +1,8 @@
 //! Where the axis is and where it is told to go, in the coordinates of the master.
 
 use sercon816::Bus;
-use servo::{Edge, Position, Probe};
+use servo::probe::{Edge, Probe};
+use servo::units::Position;
 
 use super::Motion;
 use crate::hardware::Hardware;

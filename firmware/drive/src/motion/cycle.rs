@@ -5,11 +5,11 @@ use sercos::Phase;
 use sercos::diagnostic::Class1;
 use sercos::phase::PhaseError;
 use sercos::supervision::Reception;
-use servo::{CurrentFraction, Velocity};
+use servo::units::{CurrentFraction, Velocity};
 
 use super::Motion;
 use crate::hardware::Hardware;
-use crate::settings::Polarity;
+use crate::operation_mode::Polarity;
 use crate::signal::command::{Command, CommandValue};
 use crate::signal::record::Datum;
 use crate::state::Switches;

@@ -1,18 +1,18 @@
 //! Where the loops begin to follow position commands, and what becomes of a command that jumps.
 //!
-//! Following begins wherever the axis comes into [`servo::Mode::Position`]: switched on, at the end of HALT, of homing, of an identification
+//! Following begins wherever the axis comes into [`servo::axis::Mode::Position`]: switched on, at the end of HALT, of homing, of an identification
 //! or of a positioning, with another mode of operation, or when bit 15 comes back during a stop. There the interpolator starts at the shaft,
 //! and the first command must lie within S-0-0159 of it; each later one within a step of the one before. A command that does not is never
 //! taken: it is an error before anything moves towards it.
 
 use sercon816::Bus;
 use sercos::diagnostic::Class1;
-use servo::CommandJump;
+use servo::path::CommandJump;
 
 use super::Motion;
 use crate::diagnosis::Manufacturer1;
 use crate::hardware::Hardware;
-use crate::settings::OperationMode;
+use crate::operation_mode::OperationMode;
 
 impl<B: Bus + Clone, H: Hardware> Motion<B, H> {
     /// A drive that is to be switched on far from its command stays off: neither the torque nor the brake has to come for it.

@@ -4,7 +4,7 @@
 //! HALT, like every other change of state, ends the identification before the loops act again.
 
 use sercon816::Bus;
-use servo::Mode;
+use servo::axis::Mode;
 use servo::identification::IdentificationInputs;
 
 use super::Motion;

@@ -2,7 +2,7 @@
 
 use sercon816::Bus;
 use sercos::Phase;
-use servo::VelocityLimits;
+use servo::axis::VelocityLimits;
 
 use super::Motion;
 use crate::hardware::Hardware;

@@ -8,11 +8,12 @@
 
 use sercon816::Bus;
 use sercos::diagnostic::Class3;
-use servo::{Mode, Position, Travel, Velocity};
+use servo::axis::{Mode, Travel};
+use servo::units::{Position, Velocity};
 
 use super::Motion;
 use crate::hardware::Hardware;
-use crate::settings::{Direction, OperationMode, TargetSource};
+use crate::operation_mode::{Direction, OperationMode, TargetSource};
 use crate::state::DriveState;
 
 /// What is known of the drive's own movement.

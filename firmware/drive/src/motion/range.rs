@@ -1,7 +1,9 @@
 //! The position limits S-0-0049 and S-0-0050.
 
 use sercon816::Bus;
-use servo::{Commanded, Mode, RangeMonitor, Velocity};
+use servo::axis::Mode;
+use servo::monitor::{Commanded, RangeMonitor};
+use servo::units::Velocity;
 
 use super::Motion;
 use crate::hardware::Hardware;

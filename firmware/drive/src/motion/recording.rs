@@ -1,17 +1,19 @@
 //! What the oscilloscope records of the motor side.
 
 use sercon816::Bus;
-use servo::{Position, SCOPE_CHANNELS};
+use servo::motor::CurrentLoopValues;
+use servo::scope::SCOPE_CHANNELS;
+use servo::units::Position;
 
 use super::Motion;
 use crate::hardware::Hardware;
-use crate::oscilloscope::{CurrentLoopValues, LoopValues, Oscilloscope, Signal, SignalValues, Task, sample_source};
+use crate::oscilloscope::{LoopValues, Oscilloscope, Signal, SignalValues, Task, sample_source};
 use crate::signal::command::Command;
 use crate::signal::feedback::Feedback;
 use crate::signal::word::Source;
 
 /// All values of one instant.
-struct Values<'a, B, H> {
+struct Values<'a, B, H: Hardware> {
     motion: &'a Motion<B, H>,
     loops: LoopValues,
     current_loop: CurrentLoopValues,

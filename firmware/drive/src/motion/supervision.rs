@@ -3,13 +3,14 @@
 use sercon816::Bus;
 use sercos::Phase;
 use sercos::diagnostic::{Class1, Class3};
-use servo::Position;
+use servo::motor::{MotorFaults, Sequence, SequenceInputs, Surroundings};
+use servo::units::Position;
 
 use super::Motion;
+use crate::diagnosis::faults::Findings;
 use crate::diagnosis::{Manufacturer1, Manufacturer3};
 use crate::hardware::Hardware;
-use crate::motor::{Findings, Sequence, SequenceInputs, Surroundings};
-use crate::settings::Reaction;
+use crate::operation_mode::Reaction;
 use crate::state::{Conditions, DriveState};
 use crate::work::Work;
 
@@ -48,10 +49,16 @@ impl<B: Bus + Clone, H: Hardware> Motion<B, H> {
     /// One loop tick of what must not wait for the supervision: a counter that says what no shaft does.
     #[inline]
     pub(super) fn watch_encoder(&mut self, count: u32) {
-        if let Some(findings) = self.motor.watch_motion(count, self.machine.state().has_torque()) {
-            self.take(findings);
-            self.update_state();
+        if let Some(faults) = self.motor.watch_motion(count, self.machine.state().has_torque()) {
+            self.take_jump(faults);
         }
+    }
+
+    #[cold]
+    #[inline(never)]
+    fn take_jump(&mut self, faults: MotorFaults) {
+        self.take(faults.into());
+        self.update_state();
     }
 
     /// One loop tick of the search for the commutation angle, if it is under way.
@@ -68,7 +75,7 @@ impl<B: Bus + Clone, H: Hardware> Motion<B, H> {
                 && self.switches.is_some()
                 && self.lost.is_none()
                 && !self.manufacturer_3.contains(Manufacturer3::PARKED),
-            power: self.motor.has_power(&self.inputs) && sustained,
+            power: self.motor.has_power(self.inputs.main_power) && sustained,
             sustained,
             fault: !self.class_1.is_empty(),
             fatal: self.fatal || (!self.class_1.is_empty() && self.settings.reaction == Reaction::TorqueFree),
@@ -104,8 +111,8 @@ impl<B: Bus + Clone, H: Hardware> Motion<B, H> {
         let torque = self.machine.state().has_torque();
         let in_operation = self.machine.state().is_in_operation();
         let leaves_its_range = self.watch_range();
-        let findings = self.motor.supervise(&Surroundings { torque, count: self.counted(self.motor.count()), index });
-        self.take(findings);
+        let faults = self.motor.supervise(&Surroundings { torque, count: self.counted(self.motor.count()), index });
+        self.take_faults(faults);
         self.watch_safe_torque_off(torque);
         if !torque {
             return;
@@ -115,7 +122,8 @@ impl<B: Bus + Clone, H: Hardware> Motion<B, H> {
             || (self.bridge_on && !self.hardware.bridge_is_on() && self.motor.measured().trip.is_none())
         {
             findings.add_own(Manufacturer1::AMPLIFIER_FAULT, true);
-        } else if !self.motor.link_sustains() || (!self.motor.has_power(&self.inputs) && !self.is_stopping()) {
+        } else if !self.motor.link_sustains() || (!self.motor.has_power(self.inputs.main_power) && !self.is_stopping())
+        {
             // Without power the axis stops or the torque goes, and a drive that does for no reason would help nobody.
             findings.class_1 |= Class1::UNDERVOLTAGE;
         }
@@ -145,6 +153,13 @@ impl<B: Bus + Clone, H: Hardware> Motion<B, H> {
         self.take(findings);
     }
 
+    #[inline]
+    fn take_faults(&mut self, faults: MotorFaults) {
+        if !faults.is_empty() {
+            self.take(faults.into());
+        }
+    }
+
     pub(super) fn take(&mut self, findings: Findings) {
         self.class_1 |= findings.class_1;
         self.manufacturer_1 |= findings.manufacturer_1;
@@ -161,7 +176,7 @@ impl<B: Bus + Clone, H: Hardware> Motion<B, H> {
             DriveState::Engaging => Sequence::Stop,
             _ => Sequence::Start,
         };
-        let mut findings = Findings::default();
+        let mut faults = MotorFaults::NONE;
         let bridge_on = self.bridge_on && self.hardware.bridge_is_on();
         self.progress = self.motor.sequence(
             &SequenceInputs {
@@ -177,9 +192,9 @@ impl<B: Bus + Clone, H: Hardware> Motion<B, H> {
                     && self.output.velocity_command.abs() > self.settings.standstill_window,
                 index,
             },
-            &mut findings,
+            &mut faults,
         );
-        self.take(findings);
+        self.take_faults(faults);
         if let Some(current) = self.progress.preload {
             self.axis.preload(current);
         }

@@ -2,10 +2,11 @@
 
 use sercon816::Bus;
 use sercos::command::CommandState;
-use servo::{
-    Homing, HomingError, HomingInputs, HomingMotion, HomingSettings, HomingState, MotionLimits, Position,
-    ProbeInput as ProbeSide, ProbeInputs, ProbeSettings, ProbingCycle, Travel,
-};
+use servo::axis::Travel;
+use servo::homing::{Homing, HomingError, HomingInputs, HomingMotion, HomingSettings, HomingState};
+use servo::path::MotionLimits;
+use servo::probe::{ProbeInput as ProbeSide, ProbeInputs, ProbeSettings, ProbingCycle};
+use servo::units::Position;
 
 use super::Motion;
 use crate::hardware::{Hardware, ProbeInput};

@@ -3,7 +3,9 @@
 use sercon816::Bus;
 use sercos::Phase;
 use sercos::diagnostic::{Class1, Class2, Class3};
-use servo::{Edge, Limiting, Position, Probe, Velocity};
+use servo::axis::Limiting;
+use servo::probe::{Edge, Probe};
+use servo::units::{Position, Velocity};
 
 use super::Motion;
 use crate::diagnosis::{Manufacturer2, Manufacturer3};
@@ -168,7 +170,7 @@ impl<B: Bus + Clone, H: Hardware> Motion<B, H> {
 
         let mut class_2 = Class2::empty();
         let wants_torque = self.wants_torque();
-        class_2.set(Class2::UNDERVOLTAGE, wants_torque && !torque && !self.motor.has_power(&self.inputs));
+        class_2.set(Class2::UNDERVOLTAGE, wants_torque && !torque && !self.motor.has_power(self.inputs.main_power));
         let watched = self.motor.watched();
         class_2.set(Class2::OVERLOAD, watched.overload);
         class_2.set(Class2::AMPLIFIER_TEMPERATURE, watched.heat_sink_warning);

@@ -2,7 +2,9 @@
 //!
 //! Their numbers, F000H and up, would be product-specific data blocks of parameter set 7, which the drive does not have.
 
-use servo::{AxisOutput, CurrentFraction, Position};
+use servo::axis::AxisOutput;
+use servo::motor::CurrentLoopValues;
+use servo::units::{CurrentFraction, Position};
 
 /// What the position and velocity loops had in their last tick (125 us).
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -11,27 +13,6 @@ pub struct LoopValues {
     pub position: Position,
     /// What came out of the loops.
     pub output: AxisOutput,
-}
-
-/// What the current loop had in one of its cycles (62.5 us).
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub struct CurrentLoopValues {
-    /// Torque-producing current, measured.
-    pub quadrature: CurrentFraction,
-    /// Flux-producing current, commanded.
-    pub direct_command: CurrentFraction,
-    /// Flux-producing current, measured.
-    pub direct: CurrentFraction,
-    /// Phase currents U, V and W, positive into the motor.
-    pub phases: [CurrentFraction; 3],
-    /// Voltage command in the direction of the torque-producing current, volt 2^-14.
-    pub quadrature_voltage: i32,
-    /// Voltage command in the direction of the flux, volt 2^-14.
-    pub direct_voltage: i32,
-    /// Electrical angle of the rotor, 2^-16 of a turn.
-    pub angle: u16,
-    /// Bus voltage in mV.
-    pub bus_voltage: i32,
 }
 
 /// A row of the table of internal signals.

@@ -6,7 +6,10 @@ use crate::signal::feedback::FeedbackValue;
 use crate::signal::word::Word;
 use sercos::data_block::Selection;
 use sercos::parameters::Parameters;
-use servo::{AxisOutput, CommandSource, CurrentFraction, Position, ScopeState, Velocity};
+use servo::axis::AxisOutput;
+use servo::path::CommandSource;
+use servo::scope::ScopeState;
+use servo::units::{CurrentFraction, Position, Velocity};
 use std::boxed::Box;
 use std::vec::Vec;
 
@@ -57,8 +60,8 @@ fn values() -> Values {
         position_command: Position::from_bits(300 << 32),
         command_source: CommandSource::Interpolated,
         standstill: false,
-        limiting: servo::Limiting::empty(),
-        loop_velocity: servo::Velocity::ZERO,
+        limiting: servo::axis::Limiting::empty(),
+        loop_velocity: servo::units::Velocity::ZERO,
         travelled: false,
         excessive_deviation: false,
     };

@@ -9,10 +9,13 @@ use sercos::transition::{self, Capabilities, CyclicConfiguration, Invalid, Inval
 use super::context::Context;
 use super::finding::{Finding, reason_of};
 use super::loops;
+use servo::motor::BoardKind;
+
 use crate::dictionary::records;
 use crate::hardware::Hardware;
 use crate::motion::Motion;
-use crate::settings::{CycleSettings, OperationMode, has_feedback_2};
+use crate::operation_mode::OperationMode;
+use crate::settings::{CycleSettings, has_feedback_2};
 
 /// So long S-0-0128 waits for the loops to lock to the ring: 200 ms in loop ticks, twice what a lock takes.
 const LOCK_PATIENCE_TICKS: u16 = 400;
@@ -38,7 +41,7 @@ where
                 return CommandState::Failed;
             }
         };
-        let cycle = match CycleSettings::new(parameters, H::LOOP_TIMER_COUNTS) {
+        let cycle = match CycleSettings::new(parameters, <H::Board>::FACTS.loop_timer_counts) {
             Ok(cycle) => cycle,
             Err(setting) => {
                 self.checks.finding = Some(Finding::Settings(setting));

@@ -8,16 +8,18 @@ use core::fmt;
 
 use sercos::Idn;
 use sercos::parameters::Parameters;
+use servo::SettingsError;
+use servo::axis::{current_gains, position_gain, velocity_gains};
+use servo::current::PwmFrequency;
 use servo::identification::{
     FluxSettings, IdentificationError, IdentificationParameters, InductanceSettings, InertiaSettings,
     ResistanceSettings,
 };
-use servo::{Acceleration, Position, SettingsError, Velocity, current_gains, position_gain, velocity_gains};
+use servo::units::{Acceleration, Position, Velocity};
 
-use crate::dictionary::Procedure;
+use crate::dictionary::procedures::Procedure;
 use crate::identification::{Failure, Measurement, Outcome, Plan};
-use crate::settings::InvalidSetting;
-use crate::settings::motor::FREQUENCY;
+use crate::settings::invalid::InvalidSetting;
 
 const S: fn(u16) -> Idn = Idn::standard;
 const P: fn(u16) -> Idn = Idn::product;
@@ -82,12 +84,13 @@ impl fmt::Display for Finding {
 /// [`Finding`]; nothing is changed then.
 pub(crate) fn compute_gains(
     parameters: &mut Parameters,
+    frequency: PwmFrequency,
     check: impl Fn(&Parameters) -> Result<(), InvalidSetting>,
 ) -> Result<(), Finding> {
     let data = &*parameters;
     // With the gain for the larger inductance the loop of the other axis would be faster than asked for.
     let inductance = data.get(P(112)).min(data.get(P(113)));
-    let current = current_gains(data.get(P(111)), inductance, data.get(P(222)), FREQUENCY)?;
+    let current = current_gains(data.get(P(111)), inductance, data.get(P(222)), frequency)?;
     let current_loop = u64::from(inductance).saturating_mul(1_000).checked_div(current.proportional.into());
     let small_times = u64::from(data.get(S(392)))
         .saturating_add(filter_delay(data, 170))
@@ -116,7 +119,7 @@ pub(crate) fn compute_gains(
 ///
 /// # Errors
 /// [`Finding::Settings`].
-pub(crate) fn plan(procedure: Procedure, parameters: &Parameters) -> Result<Plan, Finding> {
+pub(crate) fn plan(procedure: Procedure, parameters: &Parameters, frequency: PwmFrequency) -> Result<Plan, Finding> {
     let peak_current = parameters.get(S(110));
     let current = parameters.get(S(111)).min(parameters.get(S(109))).min(peak_current);
     const COMMAND_REVERSED: u32 = 1 << 0;
@@ -130,7 +133,7 @@ pub(crate) fn plan(procedure: Procedure, parameters: &Parameters) -> Result<Plan
         velocity: if parameters.get(S(43)) & COMMAND_REVERSED != 0 { -velocity } else { velocity },
         acceleration: Acceleration::from_milliradians_per_second_squared(parameters.get(P(219))),
         movement: Position::from_bits((i64::from(parameters.get(P(229))) << 32) / 100),
-        frequency: FREQUENCY,
+        frequency,
     };
     Ok(match procedure {
         Procedure::IdentifyFlux => {
@@ -238,9 +241,9 @@ mod tests {
         parameters.set(P(111), 600).unwrap();
         let before = gains(&parameters);
         let refused = |_: &Parameters| Err(InvalidSetting { idn: S(100), reason: None });
-        assert_eq!(compute_gains(&mut parameters, refused), Err(Finding::Refused(S(100))));
+        assert_eq!(compute_gains(&mut parameters, PwmFrequency::Khz16, refused), Err(Finding::Refused(S(100))));
         assert_eq!(gains(&parameters), before);
-        compute_gains(&mut parameters, valid).unwrap();
+        compute_gains(&mut parameters, PwmFrequency::Khz16, valid).unwrap();
         assert!(gains(&parameters).iter().zip(before).all(|(&after, before)| after != before), "{before:?}");
     }
 
@@ -250,7 +253,7 @@ mod tests {
         // 1 kg m^2 at 0.8 Nm/A and 40 Hz: 314 A s/rad.
         parameters.set(P(221), 10_000_000).unwrap();
         let before = gains(&parameters);
-        let finding = compute_gains(&mut parameters, valid).unwrap_err();
+        let finding = compute_gains(&mut parameters, PwmFrequency::Khz16, valid).unwrap_err();
         assert!(matches!(finding, Finding::Limits { idn, actual: 314_000..314_300 } if idn == S(100)), "{finding}");
         assert_eq!(gains(&parameters), before);
     }
@@ -261,7 +264,7 @@ mod tests {
             let mut parameters = Parameters::new(&DICTIONARY);
             parameters.set(S(43), polarity).unwrap();
             parameters.set(P(218), velocity.cast_unsigned().into()).unwrap();
-            plan(Procedure::IdentifyFlux, &parameters).unwrap()
+            plan(Procedure::IdentifyFlux, &parameters, PwmFrequency::Khz16).unwrap()
         };
         let forwards = std::format!("{:?}", of(0, 3_000_000));
         assert_eq!(std::format!("{:?}", of(7, -3_000_000)), forwards);

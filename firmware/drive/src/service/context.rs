@@ -15,7 +15,7 @@ use super::loops;
 use super::rescaling::Rescaling;
 use crate::crash::LastCrash;
 use crate::diagnosis::{Diagnosis, diagnose};
-use crate::dictionary::Procedure;
+use crate::dictionary::procedures::Procedure;
 use crate::error_memory::ErrorMemory;
 use crate::hardware::Hardware;
 use crate::identity::Identity;

@@ -12,18 +12,22 @@ use sercos::Idn;
 use sercos::error::ServiceError;
 use sercos::service::Live;
 use sercos::transition::{self, CyclicConfiguration, Invalid};
-use servo::{HomingSettings, MotionLimits, ProbeSettings};
+use servo::homing::HomingSettings;
+use servo::path::MotionLimits;
+use servo::probe::ProbeSettings;
 
 use super::commissioning::{self, Finding as CommissioningFinding};
 use super::procedures::PROBE_CONTROL;
-use super::rig::{Rig, Still, words_of};
+use super::rig::{FACTS, Rig, Still, words_of};
 use super::tests::{P, S, attempts};
 use super::{checks, loops, scope};
-use crate::dictionary::{DICTIONARY, Procedure};
+use crate::dictionary::DICTIONARY;
+use crate::dictionary::procedures::Procedure;
 use crate::identification::Plan;
 use crate::motion::CommandValues;
 use crate::oscilloscope::{self, Configuration};
-use crate::settings::{InvalidSetting, MotionSettings, POSITION_FEEDBACK_2_SOURCE, homing};
+use crate::settings::invalid::InvalidSetting;
+use crate::settings::{MotionSettings, POSITION_FEEDBACK_2_SOURCE, homing};
 
 /// Data of the user's own, which the drive keeps and gives back.
 const KEPT_FOR_THE_USER: [(Idn, &str); 4] = [
@@ -60,14 +64,14 @@ impl Effects {
             let cycle = transition::check_cp3(parameters, &capabilities);
             let loops = loops::settings::<Still>(parameters);
             let mut computed = parameters.clone();
-            let gains = commissioning::compute_gains(&mut computed, |_| Ok(()));
+            let gains = commissioning::compute_gains(&mut computed, FACTS.frequency, |_| Ok(()));
             Self {
                 cycle: cycle.map(|(cycle, _)| cycle).map_err(|invalid| invalid.findings().to_vec()),
                 homing: loops.and_then(|settings| homing(parameters, &settings)),
                 loops,
                 probing: ProbeSettings::new(parameters.get_word(PROBE_CONTROL)).ok(),
                 identifications: [Procedure::IdentifyWinding, Procedure::IdentifyFlux, Procedure::IdentifyInertia]
-                    .map(|procedure| commissioning::plan(procedure, parameters)),
+                    .map(|procedure| commissioning::plan(procedure, parameters, FACTS.frequency)),
                 gains: gains.map(|()| [100, 101, 104, 106, 107].map(|number| computed.get(S(number)))),
                 recording: scope::configuration(parameters),
                 oscilloscope: (

@@ -6,9 +6,11 @@ use sercos::Idn;
 use sercos::data_block::{DataBlock, Location};
 use sercos::transition::{Invalid, Reason};
 
-use crate::dictionary::{Access, Text, access};
+use crate::dictionary::access::Access;
+use crate::dictionary::access_of;
+use crate::dictionary::texts::Text;
 use crate::motion::HomingFailure;
-use crate::settings::InvalidSetting;
+use crate::settings::invalid::InvalidSetting;
 
 /// What keeps a transition check from passing, homing from starting or a write from being taken.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -62,7 +64,7 @@ impl fmt::Display for Finding {
 pub(super) fn what_it_takes(block: &DataBlock) -> &'static str {
     match (block.location, block.fixed_bytes()) {
         (Location::Command, _) => "a command takes 3 to start and 0 to cancel",
-        (_, None) if access(block) == Access::Text(Text::Password) => "no password, or not the one in force",
+        (_, None) if access_of(block) == Access::Text(Text::Password) => "no password, or not the one in force",
         (_, None) if block.is_text() => "a text that is too long, too short or none",
         (_, None) => "a list that is too long, or an entry that it cannot have",
         _ => "a value that it does not have",

@@ -6,10 +6,10 @@ use sercon816::Bus;
 use sercos::capacity::{LIVE_LIST_ENTRIES, LIVE_LONG_ENTRIES};
 
 use super::context::Context;
-use crate::dictionary::{Longs, Words};
+use crate::dictionary::lists::{Longs, Words};
 use crate::hardware::Hardware;
 use crate::motion::Motion;
-use crate::settings::OperationMode;
+use crate::operation_mode::OperationMode;
 
 /// Numbers of the languages of S-0-0095: German, English.
 const LANGUAGES: [u16; 2] = [0, 1];

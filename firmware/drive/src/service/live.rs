@@ -13,7 +13,9 @@ use sercos::service::Live;
 
 use super::context::Context;
 use super::finding::{Finding, what_it_takes};
-use crate::dictionary::{Access, Text, access};
+use crate::dictionary::access::Access;
+use crate::dictionary::access_of;
+use crate::dictionary::texts::Text;
 use crate::hardware::Hardware;
 use crate::motion::Motion;
 
@@ -24,11 +26,11 @@ where
     M: Mutex<T = Motion<B, H>>,
 {
     fn read(&mut self, block: &DataBlock, parameters: &Parameters) -> u64 {
-        self.value(access(block), parameters).into()
+        self.value(access_of(block), parameters).into()
     }
 
     fn cyclic(&mut self, block: &DataBlock) -> Option<u64> {
-        let Access::Limit(limit) = access(block) else { return None };
+        let Access::Limit(limit) = access_of(block) else { return None };
         self.motion.lock(|motion| motion.cyclic_limit(limit)).map(u64::from)
     }
 
@@ -38,28 +40,28 @@ where
         parameters: &Parameters,
         buffer: &mut String<LIVE_TEXT_BYTES>,
     ) -> Option<&'static str> {
-        let Access::Text(text) = access(block) else { return None };
+        let Access::Text(text) = access_of(block) else { return None };
         self.text(text, parameters, buffer)
     }
 
     fn read_list(&mut self, block: &DataBlock, list: &mut Vec<u16, LIVE_LIST_ENTRIES>) {
-        if let Access::Words(words) = access(block) {
+        if let Access::Words(words) = access_of(block) {
             self.words(words, list);
         }
     }
 
     fn read_longs(&mut self, block: &DataBlock, list: &mut Vec<u32, LIVE_LONG_ENTRIES>) {
-        if let Access::Longs(longs) = access(block) {
+        if let Access::Longs(longs) = access_of(block) {
             self.longs(longs, list);
         }
     }
 
     fn write(&mut self, block: &DataBlock, value: u64) {
-        self.set_value(access(block), (value & 0xFFFF_FFFF) as u32);
+        self.set_value(access_of(block), (value & 0xFFFF_FFFF) as u32);
     }
 
     fn write_text(&mut self, block: &DataBlock, text: &[u8]) -> Result<(), ServiceError> {
-        if access(block) != Access::Text(Text::Password) {
+        if access_of(block) != Access::Text(Text::Password) {
             return Err(ServiceError::IdnNotAvailable);
         }
         self.access.write(text)?;
@@ -82,7 +84,7 @@ where
         action: CommandAction,
         parameters: &mut Parameters,
     ) -> Result<CommandState, ServiceError> {
-        let Access::Procedure(procedure) = access(block) else { return Err(ServiceError::IdnNotAvailable) };
+        let Access::Procedure(procedure) = access_of(block) else { return Err(ServiceError::IdnNotAvailable) };
         self.procedure(procedure, action, parameters)
     }
 

@@ -1,17 +1,19 @@
 //! What the parameters make of the loops.
 
 use sercos::parameters::Parameters;
+use servo::motor::BoardKind;
 
 use crate::dictionary::source;
 use crate::hardware::Hardware;
-use crate::settings::{InvalidSetting, MotionSettings};
+use crate::settings::MotionSettings;
+use crate::settings::invalid::InvalidSetting;
 
 /// The settings of the loops. Some 200 us; divides.
 ///
 /// # Errors
 /// The first parameter that the drive cannot work with.
 pub(crate) fn settings<H: Hardware>(parameters: &Parameters) -> Result<MotionSettings, InvalidSetting> {
-    MotionSettings::new(parameters, H::LOOP_TIMER_COUNTS, source)
+    MotionSettings::new(parameters, &<H::Board>::FACTS, source)
 }
 
 /// Whether the loops can work with the parameters.

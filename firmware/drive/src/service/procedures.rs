@@ -6,13 +6,14 @@ use sercos::command::{CommandAction, CommandState};
 use sercos::error::ServiceError;
 use sercos::parameters::Parameters;
 use sercos::{Idn, Phase};
-use servo::ProbeSettings;
+use servo::motor::BoardKind;
+use servo::probe::ProbeSettings;
 
 use super::commissioning::{self, Finding as CommissioningFinding};
 use super::context::Context;
 use super::finding::Finding;
 use super::loops;
-use crate::dictionary::Procedure;
+use crate::dictionary::procedures::Procedure;
 use crate::hardware::Hardware;
 use crate::motion::Motion;
 use crate::settings::homing;
@@ -97,11 +98,7 @@ where
             Procedure::PositiveStop => self.motion.lock(Motion::cancel_positive_stop),
             Procedure::Probing => self.motion.lock(|motion| motion.set_probing(None)),
             // Over in an instant: there is nothing left to undo.
-            Procedure::ResetClass1
-            | Procedure::CancelReference
-            | Procedure::LoadDefaults
-            | Procedure::SetAbsolutePosition
-            | Procedure::ComputeGains => {}
+            _ => {}
         }
         CommandState::Executed
     }
@@ -129,7 +126,7 @@ where
             Procedure::CheckForCp3 => self.check_cp3(parameters),
             Procedure::CheckForCp4 => self.check_cp4(parameters, true),
             Procedure::ComputeGains => {
-                let result = commissioning::compute_gains(parameters, loops::accept::<H>);
+                let result = commissioning::compute_gains(parameters, <H::Board>::FACTS.frequency, loops::accept::<H>);
                 self.found(result)
             }
             _ => match self.start_identification(started, parameters) {
@@ -145,7 +142,7 @@ where
         procedure: Procedure,
         parameters: &Parameters,
     ) -> Result<(), CommissioningFinding> {
-        let plan = commissioning::plan(procedure, parameters)?;
+        let plan = commissioning::plan(procedure, parameters, <H::Board>::FACTS.frequency)?;
         if !self.motion.lock(|motion| motion.start_identification(&plan)) {
             return Err(CommissioningFinding::Interrupted);
         }

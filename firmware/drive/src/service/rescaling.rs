@@ -19,7 +19,8 @@ use sercos::dictionary::Dictionary;
 use sercos::parameters::Parameters;
 use sercos::unit::{Dimension, Unit};
 
-use crate::settings::{Ratio, increments};
+use crate::settings::increments::increments;
+use crate::settings::scaling::Ratio;
 
 /// Scaling types, factors and exponents.
 const SCALING: [u16; 13] = [44, 45, 46, 76, 77, 78, 79, 86, 93, 94, 160, 161, 162];

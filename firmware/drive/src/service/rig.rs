@@ -16,6 +16,9 @@ use sercos::service::{Progress, Reply, Server, Step};
 use sercos::transition::{self, Invalid};
 use sercos::{Idn, Phase, PhaseMachine};
 
+use servo::current::PwmFrequency;
+use servo::motor::{BoardKind, CurrentLink, Facts, TemperatureSensor};
+
 use super::access::Access;
 use super::commissioning::Commissioning;
 use super::context::{Checks, Context};
@@ -27,7 +30,6 @@ use crate::error_memory::ErrorMemory;
 use crate::hardware::{Hardware, Inputs, InterruptLine, ProbeInput, ResetCause};
 use crate::identity::DriveAddress;
 use crate::identity::Identity;
-use crate::link::CurrentLink;
 use crate::motion::Motion;
 
 /// Registers and RAM that keep what is written.
@@ -56,7 +58,26 @@ impl Bus for Memory {
 #[derive(Debug)]
 pub(super) struct Still;
 
+impl BoardKind for Still {
+    const FACTS: Facts = Facts {
+        frequency: PwmFrequency::Khz16,
+        dead_time: 1_000,
+        loop_timer_counts: 10_500,
+        temperature_sensor: TemperatureSensor {
+            zero_counts: 500,
+            millicounts_per_kelvin: 10_000,
+            lowest_sample: 100,
+            highest_sample: 3_000,
+        },
+    };
+}
+
+/// Of the board on which nothing moves, for all tests of this crate.
+pub(crate) const FACTS: Facts = Still::FACTS;
+
 impl Hardware for Still {
+    type Board = Self;
+
     fn encoder_count(&mut self) -> u32 {
         0
     }
@@ -106,8 +127,6 @@ impl Hardware for Still {
     fn reset_cause(&self) -> ResetCause {
         ResetCause::PowerOn
     }
-
-    const LOOP_TIMER_COUNTS: u16 = 10_500;
 }
 
 /// What a service step works with.
@@ -143,7 +162,7 @@ impl Rig {
         let parameters = Parameters::new(&DICTIONARY);
         let settings = loops::settings::<Still>(&parameters).unwrap();
         let link = Box::leak(Box::new(CurrentLink::new()));
-        let scope = Box::leak(Box::new(servo::Scope::new()));
+        let scope = Box::leak(Box::new(servo::scope::Scope::new()));
         let mut rig = Self {
             parameters,
             motion: Motion::new(bus.clone(), 5, Still, link, scope, settings),

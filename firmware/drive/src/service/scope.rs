@@ -4,7 +4,8 @@ use sercos::Idn;
 use sercos::error::ServiceError;
 use sercos::parameters::Parameters;
 
-use crate::dictionary::{Access, DICTIONARY, access};
+use crate::dictionary::access::Access;
+use crate::dictionary::{DICTIONARY, access_of};
 use crate::oscilloscope::{
     Configuration, INTERVAL, Internal, InvalidConfiguration, SIGNALS, STATE, Signal, TRIGGER, Width, trigger,
 };
@@ -24,7 +25,7 @@ pub fn signal(number: u16, parameters: &Parameters) -> Result<Signal, ServiceErr
         return Ok(Signal::Internal(internal));
     }
     let block = DICTIONARY.find(idn).ok_or(ServiceError::IdnNotAvailable)?;
-    let (access, width) = (access(block), Width::of(block.attribute));
+    let (access, width) = (access_of(block), Width::of(block.attribute));
     if let Some(source) = access.source() {
         return Ok(Signal::Bits(source));
     }

@@ -16,10 +16,10 @@ use servo::SettingsError;
 
 use super::finding::Finding;
 use super::loops;
-use super::rig::{Rig, Still, words_of};
+use super::rig::{FACTS, Rig, Still, words_of};
 use crate::dictionary::DICTIONARY;
-use crate::hardware::Hardware;
-use crate::settings::{CycleSettings, InvalidSetting, MotionSettings};
+use crate::settings::invalid::InvalidSetting;
+use crate::settings::{CycleSettings, MotionSettings};
 
 pub(super) const fn S(number: u16) -> Idn {
     Idn::standard(number)
@@ -183,7 +183,7 @@ fn before_s_0_0128_a_master_writes_in_any_order_and_after_it_only_what_goes_toge
 fn the_cycle_that_s_0_0127_accepts_counts_in_cp3_whatever_else_does_not_go_together() {
     let mut rig = Rig::in_cp3(&[(S(201), &[1_400]), (S(2), &[4_000])]);
     assert!(settings(&rig.parameters).is_err());
-    assert_eq!(Ok(rig.motion.settings().cycle), CycleSettings::new(&rig.parameters, Still::LOOP_TIMER_COUNTS));
+    assert_eq!(Ok(rig.motion.settings().cycle), CycleSettings::new(&rig.parameters, FACTS.loop_timer_counts));
     assert_eq!(rig.motion.settings().cycle.ticks_per_cycle, 32);
     rig.write(S(201), &[1_200]).unwrap();
     assert_in_effect(&rig, "all of it");

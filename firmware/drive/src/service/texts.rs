@@ -10,7 +10,7 @@ use sercos::capacity::LIVE_TEXT_BYTES;
 use sercos::parameters::Parameters;
 
 use super::context::Context;
-use crate::dictionary::Text;
+use crate::dictionary::texts::Text;
 use crate::hardware::Hardware;
 use crate::motion::Motion;
 

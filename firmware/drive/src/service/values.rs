@@ -3,18 +3,21 @@
 use rtic_core::Mutex;
 use sercon816::Bus;
 use sercos::parameters::Parameters;
+use servo::motor::{BoardKind, Facts};
 
 use super::context::Context;
-use crate::dictionary::{Access, Number};
+use crate::dictionary::access::Access;
+use crate::dictionary::numbers::Number;
 use crate::error_memory::seconds;
 use crate::hardware::{Hardware, LOOP_PERIOD_MICROSECONDS};
 use crate::motion::Motion;
-use crate::settings::motor::FREQUENCY;
 use crate::signal::feedback::{Feedback, FeedbackValue};
 use crate::signal::word::{Source, Word};
 
 /// Period of the current loop in 0.1 us.
-const CURRENT_LOOP: u16 = 10 * LOOP_PERIOD_MICROSECONDS / FREQUENCY.cycles_per_tick() as u16;
+const fn current_loop_period(facts: &Facts) -> u16 {
+    10 * LOOP_PERIOD_MICROSECONDS / facts.frequency.cycles_per_tick() as u16
+}
 
 impl<B, H, M> Context<'_, B, M>
 where
@@ -66,7 +69,9 @@ where
             Number::LateCurrentLoops => self.ask(|motion| motion.late_current_loops()),
             Number::ScopeState => self.ask(|motion| motion.oscilloscope().state().into()),
             Number::ScopeWindow => self.ask(|motion| motion.oscilloscope().window().into()),
-            Number::ScopeInterval => self.ask(|motion| motion.oscilloscope().interval(CURRENT_LOOP)),
+            Number::ScopeInterval => {
+                self.ask(|motion| motion.oscilloscope().interval(const { current_loop_period(&<H::Board>::FACTS) }))
+            }
             Number::IdentificationProgress => self.ask(|motion| motion.identification_percent().into()),
         }
     }

@@ -11,11 +11,13 @@ use super::context::Context;
 use super::finding::Finding;
 use super::procedures::{HOMING_PARAMETER, REFERENCE_DISTANCE};
 use super::{loops, scope};
-use crate::dictionary::{Access, Number, access};
+use crate::dictionary::access::Access;
+use crate::dictionary::access_of;
+use crate::dictionary::numbers::Number;
 use crate::hardware::Hardware;
 use crate::motion::Motion;
+use crate::operation_mode::Direction;
 use crate::oscilloscope;
-use crate::settings::Direction;
 use crate::signal::word::Word;
 
 /// S-0-0393.
@@ -29,7 +31,7 @@ where
 {
     /// A reason of the drive's own against writing this value (0 for lists and texts).
     pub(super) fn refusal(&mut self, block: &DataBlock, value: u64, parameters: &Parameters) -> Option<ServiceError> {
-        let (idn, access) = (block.idn, access(block));
+        let (idn, access) = (block.idn, access_of(block));
         if idn == oscilloscope::CONTROL && value == 1 {
             return scope::configuration(parameters).err();
         }

@@ -2,14 +2,16 @@
 
 use sercos::Idn;
 use sercos::parameters::Parameters;
-use servo::{
-    Acceleration, AxisMovements, CommandedTorqueLimits, FeedrateOverride, Jerk, MotionLimits, SettingsError, Velocity,
-    VelocityLimits, VelocityScale,
-};
+use servo::SettingsError;
+use servo::axis::{AxisMovements, CommandedTorqueLimits, VelocityLimits};
+use servo::path::{FeedrateOverride, MotionLimits};
+use servo::units::{Acceleration, Jerk, Velocity, VelocityScale};
 
+use super::invalid::{InvalidSetting, invalid, signed};
+use super::limit_values::LimitValues;
 use super::scaling::DerivativeScale;
-use super::{InvalidSetting, Polarity, TorqueScale, invalid, signed};
-use crate::limits::LimitValues;
+use super::torque::TorqueScale;
+use crate::operation_mode::Polarity;
 use crate::signal::limit::Limit;
 
 /// Everything that turns limits into those of the loops.

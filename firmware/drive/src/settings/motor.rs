@@ -2,217 +2,168 @@
 
 use sercos::Idn;
 use sercos::parameters::Parameters;
+use servo::SettingsError;
+use servo::arithmetic::Gain;
+use servo::axis::{CommandedTorqueLimits, TorqueLimitParameters, TorqueLimitSettings};
+use servo::brake::{BrakeParameters, BrakeSettings};
+use servo::commutation::{AlignmentSettings, CommutationSettings};
 use servo::current::{
     CurrentLoopParameters, CurrentLoopSettings, FieldWeakeningParameters, FieldWeakeningSettings, MotorModel,
-    Protection, PwmFrequency,
+    Protection,
 };
-use servo::{
-    AlignmentSettings, BrakeParameters, BrakeSettings, CommandedTorqueLimits, CommutationSettings, CurrentFraction,
-    EncoderMonitorParameters, EncoderMonitorSettings, Gain, LoadParameters, LoadSettings, Position, SettingsError,
-    TemperatureParameters, TemperatureSettings, TorqueLimitParameters, TorqueLimitSettings, Velocity,
-    VoltageParameters, VoltageSettings,
+use servo::encoder::{EncoderMonitorParameters, EncoderMonitorSettings};
+use servo::monitor::{
+    LoadParameters, LoadSettings, TemperatureParameters, TemperatureSettings, VoltageParameters, VoltageSettings,
 };
+use servo::motor::{CurrentSettings, Facts, MotorSettings};
+use servo::units::{CurrentFraction, Position, Velocity};
 
-use super::InvalidSetting;
-use crate::current_control::CurrentSettings;
-
-/// Everything the motor side needs of the parameters, scaled.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-#[cfg_attr(feature = "defmt", derive(defmt::Format))]
-pub struct MotorSettings {
-    /// For the current loop's task.
-    pub current: CurrentSettings,
-    /// Feed-forward of the induced voltages.
-    pub model: MotorModel,
-    /// Pole pairs and encoder.
-    pub commutation: CommutationSettings,
-    /// Electrical angle of one increment, 2^-32 revolution.
-    pub angle_per_increment: u32,
-    /// Pole pairs.
-    pub pole_pairs: i32,
-    /// Search for the commutation angle.
-    pub alignment: AlignmentSettings,
-    /// P-0-0115: electrical angle at the index, 2^-32 revolution; `None`: not known.
-    pub index_angle: Option<u32>,
-    /// Bus voltage.
-    pub voltage: VoltageSettings,
-    /// Heat sink.
-    pub heat_sink: TemperatureSettings,
-    /// Motor.
-    pub winding: TemperatureSettings,
-    /// Thermal model of the motor.
-    pub motor_load: LoadSettings,
-    /// Thermal model of the amplifier.
-    pub amplifier_load: LoadSettings,
-    /// Encoder.
-    pub encoder: EncoderMonitorSettings,
-    /// Holding brake.
-    pub brake: BrakeSettings,
-    /// P-0-0120 bit 0: there is a brake.
-    pub has_brake: bool,
-    /// P-0-0120 bit 2: the axis stays where it is with its brake open and without torque.
-    pub aligns_with_open_brake: bool,
-    /// S-0-0082, S-0-0083, S-0-0092, S-0-0109, S-0-0110.
-    pub torque_limits: TorqueLimitSettings,
-    /// Field weakening.
-    pub weakening: FieldWeakeningSettings,
-    /// From a phase current in counts 2^-3 to a fraction of the peak current (2^-15).
-    pub phase_current: Gain,
-    /// From a sample of the bus voltage to mV.
-    pub bus_millivolts: Gain,
-}
-
-/// What the bridge of this board puts between the two transistors of a phase, in ns.
-pub(crate) const DEAD_TIME: u32 = 1_000;
-
-/// Rate of the modulation, that of the board.
-pub(crate) const FREQUENCY: PwmFrequency = PwmFrequency::Khz16;
+use super::invalid::InvalidSetting;
 
 const S: fn(u16) -> Idn = Idn::standard;
 const P: fn(u16) -> Idn = Idn::product;
 
-impl MotorSettings {
-    /// Scales the parameters. Divides.
-    ///
-    /// # Errors
-    /// The first parameter that the motor side cannot work with.
-    pub fn new(
-        parameters: &Parameters,
-        limits: &CommandedTorqueLimits,
-        increments: u32,
-        maximum_velocity: Velocity,
-    ) -> Result<Self, InvalidSetting> {
-        let long = |idn: Idn| parameters.get(idn);
-        let word = |idn: Idn| parameters.get_word(idn);
-        let peak = long(S(110));
-        let range = long(P(100));
-        let full_scale = word(P(101));
-        let of = |idn: Idn| move |reason: SettingsError| InvalidSetting { idn, reason: Some(reason) };
-        let commutation = |idn: Idn| move |_| InvalidSetting { idn, reason: None };
+/// Scales the parameters. Divides.
+///
+/// # Errors
+/// The first parameter that the motor side cannot work with.
+pub(super) fn settings(
+    parameters: &Parameters,
+    facts: &Facts,
+    limits: &CommandedTorqueLimits,
+    increments: u32,
+    maximum_velocity: Velocity,
+) -> Result<MotorSettings, InvalidSetting> {
+    let long = |idn: Idn| parameters.get(idn);
+    let word = |idn: Idn| parameters.get_word(idn);
+    let peak = long(S(110));
+    let range = long(P(100));
+    let full_scale = word(P(101));
+    let of = |idn: Idn| move |reason: SettingsError| InvalidSetting { idn, reason: Some(reason) };
+    let commutation = |idn: Idn| move |_| InvalidSetting { idn, reason: None };
 
-        let current_loop = CurrentLoopSettings::new(&CurrentLoopParameters {
-            peak_current: peak,
-            measuring_range: range,
-            proportional_gain: word(S(106)).into(),
-            integral_time: u32::from(word(S(107))).saturating_mul(100),
-            frequency: FREQUENCY,
-            dead_time: if word(P(103)) == 0 { 0 } else { DEAD_TIME },
-            dead_time_band: u32::from(word(P(103))).max(1),
+    let current_loop = CurrentLoopSettings::new(&CurrentLoopParameters {
+        peak_current: peak,
+        measuring_range: range,
+        proportional_gain: word(S(106)).into(),
+        integral_time: u32::from(word(S(107))).saturating_mul(100),
+        frequency: facts.frequency,
+        dead_time: if word(P(103)) == 0 { 0 } else { facts.dead_time },
+        dead_time_band: u32::from(word(P(103))).max(1),
+    })
+    .map_err(|reason| InvalidSetting { idn: blamed(&reason), reason: Some(reason) })?;
+    let trip = match long(P(106)) {
+        0 => peak.saturating_add(peak / 4),
+        trip => trip,
+    };
+    let highest_bus = u32::from(word(P(105))).saturating_mul(4_096).checked_div(full_scale.into()).unwrap_or(0);
+    // One and a half times the highest speed, in a cycle, and two increments that a standing encoder may swing.
+    let turned = u64::from(maximum_velocity.abs().to_bits().unsigned_abs()).saturating_mul(increments.into());
+    let per_cycle = (turned >> 36).saturating_mul(3) / 4;
+    let increments_per_cycle = u32::try_from(per_cycle).unwrap_or(u32::MAX).saturating_add(3);
+    let highest_bus = u16::try_from(highest_bus.min(4_095)).unwrap_or(4_095);
+    let protection = Protection::new(trip, range, highest_bus, increments_per_cycle).map_err(of(P(100)))?;
+
+    let pole_pairs = word(P(110));
+    let commutation_settings =
+        CommutationSettings::new(u8::try_from(pole_pairs).unwrap_or(0), increments).map_err(commutation(P(110)))?;
+    let angle = (u64::from(pole_pairs) << 32).saturating_add(u64::from(increments) / 2);
+    let sensor = &facts.temperature_sensor;
+    let temperature = |warning: u16, shutdown: u16| {
+        TemperatureSettings::new(&TemperatureParameters {
+            zero_counts: sensor.zero_counts,
+            millicounts_per_kelvin: sensor.millicounts_per_kelvin,
+            lowest_sample: sensor.lowest_sample,
+            highest_sample: sensor.highest_sample,
+            warning: word(S(warning)),
+            shutdown: word(S(shutdown)),
+            filter: 2_000,
+            debounce: 200,
         })
-        .map_err(|reason| InvalidSetting { idn: blamed(&reason), reason: Some(reason) })?;
-        let trip = match long(P(106)) {
-            0 => peak.saturating_add(peak / 4),
-            trip => trip,
-        };
-        let highest_bus = u32::from(word(P(105))).saturating_mul(4_096).checked_div(full_scale.into()).unwrap_or(0);
-        // One and a half times the highest speed, in a cycle, and two increments that a standing encoder may swing.
-        let turned = u64::from(maximum_velocity.abs().to_bits().unsigned_abs()).saturating_mul(increments.into());
-        let per_cycle = (turned >> 36).saturating_mul(3) / 4;
-        let increments_per_cycle = u32::try_from(per_cycle).unwrap_or(u32::MAX).saturating_add(3);
-        let highest_bus = u16::try_from(highest_bus.min(4_095)).unwrap_or(4_095);
-        let protection = Protection::new(trip, range, highest_bus, increments_per_cycle).map_err(of(P(100)))?;
-
-        let pole_pairs = word(P(110));
-        let commutation_settings =
-            CommutationSettings::new(u8::try_from(pole_pairs).unwrap_or(0), increments).map_err(commutation(P(110)))?;
-        let angle = (u64::from(pole_pairs) << 32).saturating_add(u64::from(increments) / 2);
-        let temperature = |warning: u16, shutdown: u16| {
-            TemperatureSettings::new(&TemperatureParameters {
-                zero_counts: SENSOR_ZERO,
-                millicounts_per_kelvin: SENSOR_SLOPE,
-                lowest_sample: SENSOR_LOWEST,
-                highest_sample: SENSOR_HIGHEST,
-                warning: word(S(warning)),
-                shutdown: word(S(shutdown)),
-                filter: 2_000,
-                debounce: 200,
-            })
-            .map_err(of(S(warning)))
-        };
-        let load = |continuous: u16, peak_current: u16, time: u16| {
-            LoadSettings::new(&LoadParameters {
-                continuous_current: long(S(continuous)),
-                peak_current: long(S(peak_current)),
-                amplifier_peak_current: peak,
-                time_constant: long(P(time)),
-                warning_level: WARNING_LEVEL,
-                shutdown_level: word(S(114)).max(WARNING_LEVEL.saturating_add(1)),
-            })
-            .map_err(of(P(time)))
-        };
-        let brake_bits = word(P(120));
-        let millidegrees = |idn: Idn| Position::from_bits((i64::from(word(idn)) << 32) / 36_000);
-        Ok(Self {
-            current: CurrentSettings { current_loop, protection, frequency: FREQUENCY },
-            model: MotorModel::new(long(P(112)), long(P(113)), long(P(114)), peak).map_err(of(P(114)))?,
-            commutation: commutation_settings,
-            // Whole electrical revolutions are cut on purpose.
-            angle_per_increment: angle.checked_div(u64::from(increments)).unwrap_or(0) as u32,
+        .map_err(of(S(warning)))
+    };
+    let load = |continuous: u16, peak_current: u16, time: u16| {
+        LoadSettings::new(&LoadParameters {
+            continuous_current: long(S(continuous)),
+            peak_current: long(S(peak_current)),
+            amplifier_peak_current: peak,
+            time_constant: long(P(time)),
+            warning_level: WARNING_LEVEL,
+            shutdown_level: word(S(114)).max(WARNING_LEVEL.saturating_add(1)),
+        })
+        .map_err(of(P(time)))
+    };
+    let brake_bits = word(P(120));
+    let millidegrees = |idn: Idn| Position::from_bits((i64::from(word(idn)) << 32) / 36_000);
+    Ok(MotorSettings {
+        current: CurrentSettings { current_loop, protection },
+        model: MotorModel::new(long(P(112)), long(P(113)), long(P(114)), peak).map_err(of(P(114)))?,
+        commutation: commutation_settings,
+        // Whole electrical revolutions are cut on purpose.
+        angle_per_increment: angle.checked_div(u64::from(increments)).unwrap_or(0) as u32,
+        pole_pairs: pole_pairs.into(),
+        alignment: AlignmentSettings::new(commutation_settings, share(word(P(116)))).map_err(commutation(P(116)))?,
+        index_angle: index_angle(parameters),
+        voltage: VoltageSettings::new(&VoltageParameters {
+            full_scale,
+            filter: 500,
+            undervoltage: word(P(104)),
+            overvoltage: word(P(105)),
+            power_on: word(P(104)).saturating_add(word(P(104)) / 8).max(1),
+            // A sixteenth above: with the mains gone and the contactor closed, a stop needs what lies between.
+            power_off: word(P(104)).saturating_add(word(P(104)) / 16),
+            undervoltage_time: 2,
+            overvoltage_ticks: 1,
+        })
+        .map_err(of(P(105)))?,
+        heat_sink: temperature(200, 203)?,
+        winding: temperature(201, 204)?,
+        motor_load: load(111, 109, 130)?,
+        amplifier_load: load(112, 110, 131)?,
+        encoder: EncoderMonitorSettings::new(&EncoderMonitorParameters {
+            increments_per_revolution: increments,
+            maximum_velocity,
             pole_pairs: pole_pairs.into(),
-            alignment: AlignmentSettings::new(commutation_settings, share(word(P(116))))
-                .map_err(commutation(P(116)))?,
-            index_angle: index_angle(parameters),
-            voltage: VoltageSettings::new(&VoltageParameters {
-                full_scale,
-                filter: 500,
-                undervoltage: word(P(104)),
-                overvoltage: word(P(105)),
-                power_on: word(P(104)).saturating_add(word(P(104)) / 8).max(1),
-                // A sixteenth above: with the mains gone and the contactor closed, a stop needs what lies between.
-                power_off: word(P(104)).saturating_add(word(P(104)) / 16),
-                undervoltage_time: 2,
-                overvoltage_ticks: 1,
-            })
-            .map_err(of(P(105)))?,
-            heat_sink: temperature(200, 203)?,
-            winding: temperature(201, 204)?,
-            motor_load: load(111, 109, 130)?,
-            amplifier_load: load(112, 110, 131)?,
-            encoder: EncoderMonitorSettings::new(&EncoderMonitorParameters {
-                increments_per_revolution: increments,
-                maximum_velocity,
-                pole_pairs: pole_pairs.into(),
-                flux: long(P(114)),
-                dead_time_compensated: word(P(103)) != 0,
-                index_width: (word(P(117)) != 0).then_some(1),
-            })
-            .map_err(of(S(116)))?,
-            brake: BrakeSettings::new(&BrakeParameters {
-                fitted: brake_bits & BRAKE_FITTED != 0,
-                contact_fitted: brake_bits & BRAKE_CONTACT != 0,
-                drive_on_delay: word(S(206)),
-                drive_off_delay: word(S(207)),
-                maximum_drive_off_delay: word(S(273)),
-                proof_current: share(word(P(121))),
-                proof_tolerance: share(word(P(121)) / 2),
-                proof_time: 2,
-                proof_limit: 100,
-                hold_test_time: word(P(123)),
-                hold_window: millidegrees(P(122)),
-                stuck_time: 500,
-            })
-            .map_err(of(P(121)))?,
-            has_brake: brake_bits & BRAKE_FITTED != 0,
-            aligns_with_open_brake: brake_bits & BRAKE_MAY_OPEN != 0,
-            torque_limits: TorqueLimitSettings::new(&TorqueLimitParameters {
-                commanded: *limits,
-                motor_peak: long(S(109)),
-                amplifier_peak: peak,
-            })
-            .map_err(of(S(110)))?,
-            weakening: FieldWeakeningSettings::new(&FieldWeakeningParameters {
-                limit: word(P(107)).saturating_mul(10),
-                voltage: 9_300,
-                integral_time: 100,
-            })
-            .map_err(of(P(107)))?,
-            // 2 048 counts are the range, 2^15 is the peak.
-            phase_current: Gain::from_ratio(u128::from(range).saturating_mul(2), peak.into())
-                .ok_or(InvalidSetting { idn: P(100), reason: None })?,
-            bus_millivolts: Gain::from_ratio(u128::from(full_scale).saturating_mul(1_000), 4_096)
-                .ok_or(InvalidSetting { idn: P(101), reason: None })?,
+            flux: long(P(114)),
+            dead_time_compensated: word(P(103)) != 0,
+            index_width: (word(P(117)) != 0).then_some(1),
         })
-    }
+        .map_err(of(S(116)))?,
+        brake: BrakeSettings::new(&BrakeParameters {
+            fitted: brake_bits & BRAKE_FITTED != 0,
+            contact_fitted: brake_bits & BRAKE_CONTACT != 0,
+            drive_on_delay: word(S(206)),
+            drive_off_delay: word(S(207)),
+            maximum_drive_off_delay: word(S(273)),
+            proof_current: share(word(P(121))),
+            proof_tolerance: share(word(P(121)) / 2),
+            proof_time: 2,
+            proof_limit: 100,
+            hold_test_time: word(P(123)),
+            hold_window: millidegrees(P(122)),
+            stuck_time: 500,
+        })
+        .map_err(of(P(121)))?,
+        has_brake: brake_bits & BRAKE_FITTED != 0,
+        aligns_with_open_brake: brake_bits & BRAKE_MAY_OPEN != 0,
+        torque_limits: TorqueLimitSettings::new(&TorqueLimitParameters {
+            commanded: *limits,
+            motor_peak: long(S(109)),
+            amplifier_peak: peak,
+        })
+        .map_err(of(S(110)))?,
+        weakening: FieldWeakeningSettings::new(&FieldWeakeningParameters {
+            limit: word(P(107)).saturating_mul(10),
+            voltage: 9_300,
+            integral_time: 100,
+        })
+        .map_err(of(P(107)))?,
+        // 2 048 counts are the range, 2^15 is the peak.
+        phase_current: Gain::from_ratio(u128::from(range).saturating_mul(2), peak.into())
+            .ok_or(InvalidSetting { idn: P(100), reason: None })?,
+        bus_millivolts: Gain::from_ratio(u128::from(full_scale).saturating_mul(1_000), 4_096)
+            .ok_or(InvalidSetting { idn: P(101), reason: None })?,
+    })
 }
 
 const BRAKE_FITTED: u16 = 1 << 0;
@@ -221,13 +172,6 @@ const BRAKE_MAY_OPEN: u16 = 1 << 2;
 
 /// Load from which the thermal models warn and limit, in 0.1 %.
 const WARNING_LEVEL: u16 = 900;
-
-/// Sensors of the board: 500 counts at 0 degrees C, 10 counts a kelvin.
-const SENSOR_ZERO: i16 = 500;
-const SENSOR_SLOPE: i32 = 10_000;
-/// -40 and 250 degrees C.
-const SENSOR_LOWEST: u16 = 100;
-const SENSOR_HIGHEST: u16 = 3_000;
 
 /// A share of the peak current, from 0.1 %.
 fn share(per_mille: u16) -> CurrentFraction {

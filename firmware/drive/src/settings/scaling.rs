@@ -8,11 +8,12 @@ use sercos::Idn;
 use sercos::parameters::Parameters;
 use sercos::unit::Dimension;
 use sercos::weighting::{Increment, Kind, Weighting};
-use servo::{Acceleration, Jerk, Modulo, PositionScale, SettingsError, VelocityScale};
+use servo::SettingsError;
+use servo::units::{Acceleration, Jerk, Modulo, PositionScale, VelocityScale};
 
 use crate::coordinates::Coordinates;
 
-use super::{InvalidSetting, invalid, signed, unsupported};
+use super::invalid::{InvalidSetting, invalid, signed, unsupported};
 
 pub(super) fn position_scale(parameters: &Parameters) -> Result<PositionScale, InvalidSetting> {
     let (increments, culprit) = increments_of_a_revolution(parameters)?;
@@ -55,20 +56,7 @@ pub(super) fn velocity_scale(parameters: &Parameters) -> Result<VelocityScale, I
     VelocityScale::new(rpm.numerator, rpm.denominator).map_err(invalid(45))
 }
 
-/// How many increments of a dimension are a revolution, a revolution a minute, 10^-3 rad/s² or rad/s³, or 1 mA of the motor; `None` where the
-/// scaling means nothing.
-pub(crate) fn increments(dimension: Dimension, parameters: &Parameters) -> Option<Ratio> {
-    match dimension {
-        Dimension::Position => increments_of_a_revolution(parameters).ok().map(|(increments, _)| increments),
-        Dimension::Velocity => rpm_of_an_increment(parameters).ok().map(Ratio::inverse),
-        Dimension::Acceleration | Dimension::Jerk => {
-            DerivativeScale::new(parameters).ok().map(|scale| scale.milliradians.inverse())
-        }
-        Dimension::Torque => super::torque::milliamperes(parameters).ok()?.0.map(Ratio::inverse),
-    }
-}
-
-fn rpm_of_an_increment(parameters: &Parameters) -> Result<Ratio, InvalidSetting> {
+pub(super) fn rpm_of_an_increment(parameters: &Parameters) -> Result<Ratio, InvalidSetting> {
     let weighting = weighting(Dimension::Velocity, parameters)?;
     let (factor, exponent) = decimal(&weighting, 44)?;
     let velocity = Ratio::new(factor, 1).times(if weighting.per_second { 60 } else { 1 });
@@ -100,7 +88,7 @@ pub(super) fn decimal(weighting: &Weighting, scaling_type: u16) -> Result<(u64, 
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub(super) struct DerivativeScale {
     /// Of 10^-3 rad/s² of the motor in an increment.
-    milliradians: Ratio,
+    pub(super) milliradians: Ratio,
 }
 
 impl DerivativeScale {
@@ -143,7 +131,7 @@ impl DerivativeScale {
 }
 
 /// Position increments of one revolution of the motor, and the parameter to blame if they are too many or too few.
-fn increments_of_a_revolution(parameters: &Parameters) -> Result<(Ratio, u16), InvalidSetting> {
+pub(super) fn increments_of_a_revolution(parameters: &Parameters) -> Result<(Ratio, u16), InvalidSetting> {
     let weighting = weighting(Dimension::Position, parameters)?;
     let (increments, culprit) = match weighting.increment {
         Increment::OfRevolution(increments) => (Some(Ratio::new(increments.into(), 1)), 79),
@@ -197,7 +185,7 @@ impl Ratio {
         Some(Self::new(denominator, numerator))
     }
 
-    const fn inverse(self) -> Self {
+    pub(super) const fn inverse(self) -> Self {
         Self::new(self.denominator, self.numerator)
     }
 
@@ -245,7 +233,7 @@ pub(super) const TWO_PI: Ratio = Ratio::new(710, 113);
 mod tests {
     use super::*;
     use crate::dictionary::DICTIONARY;
-    use servo::{Position, Velocity};
+    use servo::units::{Position, Velocity};
 
     fn with(changes: &[(u16, i32)]) -> Parameters {
         let mut parameters = Parameters::new(&DICTIONARY);

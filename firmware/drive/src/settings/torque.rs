@@ -4,9 +4,11 @@ use sercos::Idn;
 use sercos::parameters::Parameters;
 use sercos::unit::Dimension;
 use sercos::weighting::Kind;
-use servo::{CurrentFraction, Gain, SettingsError};
+use servo::SettingsError;
+use servo::arithmetic::Gain;
+use servo::units::CurrentFraction;
 
-use super::InvalidSetting;
+use super::invalid::InvalidSetting;
 use super::scaling::{FEED_EXPONENT, Ratio, TWO_PI, decimal, feed, gear, weighting};
 
 /// Torque data as currents, and back.

@@ -36,6 +36,11 @@ sercos::data_blocks! {
 }
 
 impl Limit {
+    /// All of them, in the order of their IDNs.
+    pub(crate) fn all() -> impl Iterator<Item = Self> {
+        LIMITS.iter().map(|&(_, limit)| limit)
+    }
+
     /// Its data block.
     #[must_use]
     pub fn idn(self) -> Idn {

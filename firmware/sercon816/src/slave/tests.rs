@@ -3,8 +3,8 @@
 use std::vec::Vec;
 
 use super::*;
-use crate::discovery::Timer;
 use crate::test_bus::{TestBus, Write};
+use crate::timer::Timer;
 use crate::uncertain::UNTOUCHED;
 
 const CONFIGURATION: Configuration = Configuration {

@@ -119,6 +119,8 @@ sercos::data_blocks! {
     S 85 "Torque polarity parameter" [""] BITS/0 written IN_CP2_CP3 () = 0 => Parameter, stored, needed_for_cp4;
     /// 0.
     S 86 "Torque data scaling type" [""] BITS/0 written IN_CP2_CP3 () = 0 => Parameter, stored, needed_for_cp4;
+    /// Recovery time between two ATs of the same slave; this slave sends one.
+    S 87 "Transmit/transmit recovery time (tATAT)" ["us"] U16/0 written NEVER () = 0 => Parameter;
     /// End of the MDT to the start of the next MST.
     S 88 "Receive/receive recovery time (tMTSY)" ["us"] U16/0 written NEVER () = 10 => Parameter;
     /// End of the MST to the start of the MDT, from CP3 on.

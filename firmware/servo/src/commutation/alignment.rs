@@ -21,9 +21,10 @@ use core::fmt;
 
 use controller::{Controller, Counted, Means, Sums};
 
-use super::{CommutationError, CommutationSettings, DEGREE, arctangent::arctangent};
-use crate::units::limited;
-use crate::{CurrentFraction, Position};
+use super::{CommutationError, CommutationSettings, DEGREE};
+use crate::arithmetic::arctangent::arctangent;
+use crate::arithmetic::wide::limited;
+use crate::units::{CurrentFraction, Position};
 
 /// Why the angle was not found.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

@@ -69,7 +69,7 @@ pub enum IndexState {
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub struct IndexOutput {
-    /// For [`crate::CommutationAngle::correct`], in this tick.
+    /// For [`crate::commutation::CommutationAngle::correct`], in this tick.
     pub correction: i32,
     /// State after this tick.
     pub state: IndexState,

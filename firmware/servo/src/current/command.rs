@@ -1,9 +1,9 @@
 //! What the current loop is given once a loop tick: reference, angle, feed-forward and the measure of the bus voltage.
 
-use crate::CurrentFraction;
-use crate::SettingsError;
-use crate::trigonometry::{Rotation, high_product};
-use crate::units::{TEN_TO_15, TWO_PI_TIMES_TEN_TO_15, divide_rounding};
+use crate::arithmetic::division::{TEN_TO_15, TWO_PI_TIMES_TEN_TO_15, divide_rounding};
+use crate::arithmetic::trigonometry::{Rotation, high_product};
+use crate::error::SettingsError;
+use crate::units::CurrentFraction;
 
 /// Reference and angle of the current loop, for the cycles until the next loop tick.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

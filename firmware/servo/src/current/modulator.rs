@@ -1,8 +1,8 @@
 //! From a voltage to compare values: space vector modulation and dead-time compensation.
 
-use crate::SettingsError;
-use crate::trigonometry::rounded_product;
-use crate::units::divide_rounding;
+use crate::arithmetic::division::divide_rounding;
+use crate::arithmetic::trigonometry::rounded_product;
+use crate::error::SettingsError;
 
 /// Bits of a compare value below a count, until it is rounded: rounded down earlier, it would be a voltage that stands in the stator, and
 /// with it a torque that swings once in an electrical revolution.

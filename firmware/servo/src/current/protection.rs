@@ -1,7 +1,7 @@
 //! What the current loop watches in every cycle, and the zero of its sensors.
 
-use crate::SettingsError;
-use crate::units::divide_rounding;
+use crate::arithmetic::division::divide_rounding;
+use crate::error::SettingsError;
 
 /// What made the current loop switch the bridge off.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

@@ -1,10 +1,9 @@
 //! Settings of the current loop: from the units of the parameters to the factors of a cycle.
 
-use crate::SettingsError;
-use crate::units::divide_rounding;
+use crate::arithmetic::division::divide_rounding;
+use crate::error::SettingsError;
 
-use super::DeadTimeCompensation;
-use super::modulator::FRACTION;
+use super::modulator::{DeadTimeCompensation, FRACTION};
 
 /// How often the current loop runs. Centre-aligned modulation, one period a cycle.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]

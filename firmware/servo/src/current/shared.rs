@@ -6,8 +6,9 @@
 
 use core::sync::atomic::{AtomicI32, AtomicU32, Ordering::Relaxed};
 
-use super::{BusScale, CurrentCommand, CurrentReadings};
-use crate::trigonometry::Rotation;
+use super::command::{BusScale, CurrentCommand};
+use super::readings::CurrentReadings;
+use crate::arithmetic::trigonometry::Rotation;
 
 /// A [`CurrentCommand`] that a cycle can be given while the next one is being written elsewhere.
 #[derive(Debug)]
@@ -143,7 +144,7 @@ impl SharedReadings {
         self.angle.store(angle, Relaxed);
     }
 
-    /// Phase currents in ADC counts 2^-3, see [`super::Offsets::remove`].
+    /// Phase currents in ADC counts 2^-3, see [`crate::current::Offsets::remove`].
     #[inline]
     pub fn set_phases(&self, [a, b, c]: [i32; 3]) {
         let [phase_a, phase_b, phase_c] = &self.phases;

@@ -4,11 +4,12 @@
 //! limit must not be above the current that cancels the flux of the magnets, flux / inductance, because beyond it more current raises
 //! the voltage again. What the peak current leaves beside the flux-producing current is the limit of the torque-producing one.
 
-use super::{BusScale, CurrentReadings};
-use crate::settings::in_range;
-use crate::trigonometry::high_product;
-use crate::units::divide_rounding;
-use crate::{CurrentFraction, SettingsError};
+use super::command::BusScale;
+use super::readings::CurrentReadings;
+use crate::arithmetic::division::divide_rounding;
+use crate::arithmetic::trigonometry::high_product;
+use crate::error::{SettingsError, in_range};
+use crate::units::CurrentFraction;
 
 /// Parameters of field weakening.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

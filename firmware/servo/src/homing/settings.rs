@@ -2,7 +2,7 @@
 
 use core::fmt;
 
-use crate::{Position, Velocity};
+use crate::units::{Position, Velocity};
 
 /// Parameters of homing in the units of the axis.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

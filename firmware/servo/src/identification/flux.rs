@@ -15,8 +15,9 @@ use super::{
     CURRENT_BITS, IdentificationError, IdentificationInputs, IdentificationOutput, IdentificationParameters,
     IdentificationState, Progress, Range, believed,
 };
-use crate::units::{TEN_TO_15, TWO_PI_TIMES_TEN_TO_15, divide_rounding};
-use crate::{LOOP_TICKS_PER_SECOND, Position, SettingsError, Velocity};
+use crate::arithmetic::division::{TEN_TO_15, TWO_PI_TIMES_TEN_TO_15, divide_rounding};
+use crate::error::SettingsError;
+use crate::units::{LOOP_TICKS_PER_SECOND, Position, Velocity};
 
 /// Settings of the sequence.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

@@ -23,10 +23,12 @@ use super::{
     CURRENT_BITS, CurrentRequest, IdentificationError, IdentificationInputs, IdentificationOutput,
     IdentificationParameters, IdentificationState, Progress, Range, believed,
 };
-use crate::current::{CurrentReadings, PwmFrequency};
-use crate::trigonometry::high_product;
-use crate::units::divide_rounding;
-use crate::{LOOP_PERIOD_MICROSECONDS, Position, Rotation, SettingsError};
+use crate::arithmetic::division::divide_rounding;
+use crate::arithmetic::trigonometry::{Rotation, high_product};
+use crate::current::readings::CurrentReadings;
+use crate::current::settings::PwmFrequency;
+use crate::error::SettingsError;
+use crate::units::{LOOP_PERIOD_MICROSECONDS, Position};
 
 /// Settings of the sequence.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

@@ -21,9 +21,9 @@ use super::{
     CURRENT_BITS, IdentificationError, IdentificationInputs, IdentificationOutput, IdentificationParameters,
     IdentificationState, Progress, Range, believed,
 };
-use crate::settings::in_range;
-use crate::units::divide_rounding;
-use crate::{LOOP_PERIOD_MICROSECONDS, Position, SettingsError, Velocity};
+use crate::arithmetic::division::divide_rounding;
+use crate::error::{SettingsError, in_range};
+use crate::units::{LOOP_PERIOD_MICROSECONDS, Position, Velocity};
 
 /// Settings of the sequence.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

@@ -15,7 +15,7 @@
 //! With the mean voltage `v`, the current half way `i` and its change `di` in a tick `T`, an inductance has `v = R i + L di / T` without any
 //! delay, at every frequency.
 
-use crate::current::PwmFrequency;
+use crate::current::settings::PwmFrequency;
 
 /// The readings of one axis that are still needed.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

@@ -1,6 +1,6 @@
 //! Amplitude and phase of one frequency in a series of samples.
 
-use crate::Rotation;
+use crate::arithmetic::trigonometry::Rotation;
 
 /// Sum of samples, each turned back by the phase that the oscillation had at it. In 2^-15 of the unit of the samples; the amplitude is
 /// twice the sum over the number of samples.

@@ -12,9 +12,10 @@ use super::{
     CURRENT_BITS, CurrentRequest, IdentificationError, IdentificationInputs, IdentificationOutput,
     IdentificationParameters, IdentificationState, Progress, Range, believed,
 };
-use crate::current::CurrentReadings;
-use crate::units::divide_rounding;
-use crate::{CurrentFraction, Position, SettingsError};
+use crate::arithmetic::division::divide_rounding;
+use crate::current::readings::CurrentReadings;
+use crate::error::SettingsError;
+use crate::units::{CurrentFraction, Position};
 
 /// Settings of the sequence.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

@@ -1,9 +1,9 @@
 //! Velocities that the motor is to keep, with ramps between them.
 
 use super::IdentificationParameters;
-use crate::settings::in_range;
-use crate::units::divide_rounding;
-use crate::{Position, SettingsError, Velocity};
+use crate::arithmetic::division::divide_rounding;
+use crate::error::{SettingsError, in_range};
+use crate::units::{Position, Velocity};
 
 /// Velocity and ramp of a sequence that turns the motor.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -60,8 +60,8 @@ impl VelocityRamp {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::Acceleration;
-    use crate::current::PwmFrequency;
+    use crate::current::settings::PwmFrequency;
+    use crate::units::Acceleration;
 
     const PARAMETERS: IdentificationParameters = IdentificationParameters {
         peak_current: 10_000,

@@ -1,7 +1,7 @@
 //! Means of currents, voltages and speed over a fixed time.
 
 use super::{IdentificationError, IdentificationInputs};
-use crate::{Position, Velocity};
+use crate::units::{Position, Velocity};
 
 /// A window has 2^11 ticks: 256 ms.
 const BITS: u32 = 11;
@@ -133,7 +133,7 @@ const NOISE: i32 = 328;
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::current::CurrentReadings;
+    use crate::current::readings::CurrentReadings;
 
     fn inputs(tick: i64) -> IdentificationInputs {
         let late = i32::from(tick >= 1_024);

@@ -1,11 +1,13 @@
 //! An axis closed over the simulated motor, and commands for it.
 
 use plant::{Motor, ReferenceAxis};
-use servo::{
-    Acceleration, Axis, AxisOutput, AxisParameters, AxisSettings, CurrentFilterSettings, CurrentFraction, Encoder,
-    EncoderSettings, FilterSection, FrictionSettings, Interpolation, LOOP_TICKS_PER_SUPERVISION, Limiting, Modulo,
-    Position, TorqueLimits, Velocity, VelocityLimits,
+use servo::axis::{
+    Axis, AxisOutput, AxisParameters, AxisSettings, CurrentFilterSettings, FilterSection, FrictionSettings, Limiting,
+    TorqueLimits, VelocityLimits,
 };
+use servo::encoder::{Encoder, EncoderSettings};
+use servo::path::Interpolation;
+use servo::units::{Acceleration, CurrentFraction, LOOP_TICKS_PER_SUPERVISION, Modulo, Position, Velocity};
 
 /// Nanoseconds of a loop period.
 pub(crate) const PERIOD: u64 = 125_000;

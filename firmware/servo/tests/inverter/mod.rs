@@ -1,7 +1,7 @@
 //! A permanent magnet motor on an inverter, in f64, for the real current loop: samples at the peak of the period, compare values that load
 //! half a period later.
 
-use servo::Rotation;
+use servo::arithmetic::Rotation;
 use servo::current::{
     BusScale, CurrentCommand, CurrentLoop, CurrentLoopParameters, CurrentLoopSettings, PwmFrequency, SharedCommand,
     SharedReadings,

@@ -1,6 +1,6 @@
 //! Commands of a master, and their units.
 
-use servo::{Position, Velocity};
+use servo::units::{Position, Velocity};
 
 /// Positions of a master that accelerates to a speed and keeps it, one a cycle.
 pub(crate) struct Master {

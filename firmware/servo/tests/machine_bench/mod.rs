@@ -1,76 +1,62 @@
-//! The whole servo on the machine: samples and counts in, compare values out, as the tasks of the drive join them, without a ring.
+//! The whole servo on the machine: the axis, the motor side and the task of the current loop, as they are flashed, joined as the tasks of the
+//! drive join them, without a ring.
 //!
 //! ```text
 //! peak of the period      currents, bus sampled; 2.2 us later the encoder count; a cycle of the current loop
 //! bottom, 31.25 us later  its compare values act
 //! every second cycle      position and velocity loop; their order is taken by the next cycle of the current loop
-//! every eighth            bus voltage and field weakening, behind the loops
+//! every eighth            the supervision of the motor side, behind the loops
 //! ```
 
 pub(crate) mod master;
 pub(crate) mod measure;
 pub(crate) mod setup;
+mod stage;
+
+use std::cell::RefMut;
 
 use plant::Machine;
-use servo::current::{
-    BusScale, CurrentCommand, CurrentLoop, CurrentLoopSettings, FieldWeakening, FieldWeakeningSettings, MotorModel,
-    Offsets, Protection, PwmFrequency, SharedCommand, SharedReadings, Trip, WeakeningOutput,
-};
-use servo::{
-    Axis, AxisOutput, AxisSettings, BusVoltage, CommutationAngle, CurrentFraction, LOOP_TICKS_PER_SUPERVISION,
-    Limiting, Mode, Position, Rotation, TorqueLimits, TwiceReadEncoder, TwiceReadSettings, Velocity, VoltageSettings,
-};
+use servo::axis::{Axis, AxisOutput, AxisSettings, CommandedTorqueLimits, Limiting, Mode};
+use servo::current::Trip;
+use servo::encoder::{TwiceReadEncoder, TwiceReadSettings};
+use servo::identification::CurrentRequest;
+use servo::motor::{CurrentControl, CurrentLink, Motor, MotorFaults, Progress, Sequence, SequenceInputs, Surroundings};
+use servo::units::{CurrentFraction, LOOP_TICKS_PER_SUPERVISION, Position, Velocity};
 
 use setup::Setup;
+use stage::{Kind, Stage};
 
 /// Nanoseconds of a cycle of the current loop.
 pub(crate) const CYCLE: u64 = 62_500;
 /// Cycles of the current loop in a second, and ticks of the outer loops.
 pub(crate) const CYCLES_PER_SECOND: f64 = 16_000.0;
 pub(crate) const TICKS_PER_SECOND: f64 = 8_000.0;
-/// From the sample of the currents to the count of the encoder, in nanoseconds.
-const CONVERSION: u64 = 2_200;
-/// The same in 2^-16 of a tick, as the drive knows it.
-const SAMPLE_AGE: i64 = (22 << 16) / 1_250;
-const RELOAD: u16 = PwmFrequency::Khz16.reload();
-/// Cycles with the bridge off in which the current sensors find their zero.
-const CALIBRATION: u32 = 1_100;
+/// Ticks with the bridge off in which the current sensors find their zero, and those until the drive has switched on.
+const CALIBRATION: usize = 536;
+const SWITCHING_ON: usize = 14;
 
 /// A servo drive on its machine, with the commutation angle known.
 pub(crate) struct Bench {
-    pub(crate) machine: Machine,
     pub(crate) axis: Axis,
     pub(crate) encoder: TwiceReadEncoder,
-    /// Limits of the torque, before field weakening takes its part.
-    pub(crate) limits: TorqueLimits,
     /// Instant of the last sample of the currents.
     pub(crate) time: u64,
     /// Why the current loop has switched the bridge off.
     pub(crate) trip: Option<Trip>,
-    /// What the motor side stands at: field weakening, voltage.
-    pub(crate) limiting: Limiting,
-    pub(crate) current_loop: CurrentLoop,
-    readings: SharedReadings,
+    /// What the motor side has found since the start.
+    pub(crate) faults: MotorFaults,
     /// Peak current in A.
     pub(crate) peak: f64,
-    current_settings: CurrentLoopSettings,
-    protection: Protection,
-    offsets: Offsets,
-    command: CurrentCommand,
-    shared_command: SharedCommand,
-    /// Encoder counts of the last two cycles.
-    count_before: u32,
-    count: u32,
-    commutation: CommutationAngle,
-    model: Option<MotorModel>,
-    pole_pairs: i64,
-    angle_per_increment: u32,
-    voltage: VoltageSettings,
-    bus: BusVoltage,
-    bus_scale: BusScale,
-    weakening: FieldWeakening,
-    weakening_settings: FieldWeakeningSettings,
-    weakened: WeakeningOutput,
+    stage: Stage,
+    link: &'static CurrentLink,
+    task: CurrentControl<Stage>,
+    motor: Motor<Kind>,
+    setup: Setup,
+    /// What is wanted of the sequence, and how far it is.
+    wanted: Sequence,
+    progress: Progress,
+    /// Of the last tick.
+    output: AxisOutput,
     /// Loop ticks since the start.
     ticks: u32,
     /// The next cycle is the first of a tick.
@@ -99,83 +85,68 @@ pub(crate) struct Seen {
 impl Bench {
     /// A drive with the bridge on and no current, its axis in [`Mode::Off`]; a holding brake, if there is one, is engaged.
     pub(crate) fn new(setup: &Setup) -> Self {
-        let mut machine = setup.reference.machine();
-        let settings = *machine.settings();
+        let stage = Stage::new(setup.reference.machine());
+        let settings = *stage.machine().settings();
         let encoder = TwiceReadSettings::new(settings.encoder.increments_per_revolution).unwrap();
-        let mut encoder = TwiceReadEncoder::new(encoder, machine.encoder_count(0));
+        let mut encoder = TwiceReadEncoder::new(encoder, stage.machine().encoder_count(0));
         encoder.set_position(setup.start);
-        let bus = BusVoltage::new(&setup.voltage(), machine.bus_sample(0));
+        let position = encoder.position();
+        // As in the firmware it lives as long as the drive.
+        let link: &'static CurrentLink = Box::leak(Box::new(CurrentLink::new()));
+        let motor_settings = setup.motor();
+        let task = CurrentControl::new(stage.clone(), link, motor_settings.current);
         let mut bench = Self {
-            axis: Axis::new(AxisSettings::new(&setup.axis).unwrap().measured_a_quarter_tick_ago(), encoder.position()),
-            limits: TorqueLimits::symmetrical(CurrentFraction::MAX, Limiting::AMPLIFIER_PEAK),
+            axis: Axis::new(AxisSettings::new(&setup.axis).unwrap().measured_a_quarter_tick_ago(), position),
+            encoder,
             time: 0,
             trip: None,
-            limiting: Limiting::empty(),
-            current_loop: CurrentLoop::new(CurrentLoopSettings::new(&setup.current).unwrap()),
-            readings: SharedReadings::new(),
+            faults: MotorFaults::NONE,
             peak: f64::from(setup.reference.peak_current) / 1_000.0,
-            current_settings: CurrentLoopSettings::new(&setup.current).unwrap(),
-            protection: setup.protection(),
-            offsets: Offsets::default(),
-            command: CurrentCommand {
-                direct: 0,
-                quadrature: 0,
-                angle: 0,
-                count: 0,
-                angle_per_increment: 0,
-                ahead: Rotation::NONE,
-                direct_voltage: 0,
-                quadrature_voltage: 0,
-                bus: BusScale::default(),
-            },
-            shared_command: SharedCommand::new(),
-            count: machine.encoder_count(0),
-            count_before: machine.encoder_count(0),
-            commutation: setup.commutation(encoder.position()),
-            model: setup.decoupled.then(|| setup.model()),
-            pole_pairs: settings.windings.pole_pairs.into(),
-            angle_per_increment: setup.angle_per_increment(),
-            voltage: setup.voltage(),
-            bus,
-            bus_scale: BusScale::default(),
-            weakening: FieldWeakening::new(),
-            weakening_settings: setup.weakening(),
-            weakened: WeakeningOutput {
-                direct: CurrentFraction::ZERO,
-                quadrature_limit: CurrentFraction::MAX,
-                active: false,
-            },
+            stage,
+            link,
+            task,
+            motor: Motor::new(link, motor_settings),
+            setup: *setup,
+            wanted: Sequence::Off,
+            progress: Progress::default(),
+            output: AxisOutput::at_rest(position),
             ticks: 0,
             first: true,
-            encoder,
-            machine,
         };
-        bench.calibrate();
+        bench.motor.apply_settings(motor_settings, false);
+        bench.motor.set_commutation_angle(position, Some(setup.electrical_angle()));
+        bench.ticks(CALIBRATION);
+        assert!(bench.motor.measured().calibrated && bench.first);
+        bench.wanted = Sequence::Start;
+        bench.ticks(SWITCHING_ON);
+        assert!(bench.progress.released, "the drive does not switch on");
         bench
     }
 
-    fn calibrate(&mut self) {
-        for _ in 0..CALIBRATION {
-            self.time += CYCLE;
-            self.offsets.calibrate(self.machine.current_samples(self.time).map(u32::from));
-            if self.first {
-                self.count = self.machine.encoder_count(self.time + CONVERSION);
-                self.count_before = self.count;
-                let (output, _) = self.outer_tick();
-                self.order(CurrentFraction::ZERO, CurrentFraction::ZERO, output.loop_velocity);
-            }
-            self.first = !self.first;
-        }
-        assert!(self.offsets.is_calibrated() && self.first);
-        self.machine.set_bridge(true, self.time + CYCLE / 2);
+    /// The machine, as it stands at [`Bench::time`].
+    pub(crate) fn machine(&self) -> RefMut<'_, Machine> {
+        self.stage.machine()
+    }
+
+    /// Limits of the control in place of the amplifier's own, in shares of peak; the negative one below zero.
+    pub(crate) fn limit_torque(&mut self, positive: f64, negative: f64, bipolar: f64) {
+        let fraction = |value: f64| CurrentFraction::saturating_from_num(value);
+        self.motor.limit_torque(Some(&CommandedTorqueLimits {
+            positive: fraction(positive),
+            negative: fraction(negative),
+            bipolar: fraction(bipolar),
+            reversed: false,
+        }));
     }
 
     /// A tick of the outer loops: two cycles of the current loop, and the orders of the axis.
     pub(crate) fn tick(&mut self) -> Seen {
+        assert!(self.first);
         self.cycle();
-        let (output, direct) = self.outer_tick();
-        let seen = self.seen(output);
-        self.order(direct, output.current, output.loop_velocity);
+        self.loops();
+        self.command(self.output.current);
+        self.supervision();
+        let seen = self.seen();
         self.cycle();
         seen
     }
@@ -207,16 +178,30 @@ impl Bench {
     }
 
     /// A cycle of the current loop alone that takes these currents as its reference, in shares of peak; gives what flowed at its sample.
+    ///
+    /// A current along the magnet is given at the angle of this moment: to a shaft that is held fast.
     pub(crate) fn current_cycle(&mut self, [direct, quadrature]: [f64; 2]) -> [f64; 2] {
-        let share = |value: f64| (value * f64::from(1 << 26)).round() as i32;
-        self.command.direct = share(direct);
-        self.command.quadrature = share(quadrature);
+        let fraction = |value: f64| CurrentFraction::saturating_from_num(value);
+        let angle = self.motor.commutation_angle(self.encoder.position());
+        self.motor.hold(angle.filter(|_| direct != 0.0).map(|angle| {
+            (
+                angle,
+                CurrentRequest {
+                    direct: fraction(direct),
+                    quadrature: fraction(quadrature),
+                    direct_voltage: 0,
+                    quadrature_voltage: 0,
+                },
+            )
+        }));
+        self.command(fraction(quadrature));
+        let begins = self.first;
         self.cycle();
         let flowing = self.currents();
-        if !self.first {
-            let (output, _) = self.outer_tick();
-            let fraction = |value: f64| CurrentFraction::saturating_from_num(value);
-            self.order(fraction(direct), fraction(quadrature), output.loop_velocity);
+        if begins {
+            self.loops();
+            self.command(fraction(quadrature));
+            self.supervision();
         }
         flowing
     }
@@ -226,17 +211,20 @@ impl Bench {
         (0..number).map(|_| self.current_cycle(reference)).collect()
     }
 
-    /// Opens the bridge for so many cycles and closes it again, with a current loop that knows nothing of before.
-    pub(crate) fn coast(&mut self, cycles: usize) {
-        self.machine.set_bridge(false, self.time + CYCLE / 2);
-        self.current_cycles([0.0; 2], cycles);
-        self.current_loop = CurrentLoop::new(self.current_settings);
-        self.machine.set_bridge(true, self.time + CYCLE / 2);
+    /// Opens the bridge for so many ticks and closes it again, with a current loop that knows nothing of before.
+    pub(crate) fn coast(&mut self, ticks: usize) {
+        self.wanted = Sequence::Off;
+        self.ticks(ticks);
+        self.wanted = Sequence::Start;
+        while !self.stage.bridge_is_on() {
+            self.tick();
+        }
     }
 
     /// Believes the sensors to be without offset, whatever they are.
     pub(crate) fn forget_offsets(&mut self) {
-        self.offsets = Offsets::default();
+        self.task = CurrentControl::new(self.stage.clone(), self.link, self.setup.motor().current);
+        self.stage.reset();
     }
 
     /// Lets the axis follow a mode after it has seen where it is.
@@ -246,95 +234,81 @@ impl Bench {
     }
 
     /// d and q current at the last sample as shares of the peak current.
-    pub(crate) fn currents(&mut self) -> [f64; 2] {
-        let peak = self.peak;
-        self.machine.dq_currents(self.time).map(|current| current / peak)
+    pub(crate) fn currents(&self) -> [f64; 2] {
+        let (peak, at) = (self.peak, self.time);
+        self.machine().dq_currents(at).map(|current| current / peak)
     }
 
     /// One cycle of the current loop, from peak to peak.
     fn cycle(&mut self) {
         self.time += CYCLE;
-        let samples = self.machine.current_samples(self.time).map(u32::from);
-        let bus = self.machine.bus_sample(self.time);
-        let count = self.machine.encoder_count(self.time + CONVERSION);
-        let moved = count.wrapping_sub(self.count).cast_signed();
-        self.count_before = std::mem::replace(&mut self.count, count);
+        self.stage.sample_at(self.time);
+        assert_eq!(self.task.current_loop(), self.first);
         self.first = !self.first;
-        let currents = self.offsets.remove(samples);
-        self.shared_command.set(&self.command);
-        self.readings.set_phases(currents);
-        self.readings.set_angle(self.shared_command.angle_at(count));
-        self.trip = self.trip.or_else(|| self.protection.check(currents, bus.into(), moved));
-        if self.trip.is_some() {
-            self.machine.set_bridge(false, self.time + CONVERSION);
+        self.motor.measure();
+        self.trip = self.trip.or(self.motor.measured().trip);
+    }
+
+    /// What a loop tick does before its order: encoder, position and velocity loop.
+    fn loops(&mut self) {
+        let [before, now] = self.motor.take_counts();
+        let position = self.encoder.update(before, now);
+        if let Some(faults) = self.motor.watch_motion(now, self.progress.bridge) {
+            self.faults.add_all(faults);
+        }
+        self.output = self.axis.tick(position, self.motor.torque_limits());
+        self.ticks += 1;
+    }
+
+    /// The order to the current loop.
+    fn command(&mut self, current: CurrentFraction) {
+        self.motor.command(self.encoder.position(), current, self.output.loop_velocity, 0);
+    }
+
+    /// Every fourth tick: the motor side, and the sequence of switching on and off.
+    fn supervision(&mut self) {
+        if !self.ticks.is_multiple_of(LOOP_TICKS_PER_SUPERVISION) {
             return;
         }
-        let counts = self.current_loop.cycle(&self.shared_command, &self.readings);
-        let duties = counts.map(|count| f64::from(count) / f64::from(RELOAD));
-        self.machine.set_duties(duties, self.time + CYCLE / 2);
-    }
-
-    /// Bus and field weakening.
-    fn supervise(&mut self) {
         self.axis.follow_ranges();
-        let sample = self.machine.bus_sample(self.time);
-        let bus = self.bus.tick(&self.voltage, sample);
-        self.bus_scale = BusScale::new(bus.voltage.to_bits() >> 2, bus.reciprocal.of_fine_volts(), RELOAD);
-        self.weakened = self.weakening.tick(&self.weakening_settings, &self.readings.readings(), &self.bus_scale);
-        self.limiting.set(Limiting::FIELD_WEAKENING, self.weakened.active);
+        let count = self.motor.count();
+        let torque = self.progress.bridge;
+        let mut faults = self.motor.supervise(&Surroundings { torque, count, index: None });
+        let bridge_on = self.stage.bridge_is_on();
+        self.progress = self.motor.sequence(
+            &SequenceInputs {
+                wanted: self.wanted,
+                bridge_on,
+                standstill: self.output.standstill,
+                position: self.encoder.position(),
+                torque_command: self.output.current,
+                brake_contact: false,
+                blocked: false,
+                index: None,
+            },
+            &mut faults,
+        );
+        self.faults.add_all(faults);
+        self.stage.set_bridge(self.progress.bridge);
     }
 
-    /// The loops, and behind them the supervision, when it is its turn; gives what the axis wants and the flux-producing current that
-    /// weakens the field.
-    fn outer_tick(&mut self) -> (AxisOutput, CurrentFraction) {
-        let weakened = self.weakened;
-        let limits = if weakened.active {
-            self.limits.narrowed(weakened.quadrature_limit, Limiting::FIELD_WEAKENING)
-        } else {
-            self.limits
-        };
-        let measured = self.encoder.update(self.count_before, self.count);
-        let output = self.axis.tick(measured, &limits);
-        self.ticks += 1;
-        if self.ticks.is_multiple_of(LOOP_TICKS_PER_SUPERVISION) {
-            self.supervise();
-        }
-        (output, weakened.direct)
-    }
-
-    /// The order to the current loop, as the motor side of the drive makes it.
-    fn order(&mut self, direct: CurrentFraction, quadrature: CurrentFraction, velocity: Velocity) {
-        let speed = ((i64::from(velocity.to_bits()) * self.pole_pairs) >> 4) as i32;
-        let aged = ((i64::from(speed) * SAMPLE_AGE) >> 16) as i32;
-        let (direct_voltage, quadrature_voltage) =
-            self.model.map_or((0, 0), |model| model.induced(speed, direct, quadrature));
-        self.command = CurrentCommand {
-            direct: CurrentCommand::reference(direct),
-            quadrature: CurrentCommand::reference(quadrature),
-            // From the middle between the two counts to the second, and back to the sample.
-            angle: self.commutation.at(self.encoder.position()).wrapping_add(((speed >> 2) - aged).cast_unsigned()),
-            count: self.count,
-            angle_per_increment: self.angle_per_increment,
-            ahead: Rotation::by((speed / i32::from(PwmFrequency::Khz16.cycles_per_tick())).cast_unsigned()),
-            direct_voltage,
-            quadrature_voltage,
-            bus: self.bus_scale,
-        };
-    }
-
-    fn seen(&mut self, output: AxisOutput) -> Seen {
-        let at = self.time;
-        let readings = &self.readings.readings();
+    fn seen(&self) -> Seen {
+        let (at, output) = (self.time, self.output);
+        let readings = self.motor.measured().readings;
         let length = f64::from(readings.direct_voltage).hypot(f64::from(readings.quadrature_voltage));
+        let current = self.currents();
+        let longest = f64::from(self.motor.longest_voltage());
+        let limiting = output.limiting | self.motor.limiting();
+        let mut machine = self.machine();
         Seen {
             output,
-            voltage: length / f64::from(self.bus_scale.longest()),
-            velocity: self.machine.velocity(at),
-            angle: self.machine.angle(at),
-            current: self.currents(),
-            torque: self.machine.torque(at),
-            bus: self.machine.bus_voltage(at),
-            limiting: output.limiting | self.limiting,
+            voltage: length / longest,
+            velocity: machine.velocity(at),
+            angle: machine.angle(at),
+            current,
+            torque: machine.torque(at),
+            bus: machine.bus_voltage(at),
+            limiting,
         }
     }
 }

@@ -1,16 +1,27 @@
 //! Parameters of a drive for a reference axis, as a commissioning engineer finds them.
 
 use plant::ReferenceAxis;
+use servo::arithmetic::Gain;
+use servo::axis::{
+    AxisParameters, CommandedTorqueLimits, CurrentFilterSettings, FilterSection, FrictionParameters, FrictionSettings,
+    TorqueLimitParameters, TorqueLimitSettings, VelocityLimits, current_gains,
+};
+use servo::brake::{BrakeParameters, BrakeSettings};
+use servo::commutation::{AlignmentSettings, CommutationSettings};
 use servo::current::{
-    CurrentLoopParameters, FieldWeakeningParameters, FieldWeakeningSettings, MotorModel, Protection, PwmFrequency,
+    CurrentLoopParameters, CurrentLoopSettings, FieldWeakeningParameters, FieldWeakeningSettings, MotorModel,
+    Protection,
 };
-use servo::{
-    Acceleration, AxisParameters, CommutationAngle, CommutationSettings, CurrentFilterSettings, FilterSection,
-    FrictionParameters, FrictionSettings, Interpolation, Position, Velocity, VelocityLimits, VoltageParameters,
-    VoltageSettings, current_gains,
+use servo::encoder::{EncoderMonitorParameters, EncoderMonitorSettings};
+use servo::monitor::{
+    LoadParameters, LoadSettings, TemperatureParameters, TemperatureSettings, VoltageParameters, VoltageSettings,
 };
+use servo::motor::{BoardKind, CurrentSettings, MotorSettings};
+use servo::path::Interpolation;
+use servo::units::{Acceleration, CurrentFraction, Position, Velocity};
 
 use super::master::{revolutions, rpm};
+use super::stage::Kind;
 
 /// Everything that a bench is made of.
 #[derive(Clone, Copy, Debug)]
@@ -148,16 +159,100 @@ impl Setup {
         .unwrap()
     }
 
-    /// The angle of the d axis where the encoder shows `position` at time zero: in the middle of an increment, of which the drive knows the
-    /// lower edge.
-    pub(super) fn commutation(&self, position: Position) -> CommutationAngle {
+    /// Everything of the motor side.
+    pub(super) fn motor(&self) -> MotorSettings {
         let machine = &self.reference.machine;
-        let pairs = machine.windings.pole_pairs;
         let increments = machine.encoder.increments_per_revolution;
-        let settings = CommutationSettings::new(u8::try_from(pairs).unwrap(), increments).unwrap();
-        let middle = 0.5 / f64::from(increments);
-        let turns = f64::from(pairs) * (machine.encoder.electrical_zero + middle);
-        CommutationAngle::new(settings, position, (turns.rem_euclid(1.0) * 4_294_967_296.0) as u64 as u32)
+        let pole_pairs = u8::try_from(machine.windings.pole_pairs).unwrap();
+        let commutation = CommutationSettings::new(pole_pairs, increments).unwrap();
+        let peak = self.reference.peak_current;
+        let sensor = Kind::FACTS.temperature_sensor;
+        let temperature = TemperatureSettings::new(&TemperatureParameters {
+            zero_counts: sensor.zero_counts,
+            millicounts_per_kelvin: sensor.millicounts_per_kelvin,
+            lowest_sample: sensor.lowest_sample,
+            highest_sample: sensor.highest_sample,
+            warning: 1_000,
+            shutdown: 1_500,
+            filter: 2_000,
+            debounce: 200,
+        })
+        .unwrap();
+        let load = LoadSettings::new(&LoadParameters {
+            continuous_current: peak,
+            peak_current: peak,
+            amplifier_peak_current: peak,
+            time_constant: 60_000,
+            warning_level: 900,
+            shutdown_level: 1_100,
+        })
+        .unwrap();
+        MotorSettings {
+            current: CurrentSettings {
+                current_loop: CurrentLoopSettings::new(&self.current).unwrap(),
+                protection: self.protection(),
+            },
+            model: self.model(),
+            commutation,
+            angle_per_increment: self.angle_per_increment(),
+            pole_pairs: pole_pairs.into(),
+            alignment: AlignmentSettings::new(commutation, CurrentFraction::from_num(0.5)).unwrap(),
+            index_angle: None,
+            voltage: self.voltage(),
+            heat_sink: temperature,
+            winding: temperature,
+            motor_load: load,
+            amplifier_load: load,
+            encoder: EncoderMonitorSettings::new(&EncoderMonitorParameters {
+                increments_per_revolution: increments,
+                maximum_velocity: rpm(f64::from(self.reference.maximum_speed) * 1.1),
+                pole_pairs: pole_pairs.into(),
+                flux: (machine.windings.flux * 1e6).round() as u32,
+                dead_time_compensated: true,
+                index_width: None,
+            })
+            .unwrap(),
+            brake: BrakeSettings::new(&BrakeParameters {
+                fitted: false,
+                contact_fitted: false,
+                drive_on_delay: 50,
+                drive_off_delay: 50,
+                maximum_drive_off_delay: 1_000,
+                proof_current: CurrentFraction::from_num(0.1),
+                proof_tolerance: CurrentFraction::from_num(0.05),
+                proof_time: 2,
+                proof_limit: 100,
+                hold_test_time: 100,
+                hold_window: Position::from_bits(1 << 24),
+                stuck_time: 500,
+            })
+            .unwrap(),
+            has_brake: false,
+            aligns_with_open_brake: false,
+            torque_limits: TorqueLimitSettings::new(&TorqueLimitParameters {
+                commanded: CommandedTorqueLimits {
+                    positive: CurrentFraction::MAX,
+                    negative: CurrentFraction::MIN,
+                    bipolar: CurrentFraction::MAX,
+                    reversed: false,
+                },
+                motor_peak: peak,
+                amplifier_peak: peak,
+            })
+            .unwrap(),
+            weakening: self.weakening(),
+            phase_current: Gain::from_ratio(u128::from(self.current.measuring_range) * 2, peak.into()).unwrap(),
+            bus_millivolts: Gain::from_ratio(machine.bus_range as u128 * 1_000, 4_096).unwrap(),
+        }
+    }
+
+    /// The angle of the d axis where the encoder starts, at time zero: in the middle of an increment, of which the drive knows the lower
+    /// edge.
+    pub(super) fn electrical_angle(&self) -> u32 {
+        let machine = &self.reference.machine;
+        let middle = 0.5 / f64::from(machine.encoder.increments_per_revolution);
+        let turns = f64::from(machine.windings.pole_pairs) * (machine.encoder.electrical_zero + middle);
+        (turns.rem_euclid(1.0) * 4_294_967_296.0) as u64 as u32
     }
 
     pub(super) fn angle_per_increment(&self) -> u32 {
@@ -168,7 +263,7 @@ impl Setup {
 
     pub(super) fn model(&self) -> MotorModel {
         let windings = &self.reference.machine.windings;
-        let micro = |value: f64| (value * 1e6).round() as u32;
+        let micro = |value: f64| if self.decoupled { (value * 1e6).round() as u32 } else { 0 };
         MotorModel::new(
             micro(windings.inductance_d),
             micro(windings.inductance_q),
@@ -197,7 +292,7 @@ fn current_loop(reference: &ReferenceAxis, bandwidth: u32) -> CurrentLoopParamet
         (windings.resistance * 1e3).round() as u32,
         (inductance * 1e6).round() as u32,
         bandwidth,
-        PwmFrequency::Khz16,
+        Kind::FACTS.frequency,
     )
     .unwrap();
     CurrentLoopParameters {
@@ -205,8 +300,8 @@ fn current_loop(reference: &ReferenceAxis, bandwidth: u32) -> CurrentLoopParamet
         measuring_range: (machine.current_sensors.range * 1e3).round() as u32,
         proportional_gain: gains.proportional,
         integral_time: gains.integral_time,
-        frequency: PwmFrequency::Khz16,
-        dead_time: 1_000,
+        frequency: Kind::FACTS.frequency,
+        dead_time: Kind::FACTS.dead_time,
         dead_time_band: reference.peak_current / 100,
     }
 }

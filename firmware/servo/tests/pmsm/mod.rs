@@ -2,15 +2,14 @@
 
 use std::f64::consts::TAU;
 
+use servo::arithmetic::Rotation;
+use servo::axis::{Limiting, TorqueLimits, VelocityEstimate, VelocityFilter, VelocityLoop, VelocityLoopSettings};
 use servo::current::{
     BusScale, CurrentCommand, CurrentLoop, CurrentLoopParameters, CurrentLoopSettings, CurrentReadings, PwmFrequency,
     SharedCommand, SharedReadings,
 };
 use servo::identification::{CurrentRequest, IdentificationInputs};
-use servo::{
-    CurrentFraction, Limiting, Position, Rotation, TorqueLimits, Velocity, VelocityEstimate, VelocityFilter,
-    VelocityLoop, VelocityLoopSettings,
-};
+use servo::units::{CurrentFraction, Position, Velocity};
 
 /// A motor in SI units, with the drive that belongs to it.
 #[derive(Clone, Copy, Debug)]

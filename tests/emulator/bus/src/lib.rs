@@ -3,12 +3,12 @@
 //! QEMU loads this library (`-plugin`). It lays an I/O region over the peripherals and the external bus, is called before every instruction, and
 //! speaks with the emulator over a shared page ([`emulator_link`]). The product boots from its own vectors and nothing stands beside it.
 //!
-//! * [`qemu`]: QEMU's functions, found by name when the library is loaded.
-//! * [`machine`]: the emulated machine.
-//! * [`blocks`]: exactly which instruction.
-//! * [`bus`]: accesses, and the dialogue about them.
-//! * [`trace`]: what was executed, for whoever counts instructions.
-//! * [`system`], [`fault`], [`self_test`]: SysTick and NVIC, what a fault looked like, and whether this QEMU will do.
+//! * `qemu`: QEMU's functions, found by name when the library is loaded.
+//! * `machine`: the emulated machine.
+//! * `blocks`: exactly which instruction.
+//! * `bus`: accesses, and the dialogue about them.
+//! * `trace`: what was executed, for whoever counts instructions.
+//! * `system`, `fault`, `self_test`: SysTick and NVIC, what a fault looked like, and whether this QEMU will do.
 //!
 //! Why runs repeat themselves: one thread executes the product, and it stands still while the emulator works. Time is executed instructions and the
 //! waits that the emulator names. No timer of QEMU's runs: they lie under the region, and SysTick is refused. Interrupts enter within an exchange

@@ -25,7 +25,7 @@ pub(super) const PERIPHERALS: u32 = 0x4000_0000;
 /// Address lines A0 to A11 of a 16-bit bank: 8 KiB.
 pub(super) const EXTERNAL_BYTES: u32 = 0x2000;
 
-/// Timers in the order of [`EncoderCounters`].
+/// Timers in the order of `EncoderCounters`.
 pub(super) const ENCODER_COUNTERS: [u32; 5] = [TIM2, TIM3, TIM4, TIM8, TIM9];
 
 /// Clock enable of the peripheral at an address: offset of the register in RCC, bit. `None` where there is none to enable.

@@ -19,7 +19,7 @@ pub(super) const UNOPTIMISED: [(&str, &str); 2] =
 const TESTS_OF_THE_ELF: [&str; 6] = ["--package", "integration", "--package", "emulator", "--package", "xtask"];
 /// Packages of the product that have tests of their own.
 const PORTABLE: [&str; 8] =
-    ["--package", "sercos", "--package", "sercon816", "--package", "servo", "--package", "drive"];
+    ["--package", "sercos", "--package", "sercon816", "--package", "servo-axis", "--package", "drive"];
 
 /// What came of a defect.
 #[derive(Clone, Debug, PartialEq, Eq)]

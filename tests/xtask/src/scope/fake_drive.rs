@@ -3,14 +3,18 @@
 use super::channel::{ChannelError, ServiceChannel};
 use drive::DICTIONARY;
 use drive::oscilloscope::{
-    CONTROL, Configuration, CurrentLoopValues, INTERVAL, LoopValues, Oscilloscope, POINTS, SIGNALS, STATE,
-    SignalValues, TRIGGER, Task, WINDOW, sample_source,
+    CONTROL, Configuration, INTERVAL, LoopValues, Oscilloscope, POINTS, SIGNALS, STATE, SignalValues, TRIGGER, Task,
+    WINDOW, sample_source,
 };
 use drive::service::scope::{refuses_setting, signal};
 use drive::{Command, Feedback, Source};
 use sercos::Idn;
 use sercos::parameters::Parameters;
-use servo::{AxisOutput, CommandSource, CurrentFraction, Limiting, Position, Scope, Velocity};
+use servo::axis::{AxisOutput, Limiting};
+use servo::motor::CurrentLoopValues;
+use servo::path::CommandSource;
+use servo::scope::Scope;
+use servo::units::{CurrentFraction, Position, Velocity};
 use std::collections::BTreeMap;
 
 /// Ticks that every access to the service channel takes: two cycles of 2 ms.

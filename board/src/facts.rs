@@ -1,0 +1,24 @@
+//! What this board is built with, for the firmware above it.
+
+use drive::{BoardKind, Facts, TemperatureSensor};
+
+use crate::{bridge, loop_phase};
+
+/// This board.
+#[derive(Debug)]
+pub struct Kind;
+
+impl BoardKind for Kind {
+    const FACTS: Facts = Facts {
+        frequency: bridge::PWM_FREQUENCY,
+        dead_time: bridge::DEAD_TIME_NANOSECONDS,
+        loop_timer_counts: loop_phase::COUNTS,
+        // 500 counts at 0 degrees C, 10 counts a kelvin, -40 to 250 degrees C.
+        temperature_sensor: TemperatureSensor {
+            zero_counts: 500,
+            millicounts_per_kelvin: 10_000,
+            lowest_sample: 100,
+            highest_sample: 3_000,
+        },
+    };
+}

@@ -1,0 +1,210 @@
+//! All settings of an axis: from the units of the IDNs to the scaled form of the loops.
+
+use crate::arithmetic::trigonometry::high_product;
+use crate::axis::filter::CurrentFilterSettings;
+use crate::axis::friction::FrictionSettings;
+use crate::axis::limits::VelocityLimits;
+use crate::axis::position_loop::PositionLoopSettings;
+use crate::axis::velocity_estimate::VelocityFilter;
+use crate::axis::velocity_loop::VelocityLoopSettings;
+use crate::error::SettingsError;
+use crate::path::command_step::CommandLimits;
+use crate::path::limits::MotionLimits;
+use crate::path::settings::{Interpolation, InterpolatorSettings};
+use crate::units::derivatives::Jerk;
+use crate::units::modulo::Modulo;
+use crate::units::{Acceleration, Position, Velocity};
+
+/// Parameters of an axis in physical units, as the IDNs carry them.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct AxisParameters {
+    /// Loop ticks of 125 us per control unit cycle (S-0-0001), 4 ..= 520.
+    pub ticks_per_cycle: u16,
+    /// Modulo value S-0-0103, or the range of the position data where they are absolute ([`Modulo::of_all_data`]); `None`: commands are
+    /// unbounded positions.
+    pub modulo: Option<Modulo>,
+    /// Position loop Kv-factor S-0-0104 in 0.01 * 1000/min (1/6 1/s), 1 ..= 65 535.
+    pub position_gain: u16,
+    /// Velocity feed-forward in 0.01 %, 0 ..= 10 000 (10 000: without lag).
+    pub feed_forward: u16,
+    /// Velocity loop proportional gain S-0-0100 in mA s/rad at the motor (one increment of the IDN, 0.1 A s/rad, is 100).
+    pub velocity_gain: u32,
+    /// Velocity loop integral action time S-0-0101 in 0.1 ms, 0: no integral part.
+    pub integral_time: u16,
+    /// Time constant of the velocity feedback filter S-0-0392 in microseconds.
+    pub velocity_filter: u16,
+    /// Acceleration feed-forward S-0-0348 in uA s²/rad, 0: none.
+    pub acceleration_gain: u32,
+    /// Friction compensation of commanded velocities.
+    pub friction: FrictionSettings,
+    /// Filters of the current command.
+    pub filter: CurrentFilterSettings,
+    /// Amplifier peak current S-0-0110 in mA: the unit of the current command.
+    pub peak_current: u32,
+    /// Velocity limits S-0-0038, S-0-0039, S-0-0091.
+    pub velocity_limits: VelocityLimits,
+    /// Bipolar acceleration limit S-0-0138: brakes `Stopping`. Zero brakes without ramp, at the current limit.
+    pub deceleration: Acceleration,
+    /// Drive-halt acceleration S-0-0372; zero: as `deceleration`.
+    pub halt_deceleration: Acceleration,
+    /// Jerk limit S-0-0349 of `Halt` and of the velocity ramp; `None`: not limited.
+    pub jerk: Option<Jerk>,
+    /// Acceleration limits S-0-0136 and S-0-0137 of velocity commands; `None`: they are followed as they come.
+    pub velocity_ramp: Option<(Acceleration, Acceleration)>,
+    /// How position commands are joined.
+    pub interpolation: Interpolation,
+    /// Standstill window S-0-0124.
+    pub standstill_window: Velocity,
+    /// Monitoring window S-0-0159 for the deviation from the expected following error, and for the first position command; zero: not
+    /// monitored.
+    pub monitoring_window: Position,
+    /// Largest step from a position command to the next, a control unit cycle later; zero: any.
+    pub largest_step: Position,
+}
+
+/// Settings of an axis, scaled for the loops.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
+pub struct AxisSettings {
+    pub(crate) interpolator: InterpolatorSettings,
+    pub(crate) position_loop: PositionLoopSettings,
+    pub(crate) velocity_loop: VelocityLoopSettings,
+    pub(crate) velocity_filter: VelocityFilter,
+    pub(crate) velocity_limits: VelocityLimits,
+    pub(crate) deceleration: Acceleration,
+    pub(crate) friction: FrictionSettings,
+    pub(crate) filter: CurrentFilterSettings,
+    pub(crate) halt: MotionLimits,
+    pub(crate) velocity_ramp: Option<MotionLimits>,
+    pub(crate) standstill_window: Velocity,
+    /// From a velocity to what it moves from the measurement to the tick, in 2^-32.
+    pub(crate) age: i32,
+}
+
+/// Ramps of an axis, scaled: what may be exchanged while it moves, see [`crate::axis::Axis::set_movements`].
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
+pub struct AxisMovements {
+    pub(crate) deceleration: Acceleration,
+    pub(crate) halt: MotionLimits,
+    pub(crate) velocity_ramp: Option<MotionLimits>,
+}
+
+impl AxisMovements {
+    /// * `fastest`: no velocity command is faster.
+    /// * The others as in [`AxisParameters`].
+    ///
+    /// Divides.
+    ///
+    /// # Errors
+    /// Those of [`MotionLimits::new`].
+    pub fn new(
+        fastest: Velocity,
+        deceleration: Acceleration,
+        halt_deceleration: Acceleration,
+        velocity_ramp: Option<(Acceleration, Acceleration)>,
+        jerk: Option<Jerk>,
+    ) -> Result<Self, SettingsError> {
+        let deceleration = or_unlimited(deceleration);
+        let halt = match halt_deceleration.to_bits() {
+            0 => deceleration,
+            _ => halt_deceleration,
+        };
+        Ok(Self {
+            deceleration,
+            halt: MotionLimits::new(Velocity::MAX, halt, halt, jerk)?,
+            velocity_ramp: match velocity_ramp {
+                Some((up, down)) => Some(MotionLimits::new(fastest, or_unlimited(up), or_unlimited(down), jerk)?),
+                None => None,
+            },
+        })
+    }
+}
+
+/// A quarter of a tick: from 2^-36 to 2^-32 revolution, and two bits more.
+const A_QUARTER: i32 = 1 << 26;
+
+const fn or_unlimited(acceleration: Acceleration) -> Acceleration {
+    match acceleration.to_bits() {
+        0 => Acceleration::from_bits(u64::MAX),
+        _ => acceleration,
+    }
+}
+
+impl AxisSettings {
+    /// The same for positions that belong to an instant a quarter of a loop tick before the tick, see [`crate::encoder::TwiceReadEncoder`]. Without it
+    /// they belong to the tick.
+    #[must_use]
+    pub const fn measured_a_quarter_tick_ago(self) -> Self {
+        Self { age: A_QUARTER, ..self }
+    }
+
+    /// Of two velocities a tick apart, the one at the instant of the measurement.
+    #[inline]
+    pub(crate) fn as_measured(&self, before: Velocity, now: Velocity) -> Velocity {
+        // From 2^-32 to the share of a tick: four bits more.
+        let since = high_product((now - before).to_bits(), self.age << 4);
+        Velocity::from_bits(now.to_bits().wrapping_sub(since))
+    }
+
+    /// What an axis moves with this velocity from the measurement to the tick.
+    #[inline]
+    pub(crate) fn moved_since_measured(&self, velocity: Velocity) -> Position {
+        Position::from_bits(high_product(velocity.to_bits(), self.age).into())
+    }
+
+    /// Scales the parameters. Divides: call it when a parameter changes, outside the loop.
+    ///
+    /// # Errors
+    /// The first parameter that the loops cannot work with.
+    pub fn new(parameters: &AxisParameters) -> Result<Self, SettingsError> {
+        let fastest = parameters.velocity_limits.largest();
+        if fastest <= Velocity::ZERO {
+            return Err(SettingsError::Zero { parameter: "bipolar velocity limit S-0-0091" });
+        }
+        let movements = AxisMovements::new(
+            fastest,
+            parameters.deceleration,
+            parameters.halt_deceleration,
+            parameters.velocity_ramp,
+            parameters.jerk,
+        )?;
+        Ok(Self {
+            age: 0,
+            friction: parameters.friction,
+            filter: parameters.filter,
+            halt: movements.halt,
+            velocity_ramp: movements.velocity_ramp,
+            interpolator: InterpolatorSettings::new(parameters.ticks_per_cycle, parameters.modulo)?
+                .with_interpolation(parameters.interpolation)
+                .with_limits(CommandLimits::new(parameters.largest_step, parameters.monitoring_window)),
+            position_loop: PositionLoopSettings::new(
+                parameters.position_gain,
+                parameters.feed_forward,
+                parameters.monitoring_window,
+            )?,
+            velocity_loop: VelocityLoopSettings::new(
+                parameters.velocity_gain,
+                parameters.integral_time,
+                parameters.acceleration_gain,
+                parameters.peak_current,
+            )?,
+            velocity_filter: VelocityFilter::from_microseconds(parameters.velocity_filter),
+            velocity_limits: parameters.velocity_limits,
+            deceleration: movements.deceleration,
+            standstill_window: parameters.standstill_window.abs(),
+        })
+    }
+
+    /// Limits of the velocity command in force.
+    #[must_use]
+    pub const fn velocity_limits(&self) -> VelocityLimits {
+        self.velocity_limits
+    }
+
+    /// Ticks and modulo value of the command interpolation.
+    #[must_use]
+    pub const fn interpolator(&self) -> &InterpolatorSettings {
+        &self.interpolator
+    }
+}

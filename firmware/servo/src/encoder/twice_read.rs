@@ -1,0 +1,126 @@
+//! An encoder that is read twice in a loop tick: the position between the two readings, a half increment fine.
+//!
+//! A counter shows where the shaft is to within an increment, and what it hides comes back as a velocity: one increment a tick. The mean of
+//! two readings half a tick apart hides a half as much, and what it hides is different from tick to tick. It belongs to the instant in the
+//! middle between the two, a quarter of a tick before the second: whoever compares it with a set-point takes the one of that instant, see
+//! [`crate::axis::AxisSettings::measured_a_quarter_tick_ago`].
+
+use crate::encoder::{Encoder, EncoderSettings};
+use crate::error::SettingsError;
+use crate::units::Position;
+
+/// Follows the counter of an encoder by two readings a tick.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
+pub struct TwiceReadEncoder {
+    /// Counts half increments: the sum of two counts.
+    halves: Encoder,
+}
+
+/// Resolution of an encoder that is read twice, scaled.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
+pub struct TwiceReadSettings {
+    halves: EncoderSettings,
+}
+
+impl TwiceReadSettings {
+    /// An encoder with so many increments per revolution, 1 ..= 2^31 - 1.
+    ///
+    /// # Errors
+    /// [`SettingsError::Zero`] for 0, [`SettingsError::OutOfRange`] above.
+    pub fn new(increments_per_revolution: u32) -> Result<Self, SettingsError> {
+        let out_of_range = SettingsError::OutOfRange {
+            parameter: "increments per revolution",
+            actual: increments_per_revolution,
+            minimum: 1,
+            maximum: i32::MAX.unsigned_abs(),
+        };
+        let halves = increments_per_revolution.checked_mul(2).ok_or(out_of_range)?;
+        Ok(Self { halves: EncoderSettings::new(halves)? })
+    }
+}
+
+impl TwiceReadEncoder {
+    /// Starts with the counter at `count`, which is position zero.
+    #[must_use]
+    pub const fn new(settings: TwiceReadSettings, count: u32) -> Self {
+        Self { halves: Encoder::new(settings.halves, count.wrapping_mul(2)) }
+    }
+
+    /// Takes two readings of the counter and gives the position in the middle between them.
+    ///
+    /// To be called at least once in 2^30 increments of movement.
+    #[inline]
+    pub fn update(&mut self, before: u32, now: u32) -> Position {
+        self.halves.update(before.wrapping_add(now))
+    }
+
+    /// The position at the last [`TwiceReadEncoder::update`].
+    #[inline]
+    #[must_use]
+    pub fn position(&self) -> Position {
+        self.halves.position()
+    }
+
+    /// The position that belongs to a latched counter value, at most 2^30 increments before or after the last update.
+    #[inline]
+    #[must_use]
+    pub fn position_of(&self, latched_count: u32) -> Position {
+        self.halves.position_of(latched_count.wrapping_mul(2))
+    }
+
+    /// Shifts the zero so that the position at the last update reads `position` (homing, S-0-0052).
+    pub fn set_position(&mut self, position: Position) {
+        self.halves.set_position(position);
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+
+    #[test]
+    fn two_readings_of_the_same_count_are_its_position_and_two_different_ones_the_middle() {
+        let settings = TwiceReadSettings::new(1 << 20).unwrap();
+        let mut encoder = TwiceReadEncoder::new(settings, u32::MAX);
+        let increment = 1 << 12;
+        assert_eq!(encoder.update(u32::MAX, u32::MAX), Position::ZERO);
+        assert_eq!(encoder.update(u32::MAX, 0), Position::from_bits(increment / 2));
+        assert_eq!(encoder.update(2, 1), Position::from_bits(increment * 5 / 2));
+        assert_eq!(encoder.position_of(9), Position::from_bits(increment * 10));
+        encoder.set_position(Position::REVOLUTION);
+        assert_eq!(encoder.position_of(2), Position::from_bits((1 << 32) + increment / 2));
+    }
+
+    #[test]
+    fn a_resolution_whose_halves_cannot_be_counted_is_refused() {
+        assert!(TwiceReadSettings::new(0).is_err());
+        assert!(TwiceReadSettings::new(1 << 31).is_err());
+        assert!(TwiceReadSettings::new((1 << 31) - 1).is_ok());
+    }
+
+    proptest! {
+        /// The counter wraps, the sum of two readings twice as often.
+        #[test]
+        fn however_far_the_shaft_turns_a_latched_count_has_its_place(
+            start in any::<u32>(), moves in proptest::collection::vec(-(1_i64 << 28)..1 << 28, 1..50), increments in 1_u32..1 << 28,
+        ) {
+            let settings = TwiceReadSettings::new(increments).unwrap();
+            let mut encoder = TwiceReadEncoder::new(settings, start);
+            let mut place = 0_i64;
+            let count = |place: i64| start.wrapping_add(place as u32);
+            for moved in moves {
+                let middle = place + moved / 2;
+                place += moved;
+                let position = encoder.update(count(middle), count(place));
+                let exact = |halves: i128| (halves << 32).div_euclid(i128::from(increments) * 2);
+                let error = i128::from(position.to_bits()) - exact(i128::from(middle + place));
+                prop_assert!((-2..=0).contains(&error), "{}", error);
+                let error = i128::from(encoder.position_of(count(place)).to_bits()) - exact(2 * i128::from(place));
+                prop_assert!((-2..=0).contains(&error), "{}", error);
+            }
+        }
+    }
+}

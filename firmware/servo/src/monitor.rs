@@ -1,0 +1,14 @@
+//! What stands guard over motor, amplifier and travel, each part with warnings and errors of its own.
+
+pub(crate) mod bus_voltage;
+pub(crate) mod debounce;
+pub(crate) mod load;
+pub(crate) mod temperature;
+pub(crate) mod travel_range;
+
+pub use bus_voltage::{
+    BusVoltage, Duty, Reciprocal, VoltageError, VoltageOutput, VoltageParameters, VoltageSettings, Volts,
+};
+pub use load::{LoadModel, LoadOutput, LoadParameters, LoadSettings};
+pub use temperature::{Temperature, TemperatureError, TemperatureOutput, TemperatureParameters, TemperatureSettings};
+pub use travel_range::{Commanded, RangeEnd, RangeMonitor, TravelRange};

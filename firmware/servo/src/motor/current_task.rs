@@ -1,0 +1,188 @@
+//! The task of highest priority: one cycle of the current loop, with everything that must not wait for another task.
+
+use super::facts::{BoardKind, Facts};
+use super::link::{CurrentLink, CycleReport, get, set};
+use super::settings::CurrentSettings;
+use super::stage::{PowerStage, Samples};
+use crate::current::control::CurrentLoop;
+use crate::current::protection::{Offsets, Protection, Trip};
+use crate::current::shared::SharedCommand;
+
+/// The current loop of a drive: inverter, sensors and the state between two cycles.
+#[derive(Debug)]
+pub struct CurrentControl<P: 'static> {
+    stage: P,
+    link: &'static CurrentLink,
+    current_loop: CurrentLoop,
+    offsets: Offsets,
+    protection: Protection,
+    settings_read: u32,
+    orders_seen: u32,
+    count: u32,
+    control: Control,
+    was_late: bool,
+}
+
+/// What the current loop does with the bridge.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Control {
+    /// Nothing: it is off.
+    Resting,
+    /// Current as commanded.
+    Regulating,
+    /// It has switched the bridge off by itself, until the order to do so comes as well.
+    Tripped,
+}
+
+impl<P: PowerStage> CurrentControl<P> {
+    const FACTS: Facts = <P::Board as BoardKind>::FACTS;
+
+    /// A current loop at rest. `settings` are those of the drive's start; later ones come through `link`.
+    pub fn new(mut stage: P, link: &'static CurrentLink, settings: CurrentSettings) -> Self {
+        stage.switch_off();
+        let count = stage.encoder_count();
+        for first in [true, false] {
+            set(&link.report.cycle(first).count, count);
+            set(&link.report.cycle(first).count_before, count);
+        }
+        Self {
+            stage,
+            link,
+            current_loop: CurrentLoop::new(settings.current_loop),
+            offsets: Offsets::default(),
+            protection: settings.protection,
+            settings_read: link.settings.sent(),
+            orders_seen: link.order.sent(),
+            count,
+            control: Control::Resting,
+            was_late: false,
+        }
+    }
+
+    /// Task of the end of conversion, every 62.5 us (125 us at 8 kHz): samples in, compare values out.
+    ///
+    /// Contract: from the end of the conversion to the compare registers in at most 600 instructions, and before the bottom of the period,
+    /// 28 us after the samples; a cycle that is later switches the bridge off. Returns whether a loop tick begins: the control loop is to be
+    /// started.
+    #[inline]
+    #[must_use = "without a control loop the current stays what it was"]
+    pub fn current_loop(&mut self) -> bool {
+        let cycle = self.stage.begin();
+        let count = self.stage.encoder_count();
+        let before = core::mem::replace(&mut self.count, count);
+        let moved = count.wrapping_sub(before).cast_signed();
+        if cycle.late {
+            self.take_delay();
+        } else {
+            self.was_late = false;
+        }
+        let link = self.link;
+        let order = link.order.last();
+        let report = link.report.cycle(cycle.first);
+        self.stage.trim(get(&order.trim).cast_signed());
+        set(&report.count, count);
+        set(&report.count_before, before);
+        report.readings.set_angle(order.command.angle_at(count));
+        let samples = self.stage.samples();
+        set(&report.bus, samples.bus);
+        if get(&order.on) == 0 {
+            self.rest(&samples);
+        } else {
+            self.regulate(&order.command, report, &samples, moved);
+        }
+        if !cycle.first || Self::FACTS.frequency.cycles_per_tick() < 2 {
+            self.take_settings();
+            self.tell_life();
+            let [heat_sink, motor] = self.stage.temperatures();
+            set(&link.report.temperatures, heat_sink | motor << 16);
+        }
+        cycle.first
+    }
+
+    #[inline]
+    fn regulate(&mut self, command: &SharedCommand, report: &CycleReport, samples: &Samples, moved: i32) {
+        let currents = self.offsets.remove(samples.currents);
+        report.readings.set_phases(currents);
+        if self.control != Control::Regulating && !self.begin() {
+            return;
+        }
+        if let Some(trip) = self.protection.check(currents, samples.bus, moved) {
+            self.trip(trip);
+            return;
+        }
+        let counts = self.current_loop.cycle(command, &report.readings);
+        self.stage.set_compare(counts);
+    }
+
+    /// Begins to regulate, unless the bridge has been switched off for good.
+    #[cold]
+    fn begin(&mut self) -> bool {
+        if self.control == Control::Tripped {
+            return false;
+        }
+        self.control = Control::Regulating;
+        self.offsets.interrupt();
+        true
+    }
+
+    #[cold]
+    fn trip(&mut self, trip: Trip) {
+        self.control = Control::Tripped;
+        self.stage.switch_off();
+        let report = &self.link.report;
+        report.tell(&report.trip, trip.code());
+    }
+
+    fn rest(&mut self, samples: &Samples) {
+        let report = &self.link.report;
+        if self.control != Control::Resting {
+            self.control = Control::Resting;
+            report.tell(&report.trip, 0);
+            self.current_loop.reset();
+            for first in [true, false] {
+                report.cycle(first).readings.without_current();
+            }
+            self.stage.set_compare([Self::FACTS.frequency.reload() / 2; 3]);
+        }
+        self.offsets.calibrate(samples.currents);
+        let calibrated = self.offsets.is_calibrated().into();
+        if calibrated != get(&report.calibrated) {
+            report.tell(&report.calibrated, calibrated);
+        }
+    }
+
+    /// A single late cycle repeats the voltage of the one before, two in a row would be no control any more.
+    #[cold]
+    fn take_delay(&mut self) {
+        if self.was_late && self.control == Control::Regulating {
+            self.trip(Trip::Late);
+        }
+        self.was_late = true;
+        let report = &self.link.report;
+        report.tell(&report.late, get(&report.late).wrapping_add(1));
+    }
+
+    /// No order without a control loop, and no call of this without a current loop.
+    #[inline]
+    fn tell_life(&mut self) {
+        let orders = self.link.order.sent();
+        if orders != self.orders_seen {
+            self.orders_seen = orders;
+            self.stage.is_alive();
+        }
+    }
+
+    #[inline]
+    fn take_settings(&mut self) {
+        let sent = self.link.settings.sent();
+        if sent != self.settings_read {
+            self.settings_read = sent;
+            let settings = self.link.settings.last().get();
+            self.current_loop.set(settings.current_loop);
+            self.protection = settings.protection;
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests;

@@ -1,0 +1,45 @@
+//! What a board is built with. The board says it once, and the compiler knows it wherever a loop depends on it.
+
+use crate::current::settings::PwmFrequency;
+
+/// A kind of board.
+pub trait BoardKind: core::fmt::Debug + 'static {
+    /// What it is built with.
+    const FACTS: Facts;
+}
+
+/// What a board is built with.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Facts {
+    /// Rate of modulation and current loop.
+    pub frequency: PwmFrequency,
+    /// What the bridge puts between the two transistors of a phase, in ns.
+    pub dead_time: u32,
+    /// Counts of the loop timer's clock in one untrimmed loop period, see [`LOOP_PERIOD_MICROSECONDS`].
+    ///
+    /// [`LOOP_PERIOD_MICROSECONDS`]: crate::units::LOOP_PERIOD_MICROSECONDS
+    pub loop_timer_counts: u16,
+    /// The sensors on heat sink and motor.
+    pub temperature_sensor: TemperatureSensor,
+}
+
+impl Facts {
+    /// The encoder is read twice in a loop tick, and a position belongs to the instant between the two.
+    #[must_use]
+    pub const fn reads_the_encoder_twice(&self) -> bool {
+        self.frequency.cycles_per_tick() == 2
+    }
+}
+
+/// A temperature sensor with a straight characteristic, as its converter of 12 bits shows it.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct TemperatureSensor {
+    /// Counts at 0 degrees C.
+    pub zero_counts: i16,
+    /// Counts a kelvin, times 1000.
+    pub millicounts_per_kelvin: i32,
+    /// Below it the sensor is broken.
+    pub lowest_sample: u16,
+    /// Above it, too.
+    pub highest_sample: u16,
+}

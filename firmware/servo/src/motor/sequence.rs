@@ -1,0 +1,196 @@
+//! Switching on and off: commutation angle, proof of the torque, brake, in this order and back.
+
+use super::Motor;
+use super::facts::BoardKind;
+use super::fault::{MotorFault, MotorFaults};
+use crate::brake::error::BrakeError;
+use crate::brake::{BrakeInputs, BrakeRequest};
+use crate::commutation::CommutationAngle;
+use crate::commutation::alignment::{Alignment, AlignmentError, AlignmentState};
+use crate::commutation::index::IndexState;
+use crate::units::{CurrentFraction, Position};
+
+/// What the state of the drive asks of the sequence.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Sequence {
+    /// Torque on, brake open, free to move.
+    Start,
+    /// Brake closed, torque off, in order.
+    Stop,
+    /// Torque off and brake closed at once.
+    Off,
+}
+
+/// How far the sequence has come.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Progress {
+    /// The axis may move.
+    pub released: bool,
+    /// There is no torque any more, or not yet.
+    pub torque_off: bool,
+    /// The bridge is to switch.
+    pub bridge: bool,
+    /// The brake's coil is to have current.
+    pub brake: bool,
+    /// The velocity loop is to start with this current.
+    pub preload: Option<CurrentFraction>,
+    /// See [`BrakeOutput::anchor`](crate::brake::BrakeOutput::anchor).
+    pub anchor: Option<CurrentFraction>,
+}
+
+/// What the sequence needs to know of the rest of the drive.
+#[derive(Clone, Copy, Debug)]
+pub struct SequenceInputs {
+    /// What is asked of it.
+    pub wanted: Sequence,
+    /// The bridge switches.
+    pub bridge_on: bool,
+    /// The axis stands.
+    pub standstill: bool,
+    /// Where it is.
+    pub position: Position,
+    /// Torque-producing current as the loops commanded it in the last tick.
+    pub torque_command: CurrentFraction,
+    /// The contact of the brake says that it is open.
+    pub brake_contact: bool,
+    /// Motion is commanded at high torque, but nothing moves.
+    pub blocked: bool,
+    /// Position latched at an index pulse since the last tick.
+    pub index: Option<Position>,
+}
+
+impl<B: BoardKind> Motor<B> {
+    /// One step of the sequence.
+    pub fn sequence(&mut self, inputs: &SequenceInputs, faults: &mut MotorFaults) -> Progress {
+        self.correct_at_the_index(inputs.index, faults);
+        let aligning = self.align(inputs, faults);
+        let request = match inputs.wanted {
+            Sequence::Off => BrakeRequest::Immediate,
+            Sequence::Stop => BrakeRequest::Engage,
+            Sequence::Start if aligning || self.commutation.is_none() => BrakeRequest::Immediate,
+            Sequence::Start => BrakeRequest::Release,
+        };
+        self.brake_output = self.brake.tick(
+            &self.settings.brake,
+            &BrakeInputs {
+                request,
+                bridge_on: inputs.bridge_on,
+                standstill: inputs.standstill,
+                position: inputs.position,
+                torque_command: inputs.torque_command,
+                torque_current: self.measured.torque_current,
+                // A turning motor may need a field current of its own.
+                field_current: self.measured.field_current.saturating_sub(self.weakened),
+                contact_open: inputs.brake_contact,
+                blocked: inputs.blocked,
+            },
+        );
+        let output = self.brake_output;
+        if let Some(error) = output.event {
+            self.take_brake_error(error, faults);
+        }
+        let bridge = aligning || output.torque;
+        self.bridge_on = bridge;
+        Progress {
+            released: request == BrakeRequest::Release && output.finished,
+            torque_off: !bridge,
+            bridge,
+            brake: output.energise || (aligning && self.settings.has_brake),
+            // Only a brake hands a load over. Without one the last current may be that of an axis that was blocked: it would be thrown.
+            preload: output.preload.filter(|_| self.settings.has_brake),
+            anchor: output.anchor,
+        }
+    }
+
+    /// Has the commutation angle searched for when torque is wanted and the angle is not known. Returns whether that is under way.
+    fn align(&mut self, inputs: &SequenceInputs, faults: &mut MotorFaults) -> bool {
+        if inputs.wanted != Sequence::Start || self.commutation.is_some() {
+            self.alignment = None;
+            self.alignment_error = None;
+            self.aligning = None;
+            return false;
+        }
+        if !self.measured.calibrated {
+            return false;
+        }
+        if self.settings.has_brake && !self.settings.aligns_with_open_brake {
+            // Without an angle there is no torque to hold a load with, and the load may be a vertical one.
+            faults.add(MotorFault::Commutation);
+            return false;
+        }
+        if let Some(error) = self.alignment_error.take() {
+            faults.add(match error {
+                AlignmentError::NoMovement => MotorFault::AlignmentNoMovement,
+                AlignmentError::WrongDirection => MotorFault::AlignmentDirection,
+                _ => MotorFault::Alignment,
+            });
+            return false;
+        }
+        if self.alignment.is_none() {
+            self.alignment = Some(Alignment::start(self.settings.alignment, inputs.position));
+            // The bridge is on its way.
+            self.aligning = Some((0, CurrentFraction::ZERO, CurrentFraction::ZERO));
+        }
+        true
+    }
+
+    /// A search for the commutation angle is under way.
+    #[inline]
+    pub const fn is_searching(&self) -> bool {
+        self.alignment.is_some()
+    }
+
+    /// One loop tick of the search, while the bridge switches.
+    pub fn search(&mut self, position: Position) {
+        let Some(alignment) = &mut self.alignment else { return };
+        let output = alignment.tick(position);
+        match output.state {
+            AlignmentState::Running => {
+                self.aligning = Some((output.angle, output.id, output.iq));
+                return;
+            }
+            AlignmentState::Done => {
+                self.commutation = Some(CommutationAngle::new(self.settings.commutation, position, output.angle));
+                self.index_armed = true;
+            }
+            AlignmentState::Failed(error) => self.alignment_error = Some(error),
+        }
+        self.alignment = None;
+        self.aligning = None;
+    }
+
+    fn correct_at_the_index(&mut self, index: Option<Position>, faults: &mut MotorFaults) {
+        let Some(commutation) = &mut self.commutation else { return };
+        if !self.index_armed {
+            return;
+        }
+        let output = self.index.tick(index.map(|position| commutation.at(position)));
+        commutation.correct(output.correction);
+        match output.state {
+            IndexState::Waiting | IndexState::Correcting => {}
+            IndexState::Failed(_) => {
+                self.index_armed = false;
+                faults.add(MotorFault::Commutation);
+            }
+            _ => self.index_armed = false,
+        }
+    }
+
+    /// A bridge that does not answer is the amplifier's doing. What is the brake's can only be told where there is one.
+    fn take_brake_error(&mut self, error: BrakeError, faults: &mut MotorFaults) {
+        match error {
+            BrakeError::BridgeOff | BrakeError::TorqueLost => faults.add(MotorFault::Bridge),
+            _ if error.is_warning() || !self.settings.has_brake => {}
+            _ => faults.add(MotorFault::Brake),
+        }
+    }
+
+    /// How well the commutation angle is known (P-0-0119): 0 not at all, 1 aligned or given, 2 by the index.
+    pub fn commutation_state(&self) -> u16 {
+        match (&self.commutation, self.index_armed) {
+            (None, _) => 0,
+            (Some(_), true) => 1,
+            (Some(_), false) => 2,
+        }
+    }
+}

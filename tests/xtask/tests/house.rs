@@ -1,0 +1,193 @@
+//! Who may know whom: read from the code of the firmware, through re-exports.
+//!
+//! * No two files of a crate name each other, directly or around.
+//! * Inside a crate nothing is imported through the root, and each `use` says where a thing is defined.
+//! * The three crates at the bottom name no other crate of the workspace.
+//!
+//! What does not hold yet is listed, and has to leave the list when it does.
+
+#[path = "house/names.rs"]
+mod names;
+#[path = "house/source.rs"]
+mod source;
+
+use std::collections::BTreeSet;
+use std::path::Path;
+
+use names::{circles, ties};
+use source::Crate;
+
+/// A crate of the firmware.
+struct Wing {
+    name: &'static str,
+    /// Below the root of the repository.
+    folder: &'static str,
+    root: &'static str,
+    /// Files that still need each other; each circle in the order of the names.
+    circles: &'static [&'static [&'static str]],
+    /// Something is still imported by way of a module that has it from another one.
+    by_detours: bool,
+}
+
+const WINGS: [Wing; 6] = [
+    Wing { name: "sercos", folder: "firmware/sercos/src", root: "lib.rs", circles: &[], by_detours: false },
+    Wing { name: "sercon816", folder: "firmware/sercon816/src", root: "lib.rs", circles: &[], by_detours: false },
+    Wing { name: "servo", folder: "firmware/servo/src", root: "lib.rs", circles: &[], by_detours: false },
+    Wing {
+        name: "drive",
+        folder: "firmware/drive/src",
+        root: "lib.rs",
+        circles: &[&[
+            "motion.rs",
+            "motion/positioning.rs",
+            "motion/positive_stop.rs",
+            "motion/travel.rs",
+            "motion/words.rs",
+        ]],
+        by_detours: true,
+    },
+    Wing { name: "board", folder: "board/src", root: "lib.rs", circles: &[], by_detours: false },
+    Wing { name: "app", folder: "firmware/app/src", root: "main.rs", circles: &[], by_detours: false },
+];
+
+/// They can be used without the rest.
+const ALONE: [&str; 3] = ["sercos", "sercon816", "servo"];
+
+impl Wing {
+    fn read(&self) -> Crate {
+        let repository = Path::new(env!("CARGO_MANIFEST_DIR")).ancestors().nth(2).unwrap();
+        Crate::read(self.root, &|file| std::fs::read_to_string(repository.join(self.folder).join(file)).ok())
+    }
+}
+
+#[test]
+fn no_two_files_of_a_crate_need_each_other_but_those_on_the_list() {
+    let mut faults = Vec::new();
+    for wing in &WINGS {
+        let needs = wing.read().needs();
+        assert!(!needs.is_empty(), "{} has no files", wing.name);
+        let found = circles(&needs);
+        let listed: BTreeSet<Vec<String>> =
+            wing.circles.iter().map(|circle| circle.iter().map(|&file| file.into()).collect()).collect();
+        for circle in found.difference(&listed) {
+            let ties = ties(&needs, circle).join("\n    ");
+            faults.push(format!("{}: these files need each other: {circle:?}\n    {ties}", wing.name));
+        }
+        for circle in listed.difference(&found) {
+            faults.push(format!("{}: this circle is no more, take it off the list: {circle:?}", wing.name));
+        }
+    }
+    assert!(faults.is_empty(), "{}", faults.join("\n"));
+}
+
+#[test]
+fn inside_a_crate_nothing_is_imported_through_its_root() {
+    for wing in &WINGS {
+        assert_eq!(wing.read().detours(true), BTreeSet::new(), "{}", wing.name);
+    }
+}
+
+#[test]
+fn each_use_says_where_a_thing_is_defined() {
+    for wing in &WINGS {
+        let detours = wing.read().detours(false);
+        if wing.by_detours {
+            assert!(!detours.is_empty(), "{} has no detours any more, take it off the list", wing.name);
+        } else {
+            assert_eq!(detours, BTreeSet::new(), "{}", wing.name);
+        }
+    }
+}
+
+#[test]
+fn protocol_chip_and_motion_know_no_other_crate_of_the_workspace() {
+    for wing in &WINGS {
+        let others: Vec<&str> = WINGS.iter().map(|other| other.name).filter(|name| *name != wing.name).collect();
+        let named = wing.read().names_of(&others);
+        assert_eq!(named.is_empty(), ALONE.contains(&wing.name), "{} names {named:?}", wing.name);
+    }
+}
+
+/// A crate of these files; the first is its root.
+fn made_up(files: &[(&str, &str)]) -> Crate {
+    let read = |name: &str| files.iter().find(|(file, _)| *file == name).map(|(_, text)| (*text).to_owned());
+    Crate::read(files[0].0, &read)
+}
+
+fn circles_of(files: &[(&str, &str)]) -> Vec<Vec<String>> {
+    circles(&made_up(files).needs()).into_iter().collect()
+}
+
+#[test]
+fn a_circle_is_found_however_it_is_tied() {
+    let b = "pub struct B(crate::a::A);";
+    for a in [
+        "use crate::b::B; pub struct A;",
+        "pub struct A; impl A { fn f() -> crate::b::B { loop {} } }",
+        "pub struct A; use super::b; fn f(_: &b::B) {}",
+        "pub struct A; use crate::b::*; fn f(_: Option<B>) {}",
+        "pub struct A; use crate::C; fn f(_: Option<C>) {}",
+        "pub struct A; fn f() { assert!(1 == crate::b::B::SIZE); }",
+        "pub struct A; fn f(x: u8) -> bool { matches!(x, crate::b::LOW) }",
+        "pub struct A; mod inner { fn f(_: crate::b::B) {} }",
+        "pub struct A; fn f() { use crate::d::E; }",
+    ] {
+        let d = "pub use crate::b::B as E;";
+        let root = "mod a; mod b; mod d; pub use b::B as C;";
+        assert_eq!(circles_of(&[("lib.rs", root), ("a.rs", a), ("b.rs", b), ("d.rs", d)]), [["a.rs", "b.rs"]], "{a}");
+    }
+    let around = [
+        ("lib.rs", "mod a; mod b; mod c;"),
+        ("a.rs", "use crate::b::B; pub struct A;"),
+        ("b.rs", "bitflags! { pub struct B: u8 { const X = 1; } } use crate::c::C;"),
+        ("c.rs", "mod d; pub use d::C;"),
+        ("c/d.rs", "pub struct C(super::super::a::A);"),
+    ];
+    assert_eq!(circles_of(&around), [["a.rs", "b.rs", "c/d.rs"]]);
+}
+
+#[test]
+fn what_only_looks_like_a_circle_is_none() {
+    for a in [
+        "pub struct A; #[cfg(test)] mod tests { use crate::b::B; }",
+        "pub struct A; #[cfg(test)] mod tests; ",
+        "pub struct A; pub use crate::b::B;",
+        "pub struct A; impl A { #[cfg(test)] fn f(_: crate::b::B) {} }",
+        "pub struct A; fn f(b: u8) -> u8 { b }",
+        "pub struct A; /// As in [`crate::b::B`].\n fn f() {}",
+    ] {
+        let files = [
+            ("lib.rs", "mod a; mod b;"),
+            ("a.rs", a),
+            ("b.rs", "pub struct B(crate::a::A);"),
+            ("a/tests.rs", "use crate::b::B;"),
+        ];
+        assert_eq!(circles_of(&files), Vec::<Vec<String>>::new(), "{a}");
+    }
+}
+
+#[test]
+fn a_detour_is_found_and_one_through_the_root_by_itself() {
+    let files = [
+        ("lib.rs", "mod a; mod b; pub use b::c::C; pub struct Own;"),
+        (
+            "a.rs",
+            "use crate::C; use crate::b::C as D; use crate::b::c::C as E; use crate::Own; fn f(_: super::C, _: D) {}",
+        ),
+        ("b.rs", "pub mod c; pub use c::C; #[cfg(test)] mod tests { use super::C; }"),
+        ("b/c.rs", "pub struct C;"),
+    ];
+    let of = |only: bool| made_up(&files).detours(only).into_iter().collect::<Vec<_>>();
+    assert_eq!(of(true), ["a.rs: crate::C", "a.rs: super::C"]);
+    assert_eq!(of(false), ["a.rs: crate::C", "a.rs: crate::b::C", "a.rs: super::C"]);
+}
+
+#[test]
+fn another_crate_is_found_by_its_name() {
+    let files = [
+        ("lib.rs", "mod a; use drive::X; mod board { pub fn f() {} } fn g() { board::f(); }"),
+        ("a.rs", "fn f(_: servo::Y) {}"),
+    ];
+    let named = made_up(&files).names_of(&["drive", "servo", "board", "sercos"]);
+    assert_eq!(named.into_iter().collect::<Vec<_>>(), ["drive", "servo"]);
+}
