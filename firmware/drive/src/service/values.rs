@@ -16,7 +16,11 @@ use crate::signal::word::{Source, Word};
 
 /// Period of the current loop in 0.1 us.
 const fn current_loop_period(facts: &Facts) -> u16 {
-    10 * LOOP_PERIOD_MICROSECONDS / facts.frequency.cycles_per_tick() as u16
+    match (10 * LOOP_PERIOD_MICROSECONDS).checked_div(facts.frequency.cycles_per_tick() as u16) {
+        Some(period) => period,
+        // There is no tick without a cycle.
+        None => 0,
+    }
 }
 
 impl<B, H, M> Context<'_, B, M>
