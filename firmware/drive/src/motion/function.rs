@@ -248,20 +248,20 @@ mod tests {
     use crate::dictionary::procedures::Procedure;
     use crate::dictionary::{DICTIONARY, source};
     use crate::service::commissioning;
+    use crate::service::rig::FACTS;
     use crate::settings::{MotionSettings, homing};
     use sercos::parameters::Parameters;
-    use servo::current::PwmFrequency;
 
     fn start_homing(function: &mut Function) -> bool {
         let parameters = Parameters::new(&DICTIONARY);
-        let settings = MotionSettings::new(&parameters, &crate::service::rig::FACTS, source).unwrap();
+        let settings = MotionSettings::new(&parameters, &FACTS, source).unwrap();
         let (settings, limits) = homing(&parameters, &settings).unwrap();
         function.start_homing(Position::ZERO, settings, limits)
     }
 
     fn start_identification(function: &mut Function) -> bool {
-        let plan = commissioning::plan(Procedure::IdentifyInertia, &Parameters::new(&DICTIONARY), PwmFrequency::Khz16)
-            .unwrap();
+        let plan =
+            commissioning::plan(Procedure::IdentifyInertia, &Parameters::new(&DICTIONARY), FACTS.frequency).unwrap();
         function.start_identification(&plan, Position::ZERO, 0)
     }
 

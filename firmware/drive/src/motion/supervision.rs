@@ -5,6 +5,7 @@ use sercos::Phase;
 use sercos::diagnostic::{Class1, Class3};
 use servo::axis::Mode;
 use servo::monitor::Commanded;
+use servo::motor::{MotorFaults, SequenceInputs, Surroundings};
 use servo::units::{Position, Velocity};
 
 use super::Motion;
@@ -16,7 +17,6 @@ use crate::hardware::Hardware;
 use crate::operation_mode::Reaction;
 use crate::state::Conditions;
 use crate::work::Work;
-use servo::motor::{MotorFaults, SequenceInputs, Surroundings};
 
 /// Ticks of the supervision after the start in which the current sensors have found their zero.
 const CALIBRATION_TICKS: u64 = 500;
@@ -143,6 +143,7 @@ impl<B: Bus + Clone, H: Hardware> Motion<B, H> {
         }
     }
 
+    /// What the motor side has found, if anything.
     #[inline]
     fn take_faults(&mut self, faults: MotorFaults) {
         if !faults.is_empty() {
