@@ -1,7 +1,6 @@
 //! What the drive is told to do and what it does: switches, operation mode, state machine, and the bridge that follows from them.
 
 use servo::axis::Mode;
-use servo::motor::{Progress, Sequence};
 
 use super::function::Function;
 use crate::diagnosis::Manufacturer1;

@@ -3,7 +3,6 @@
 
 use sercos::diagnostic::{Class1, Class2, Class3};
 use servo::axis::{AxisOutput, Limiting};
-use servo::motor::Watched;
 use servo::units::{CurrentFraction, Velocity};
 
 use super::positioning::REACHED;
