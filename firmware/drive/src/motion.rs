@@ -44,7 +44,6 @@ mod supervision;
 mod tests;
 
 pub(crate) use homing::HomingFailure;
-pub use ring_side::CommandValues;
 
 use control_bits::ControlBits;
 use function::Function;
