@@ -44,7 +44,6 @@ mod supervision;
 mod tests;
 
 pub(crate) use homing::HomingFailure;
-pub use ring_side::CommandValues;
 
 use control_bits::ControlBits;
 use function::Function;
@@ -200,7 +199,7 @@ impl<B: Bus + Clone, H: Hardware> Motion<B, H> {
         let mut position = self.encoder.update(self.counted(before), count);
         // A counter that says what no shaft does must not wait for the supervision.
         if let Some(faults) = self.motor.watch_motion(count, self.operation.state().has_torque()) {
-            self.fail_by_jump(faults);
+            self.take_jump(faults);
         }
         let mut work = Work::empty();
         if self.accompanied {
@@ -357,7 +356,7 @@ impl<B: Bus + Clone, H: Hardware> Motion<B, H> {
 
     #[cold]
     #[inline(never)]
-    fn fail_by_jump(&mut self, faults: MotorFaults) {
+    fn take_jump(&mut self, faults: MotorFaults) {
         self.fail(faults.into());
     }
 

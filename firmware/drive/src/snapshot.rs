@@ -3,7 +3,7 @@
 use sercos::diagnostic::{Class1, Class2, Class3};
 
 use crate::diagnosis::{Manufacturer1, Manufacturer2, Manufacturer3};
-use crate::motion::CommandValues;
+use crate::signal::command::CommandValues;
 use crate::state::{Conditions, DriveState};
 
 /// Taken under one short lock, read without.

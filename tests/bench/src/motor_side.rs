@@ -76,9 +76,40 @@ struct ModulationTimer {
     /// Counts from the simulation's start to the beginning of the tick.
     tick: u64,
     clock_ppm: i64,
+    /// When the current loop runs next: asked for at every event of the world.
+    next_cycle: Nanoseconds,
 }
 
 impl ModulationTimer {
+    fn new(clock_ppm: i64) -> Self {
+        let mut timer = Self {
+            peak: 0,
+            period: PERIOD,
+            next_period: PERIOD,
+            first: false,
+            tick: 0,
+            clock_ppm,
+            next_cycle: Nanoseconds::ZERO,
+        };
+        timer.find_next_cycle();
+        timer
+    }
+
+    /// The counter has passed its peak.
+    fn pass(&mut self) {
+        self.peak += self.period;
+        self.period = self.next_period;
+        self.first = !self.first;
+        if self.first {
+            self.tick = self.peak;
+        }
+        self.find_next_cycle();
+    }
+
+    fn find_next_cycle(&mut self) {
+        self.next_cycle = self.time_of(self.peak + self.period) + CONVERSION;
+    }
+
     fn time_of(&self, counts: u64) -> Nanoseconds {
         let nominal = counts * 1_000 / TIMER_MEGAHERTZ;
         let drift = i64::try_from(nominal).unwrap_or(i64::MAX) / 1_000_000 * self.clock_ppm;
@@ -125,7 +156,7 @@ impl MotorSideState {
             phases: [0; 2],
             index_seen: 0,
             probes: [[None; 2]; 2],
-            timer: ModulationTimer { peak: 0, period: PERIOD, next_period: PERIOD, first: false, tick: 0, clock_ppm },
+            timer: ModulationTimer::new(clock_ppm),
             off: [None; 2],
             late_cycles: 0,
         }
@@ -243,21 +274,15 @@ impl MotorSideState {
     }
 
     /// When the current loop runs next.
-    pub fn next_cycle(&self) -> Nanoseconds {
-        self.timer.time_of(self.timer.peak + self.timer.period) + CONVERSION
+    pub const fn next_cycle(&self) -> Nanoseconds {
+        self.timer.next_cycle
     }
 
     /// Takes a cycle that is due.
     pub fn take_cycle(&mut self, now: Nanoseconds) -> bool {
         let due = self.next_cycle() <= now;
         if due {
-            let timer = &mut self.timer;
-            timer.peak += timer.period;
-            timer.period = timer.next_period;
-            timer.first = !timer.first;
-            if timer.first {
-                timer.tick = timer.peak;
-            }
+            self.timer.pass();
         }
         due
     }

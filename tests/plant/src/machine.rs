@@ -158,6 +158,9 @@ impl Machine {
     /// Lets time pass until `to` nanoseconds. Earlier instants than those already reached are left alone.
     pub fn advance(&mut self, to: u64) {
         loop {
+            if self.still {
+                self.timeline.skip(to);
+            }
             while let Some(nanoseconds) = self.timeline.next_without_input(to) {
                 self.pass_time(nanoseconds);
             }

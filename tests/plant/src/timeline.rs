@@ -61,6 +61,13 @@ impl<I: Copy, const GRID: u64> Timeline<I, GRID> {
         Some(nanoseconds)
     }
 
+    /// Passes all whole steps that end at `to` or earlier and before the one in which an input begins to hold.
+    pub(crate) fn skip(&mut self, to: u64) {
+        let first = self.inputs.front().map_or(u64::MAX, |(at, _)| *at);
+        let end = to.min(first.saturating_sub(1)) / GRID * GRID;
+        self.time = self.time.max(end);
+    }
+
     const fn grid_behind(&self, time: u64) -> u64 {
         (time / GRID + 1) * GRID
     }
@@ -125,6 +132,20 @@ mod tests {
         assert_eq!((timeline.next_without_input(25), timeline.time()), (None, 20));
         timeline.enter('b', 30);
         assert_eq!(timeline.next_without_input(30), None, "an input at the end of this step");
+    }
+
+    #[test]
+    fn steps_are_skipped_up_to_the_one_that_an_input_lies_in() {
+        for (input, to, expected) in
+            [(95, 57, 50), (95, 60, 60), (95, 95, 90), (95, 200, 90), (90, 200, 80), (3, 200, 0), (0, 200, 0)]
+        {
+            let mut one = Timeline::<char, 10>::new();
+            one.enter('a', input);
+            let mut other = one.clone();
+            one.skip(to);
+            while other.next_without_input(to).is_some() {}
+            assert_eq!((one.time(), other.time()), (expected, expected), "input at {input}, to {to}");
+        }
     }
 
     #[test]

@@ -26,3 +26,45 @@ pub(crate) fn run(installing: Installing) -> Result<Verdict> {
     target.args(["--", "--deny", "warnings"]);
     process::watch(&mut target)
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use std::process::{Command, Output};
+
+    /// A library of this source, compiled as `.ci/run` has it done.
+    fn compiled(source: &str, lint: &str) -> (Output, bool) {
+        let folder = tempfile::tempdir().unwrap();
+        let file = folder.path().join("lib.rs");
+        std::fs::write(&file, source).unwrap();
+        let mut command = Command::new(workspace::root().join(".ci/rustc-and-clippy"));
+        command.args([
+            "rustc",
+            "--crate-name",
+            "some",
+            "--edition=2024",
+            "--crate-type",
+            "lib",
+            "--emit=metadata,link",
+        ]);
+        command.arg(&file).arg("--out-dir").arg(folder.path()).env("LINT", lint);
+        let output = command.current_dir(folder.path()).output().unwrap();
+        (output, folder.path().join("libsome.rlib").is_file())
+    }
+
+    #[test]
+    fn what_clippy_finds_does_not_compile_in_ci_and_what_is_broken_on_purpose_does() {
+        if process::find("clippy-driver").is_none() {
+            eprintln!("clippy is not installed");
+            return;
+        }
+        let (clean, built) = compiled("pub fn same(x: u32) -> u32 { x }", "on");
+        assert!(clean.status.success() && built, "{clean:?}");
+        let found = "pub fn same(x: u32) -> u32 { return x; }";
+        let (denied, _) = compiled(found, "on");
+        let words = String::from_utf8_lossy(&denied.stderr);
+        assert!(!denied.status.success() && words.contains("needless_return"), "{words}");
+        let (let_through, built) = compiled(found, "off");
+        assert!(let_through.status.success() && built, "{let_through:?}");
+    }
+}

@@ -1,7 +1,6 @@
 //! What the drive is told to do and what it does: switches, operation mode, state machine, and the bridge that follows from them.
 
 use servo::axis::Mode;
-use servo::motor::{Progress, Sequence};
 
 use super::function::Function;
 use crate::diagnosis::Manufacturer1;
@@ -9,6 +8,7 @@ use crate::diagnosis::faults::Findings;
 use crate::hardware::{Hardware, Inputs};
 use crate::operation_mode::{OperationMode, Reaction};
 use crate::state::{Conditions, DriveState, StateMachine, Switches};
+use servo::motor::{Progress, Sequence};
 
 /// So long the two channels of safe torque off may differ, in ticks of the supervision: relays do not switch at the same instant.
 const CHANNELS_DIFFER_TICKS: u16 = 200;

@@ -10,9 +10,9 @@ use sercos::diagnostic::Class3;
 use servo::axis::{Axis, AxisOutput, Mode, Travel};
 use servo::units::{Position, Velocity};
 
-use super::ring_side::CommandValues;
 use crate::operation_mode::{Direction, OperationMode, TargetSource};
 use crate::settings::MotionSettings;
+use crate::signal::command::CommandValues;
 
 /// What is known of the drive's own movement.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]

@@ -10,7 +10,7 @@ use servo::units::{CurrentFraction, Position, Velocity};
 use crate::limits::CyclicLimits;
 use crate::operation_mode::Polarity;
 use crate::settings::MotionSettings;
-use crate::signal::command::{Command, CommandValue};
+use crate::signal::command::{Command, CommandValue, CommandValues};
 use crate::signal::feedback::Feedback;
 use crate::signal::record::{Datum, Records};
 
@@ -20,33 +20,6 @@ const LOSS_SHOWN_TICKS: u16 = 2_000;
 // Bits of [`RingSide::passed_on`]: S-0-0258 and S-0-0145.
 const TARGET: u8 = 1 << 0;
 const SIGNALS: u8 = 1 << 1;
-
-/// The cyclic command values as they came last, each in the weight of its IDN.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub struct CommandValues {
-    /// S-0-0134, the control word with its service bits.
-    pub control_word: u16,
-    /// S-0-0036.
-    pub velocity: i32,
-    /// S-0-0037.
-    pub additive_velocity: i32,
-    /// S-0-0047.
-    pub position: i32,
-    /// S-0-0048.
-    pub additive_position: i32,
-    /// S-0-0080.
-    pub torque: i16,
-    /// S-0-0081.
-    pub additive_torque: i16,
-    /// S-0-0145.
-    pub signal_control: u16,
-    /// S-0-0258.
-    pub target_position: i32,
-    /// S-0-0282.
-    pub positioning_value: i32,
-    /// S-0-0346.
-    pub positioning_control: u16,
-}
 
 impl CommandValues {
     /// S-0-0036 with S-0-0037.
@@ -286,23 +259,13 @@ impl<B: Bus + Clone> RingSide<B> {
     /// One command value, of the MDT or of the service channel. Returns whether it changes the point of the path.
     #[inline]
     pub(super) fn put_command(&mut self, command: Command, raw: u32, limits: &mut CyclicLimits) -> bool {
-        let changes = |place: &mut i32| core::mem::replace(place, raw.cast_signed()) != raw.cast_signed();
-        let long = raw.cast_signed();
-        let word = (raw & 0xFFFF) as u16;
         match command {
-            Command::Value(CommandValue::Velocity) => return changes(&mut self.commands.velocity),
-            Command::Value(CommandValue::AdditiveVelocity) => return changes(&mut self.commands.additive_velocity),
-            Command::Value(CommandValue::Position) => return changes(&mut self.commands.position),
-            Command::Value(CommandValue::AdditivePosition) => return changes(&mut self.commands.additive_position),
-            Command::Value(CommandValue::Torque) => self.commands.torque = word.cast_signed(),
-            Command::Value(CommandValue::AdditiveTorque) => self.commands.additive_torque = word.cast_signed(),
-            Command::Value(CommandValue::SignalControl) => self.commands.signal_control = word,
-            Command::Value(CommandValue::TargetPosition) => self.commands.target_position = long,
-            Command::Value(CommandValue::PositioningValue) => self.commands.positioning_value = long,
-            Command::Value(CommandValue::PositioningControl) => self.commands.positioning_control = word,
-            Command::Limit(limit) => limits.take(limit, raw),
+            Command::Value(value) => self.commands.put(value, raw),
+            Command::Limit(limit) => {
+                limits.take(limit, raw);
+                false
+            }
         }
-        false
     }
 
     /// The command values as they came last.

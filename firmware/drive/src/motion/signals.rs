@@ -75,18 +75,9 @@ impl<B: Bus + Clone, H: Hardware> Motion<B, H> {
 
     /// A command value as it is transmitted. S-0-0047 is the place where the axis is held, while homing holds it.
     pub(crate) fn command_data(&self, value: CommandValue) -> u32 {
-        let commands = self.ring.commands();
         match value {
-            CommandValue::Velocity => commands.velocity.cast_unsigned(),
-            CommandValue::AdditiveVelocity => commands.additive_velocity.cast_unsigned(),
             CommandValue::Position => self.position_command_data().cast_unsigned(),
-            CommandValue::AdditivePosition => commands.additive_position.cast_unsigned(),
-            CommandValue::Torque => commands.torque.cast_unsigned().into(),
-            CommandValue::AdditiveTorque => commands.additive_torque.cast_unsigned().into(),
-            CommandValue::SignalControl => commands.signal_control.into(),
-            CommandValue::TargetPosition => commands.target_position.cast_unsigned(),
-            CommandValue::PositioningValue => commands.positioning_value.cast_unsigned(),
-            CommandValue::PositioningControl => commands.positioning_control.into(),
+            _ => self.ring.commands().data(value),
         }
     }
 

@@ -3,7 +3,6 @@
 
 use sercos::diagnostic::{Class1, Class2, Class3};
 use servo::axis::{AxisOutput, Limiting};
-use servo::motor::Watched;
 use servo::units::{CurrentFraction, Velocity};
 
 use super::positioning::REACHED;
@@ -11,6 +10,7 @@ use crate::diagnosis::faults::Findings;
 use crate::diagnosis::{Manufacturer1, Manufacturer2, Manufacturer3};
 use crate::settings::MotionSettings;
 use crate::state::DriveState;
+use servo::motor::Watched;
 
 /// Change bits of the status word (sercos2.md 1.7).
 const CLASS_2_CHANGE: u16 = 1 << 12;

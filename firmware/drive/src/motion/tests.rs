@@ -8,9 +8,7 @@ use std::{format, fs};
 
 /// Structs that only carry values from one part to another, or out of the drive: nothing is kept in them, so that nothing can be changed
 /// behind a part's back.
-const VALUES: [&str; 6] = [
-    // Shown to the service channel and the tests as it came; the part that keeps it lends it only to be read.
-    "CommandValues",
+const VALUES: [&str; 5] = [
     // Put together by the supervision for one look of `Status`.
     "Look",
     // Results of one tick or step, acted on at once.

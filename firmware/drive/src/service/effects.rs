@@ -23,11 +23,11 @@ use super::tests::{P, S, attempts};
 use super::{checks, loops, scope};
 use crate::dictionary::DICTIONARY;
 use crate::dictionary::procedures::Procedure;
-use crate::motion::CommandValues;
 use crate::motion::identification::Plan;
 use crate::oscilloscope::{self, Configuration};
 use crate::settings::invalid::InvalidSetting;
 use crate::settings::{MotionSettings, POSITION_FEEDBACK_2_SOURCE, homing};
+use crate::signal::command::CommandValues;
 
 /// Data of the user's own, which the drive keeps and gives back.
 const KEPT_FOR_THE_USER: [(Idn, &str); 4] = [

@@ -87,17 +87,17 @@ where
     fn cancel(&mut self, procedure: Procedure) -> CommandState {
         match procedure {
             Procedure::CheckForCp3 | Procedure::CheckForCp4 => return self.give_up_check(),
-            Procedure::IdentifyWinding | Procedure::IdentifyFlux | Procedure::IdentifyInertia => {
-                if self.commissioning.identifying == Some(procedure) {
-                    self.commissioning.identifying = None;
-                    self.motion.lock(|motion| motion.cancel_identification());
-                }
+            Procedure::IdentifyWinding | Procedure::IdentifyFlux | Procedure::IdentifyInertia
+                if self.commissioning.identifying == Some(procedure) =>
+            {
+                self.commissioning.identifying = None;
+                self.motion.lock(|motion| motion.cancel_identification());
             }
             Procedure::ParkAxis => self.motion.lock(|motion| motion.park(false)),
             Procedure::Homing => self.motion.lock(|motion| motion.hold_for_homing(false)),
             Procedure::PositiveStop => self.motion.lock(Motion::cancel_positive_stop),
             Procedure::Probing => self.motion.lock(|motion| motion.set_probing(None)),
-            // Over in an instant: there is nothing left to undo.
+            // Over in an instant, or not the identification that runs: there is nothing left to undo.
             _ => {}
         }
         CommandState::Executed
