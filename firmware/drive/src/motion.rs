@@ -70,8 +70,8 @@ use crate::work::Work;
 
 /// The motor side of the drive and the cyclic half of the bus.
 ///
-/// Laid out as declared: what every loop tick touches comes first, where an instruction reaches it without an address of its own. What an instruction for two words
-/// reaches, 1 020 bytes, is the axis's.
+/// Laid out as declared: what every loop tick touches comes first, where an instruction reaches it without an address of its own. What an
+/// instruction for two words reaches, 1 020 bytes, is the axis's.
 #[repr(C)]
 #[derive(Debug)]
 pub struct Motion<B, H: Hardware> {
