@@ -8,7 +8,7 @@
 //! diagnostic words) has time constants of milliseconds and its own, slower task.
 //!
 //! What is to be known between two tasks lies in parts, each in a file of its own that nobody else may change: [`RingSide`], [`RingClock`],
-//! [`Status`], [`Operation`], [`Function`] and the smaller ones beside it. The tasks hand values from one to the other. `docs/motion-parts.md`
+//! [`Status`], [`Operation`], [`Function`] and the smaller ones beside it. The tasks hand values from one to the other. `docs/design.md`
 //! says what each part owns.
 
 use sercon816::Bus;
