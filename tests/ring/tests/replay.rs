@@ -87,7 +87,7 @@ fn brings_four_drives_to_cp4(known: &Known, recording: Recording) {
         assert_eq!(drive.written.get(&Idn(16)), Some(&vec![6, 6, 11, 51, 0x8013]));
         assert_eq!((drive.missed_ats, drive.double_losses, drive.ats_at_wrong_time), (0, 0, 0));
         // 11 communication parameters and three procedure commands.
-        assert_eq!((drive.written.len() as u64, drive.read_back as u64), (known.written, known.written));
+        assert_eq!((drive.written.len() as u64, drive.read_back), (known.written, known.written));
         assert_eq!(drive.slowest_step(), 1);
     }
 }
