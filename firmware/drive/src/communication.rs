@@ -11,12 +11,12 @@ use sercos::service::{Progress, Reply, Server, Step};
 use sercos::transition::OPERATION_MODES;
 use sercos::{Idn, Phase, PhaseMachine};
 
-use crate::announcement::Announcement;
 use crate::crash::{CrashRecord, LastCrash};
-use crate::diagnosis::of_phase_error;
+use crate::diagnosis::error_memory::{ErrorMemory, ErrorRecord, seconds};
+use crate::diagnosis::news::Announcement;
+use crate::diagnosis::table::of_phase_error;
 use crate::dictionary::DICTIONARY;
 use crate::dictionary::procedures::Procedure;
-use crate::error_memory::{ErrorMemory, ErrorRecord, seconds};
 use crate::hardware::Hardware;
 use crate::identity::Identity;
 use crate::interrupts::Interrupts;

@@ -5,7 +5,7 @@
 
 use core::fmt;
 
-use crate::diagnosis::{
+use crate::diagnosis::table::{
     CLOCK_FAILED, CONTROL_STOPPED, Diagnosis, FIRMWARE_FAULT, FIRMWARE_PANIC, STACK_OVERFLOW, WATCHDOG_RESET,
 };
 

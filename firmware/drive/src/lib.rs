@@ -25,13 +25,11 @@
 #[cfg(test)]
 extern crate std;
 
-mod announcement;
 mod communication;
 mod coordinates;
 pub mod crash;
 mod diagnosis;
 pub mod dictionary;
-mod error_memory;
 mod feedback;
 mod hardware;
 mod identity;
@@ -48,12 +46,10 @@ mod state;
 mod work;
 
 pub use communication::{Communication, PhaseReport, StartError};
-pub use diagnosis::{
-    Circumstances, DIAGNOSES, Diagnosis, Manufacturer1, Manufacturer2, Manufacturer3, Severity, diagnose,
-    of_phase_error,
-};
+pub use diagnosis::error_memory::{ERRORS, ErrorMemory, ErrorRecord};
+pub use diagnosis::table::{DIAGNOSES, Diagnosis, Severity, diagnose, of_phase_error};
+pub use diagnosis::words::{Circumstances, Manufacturer1, Manufacturer2, Manufacturer3};
 pub use dictionary::DICTIONARY;
-pub use error_memory::{ERRORS, ErrorMemory, ErrorRecord};
 pub use hardware::{Hardware, Inputs, InterruptLine, LOOP_PERIOD_MICROSECONDS, ProbeInput, ResetCause};
 pub use identity::{DriveAddress, Identity};
 pub use interrupts::Interrupts;

@@ -56,8 +56,8 @@ use ring_clock::{ClockMonitor, RingClock};
 use ring_side::{Cycle, RingSide};
 use status::Status;
 
-use crate::diagnosis::Manufacturer1;
 use crate::diagnosis::faults::Findings;
+use crate::diagnosis::words::Manufacturer1;
 use crate::feedback::ShownValues;
 use crate::hardware::{Hardware, Inputs, InterruptLine};
 use crate::limits::CyclicLimits;

@@ -2,7 +2,7 @@
 
 use sercos::diagnostic::{Class1, Class2, Class3};
 
-use crate::diagnosis::{Manufacturer1, Manufacturer2, Manufacturer3};
+use crate::diagnosis::words::{Manufacturer1, Manufacturer2, Manufacturer3};
 use crate::signal::command::CommandValues;
 use crate::state::{Conditions, DriveState};
 

@@ -68,6 +68,27 @@ fn no_two_files_of_a_crate_need_each_other_but_those_on_the_list() {
     assert!(faults.is_empty(), "{}", faults.join("\n"));
 }
 
+/// What the tasks of the loops and the interrupt lines need, through whatever lies between.
+#[test]
+fn the_hot_half_of_the_drive_knows_neither_dictionary_nor_service_channel_nor_texts() {
+    let drive = WINGS.iter().find(|wing| wing.name == "drive").unwrap();
+    let needs = drive.read().needs();
+    let is_hot = |file: &&String| file.starts_with("motion") || *file == "interrupts.rs";
+    let mut reached: BTreeSet<&String> = needs.keys().filter(is_hot).collect();
+    loop {
+        let below: BTreeSet<&String> =
+            reached.iter().filter_map(|file| needs.get(*file)).flat_map(|of| of.keys()).collect();
+        if below.is_subset(&reached) {
+            break;
+        }
+        reached.extend(below);
+    }
+    assert!(reached.len() > 30 && reached.iter().any(|file| *file == "settings.rs"), "{reached:?}");
+    let cold = ["dictionary", "service", "diagnosis/table", "diagnosis/news", "communication"];
+    let known: Vec<_> = reached.iter().filter(|file| cold.iter().any(|part| file.starts_with(part))).collect();
+    assert!(known.is_empty(), "the hot half needs {known:?}");
+}
+
 #[test]
 fn inside_a_crate_nothing_is_imported_through_its_root() {
     for wing in &WINGS {

@@ -3,7 +3,7 @@
 use sercos::diagnostic::Class1;
 use servo::motor::{FaultReaction, MotorFault, MotorFaults};
 
-use super::Manufacturer1;
+use super::words::Manufacturer1;
 
 /// What a look has found.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]

@@ -3,8 +3,8 @@
 use servo::axis::Mode;
 
 use super::function::Function;
-use crate::diagnosis::Manufacturer1;
 use crate::diagnosis::faults::Findings;
+use crate::diagnosis::words::Manufacturer1;
 use crate::hardware::{Hardware, Inputs};
 use crate::operation_mode::{OperationMode, Reaction};
 use crate::state::{Conditions, DriveState, StateMachine, Switches};

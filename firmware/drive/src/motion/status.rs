@@ -7,7 +7,7 @@ use servo::units::{CurrentFraction, Velocity};
 
 use super::positioning::REACHED;
 use crate::diagnosis::faults::Findings;
-use crate::diagnosis::{Manufacturer1, Manufacturer2, Manufacturer3};
+use crate::diagnosis::words::{Manufacturer1, Manufacturer2, Manufacturer3};
 use crate::settings::MotionSettings;
 use crate::state::DriveState;
 use servo::motor::Watched;

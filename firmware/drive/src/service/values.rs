@@ -6,9 +6,9 @@ use sercos::parameters::Parameters;
 use servo::motor::{BoardKind, Facts};
 
 use super::context::Context;
+use crate::diagnosis::error_memory::seconds;
 use crate::dictionary::access::Access;
 use crate::dictionary::numbers::Number;
-use crate::error_memory::seconds;
 use crate::hardware::Hardware;
 use crate::motion::Motion;
 use crate::signal::feedback::{Feedback, FeedbackValue};

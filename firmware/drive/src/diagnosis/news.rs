@@ -5,7 +5,8 @@
 
 use sercos::diagnostic::Class1;
 
-use crate::diagnosis::{Circumstances, Diagnosis, Manufacturer1, diagnose, drive_errors};
+use crate::diagnosis::table::{Diagnosis, diagnose, drive_errors};
+use crate::diagnosis::words::{Circumstances, Manufacturer1};
 
 /// What has been announced.
 #[derive(Debug, Default)]
@@ -52,7 +53,7 @@ impl News {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::diagnosis::{Manufacturer2, Manufacturer3};
+    use crate::diagnosis::words::{Manufacturer2, Manufacturer3};
     use crate::state::DriveState;
     use sercos::Phase;
     use sercos::diagnostic::Class2;
