@@ -20,7 +20,7 @@ use stm32f4xx_hal::{
     rcc::{Enable, Rcc},
 };
 
-/// Position now, as [`Encoder::count`]: for the counters that stand beside this one, see [`crate::marks`].
+/// Position now, as [`Encoder::count`]: for the counters that stand beside this one, see [`crate::edge_latches`].
 #[inline(always)]
 pub(crate) fn count() -> u32 {
     // SAFETY: reading TIM2_CNT has no side effect, and nobody writes it after set-up.

@@ -12,7 +12,7 @@
 //! | [`interrupt_pins`] | EXTI | INT0 and INT1 of the SERCON816 |
 //! | [`edge_time`] | TIM9 | when INT0 and INT1 had their edges |
 //! | [`encoder`] | TIM2 | position, latched in hardware by INT0 and INT1 |
-//! | [`marks`] | TIM3, TIM4, TIM8 | position, latched in hardware by the index and two probes |
+//! | [`edge_latches`] | TIM3, TIM4, TIM8 | position, latched in hardware by the index and two probes |
 //! | [`bridge`], [`dead_time`] | TIM1 | PWM of the three half-bridges, trimmed to the ring; break; trigger of the converters |
 //! | [`current_sense`] | ADC1, ADC2, ADC3 | phase currents, DC link voltage, temperatures; the interrupt of the current loop |
 //! | [`loop_phase`] | TIM9 against TIM1 | where in the tick of the control loops an edge of INT0 or INT1 came |
@@ -45,6 +45,7 @@ pub mod clocks;
 pub mod crash;
 pub mod current_sense;
 pub mod dead_time;
+pub mod edge_latches;
 pub mod edge_time;
 pub mod encoder;
 mod facts;
@@ -54,7 +55,6 @@ pub mod interrupt_pins;
 mod inverter;
 pub mod loop_phase;
 mod loop_watchdog;
-pub mod marks;
 mod motor_side;
 pub mod pins;
 pub mod stack_guard;
@@ -108,7 +108,7 @@ impl Board {
         let (int0, int1) = interrupt_pins::set_up(&peripherals.EXTI, &peripherals.SYSCFG, &mut rcc);
         let timestamp = timestamp::Timestamp::new(&peripherals.TIM5, &mut rcc);
         let encoder = encoder::Encoder::new(peripherals.TIM2, &mut rcc);
-        let marks = marks::Marks::new((peripherals.TIM3, peripherals.TIM4, peripherals.TIM8), &mut rcc);
+        let marks = edge_latches::EdgeLatches::new((peripherals.TIM3, peripherals.TIM4, peripherals.TIM8), &mut rcc);
         let edge_time = edge_time::EdgeTime::new(peripherals.TIM9, &mut rcc);
         let current_sense = current_sense::CurrentSense::new(
             (peripherals.ADC1, peripherals.ADC2, peripherals.ADC3),

@@ -5,18 +5,18 @@ use drive::{Hardware, Inputs, InterruptLine, ProbeInput, ResetCause};
 use crate::{
     brake_coil::BrakeCoil,
     bridge::Bridge,
+    edge_latches::{Edge, EdgeLatches},
     encoder::Encoder,
     facts::Kind,
     inputs, interrupt_pins,
     loop_phase::LoopPhase,
-    marks::{Edge, Marks},
 };
 
 /// Encoder, marks, phase of the tick, digital inputs, and the switches of bridge and brake.
 #[derive(Debug)]
 pub struct MotorSide {
     pub(crate) encoder: Encoder,
-    pub(crate) marks: Marks,
+    pub(crate) marks: EdgeLatches,
     pub(crate) loop_phase: LoopPhase,
     pub(crate) bridge: Bridge,
     pub(crate) brake_coil: BrakeCoil,

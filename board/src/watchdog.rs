@@ -3,13 +3,13 @@
 //! The bridge is off and the brake holds through a reset and after it (see [`crate::pins`]), and the SERCON816 is reset with us, so a hung drive
 //! leaves the ring and lets the motor coast within the period of the watchdog.
 //!
-//! What it is fed on ([`Progress`]): `idle` runs, so no task hangs or storms; the control loop has ticked, which every second current loop starts; the
+//! What it is fed on ([`CheckIn`]): `idle` runs, so no task hangs or storms; the control loop has ticked, which every second current loop starts; the
 //! supervision has run; and no task that was started is still waiting to begin, which would mean that its interrupt was lost. Which of them kept it from
 //! being fed is left for the record of the reset ([`crate::crash`]).
 
 use core::sync::atomic::{AtomicBool, AtomicU8, AtomicU32, Ordering};
 
-use drive::{ResetCause, Work};
+use drive::{ResetCause, Tasks};
 use stm32f4xx_hal::{pac, rcc::Rcc};
 
 use crate::{crash, loop_watchdog};
@@ -22,13 +22,13 @@ const TICKS_PER_FEEDING: u32 = 64;
 
 /// What the tasks report and `idle` judges; one static of the application.
 #[derive(Debug)]
-pub struct Progress {
+pub struct CheckIn {
     ticks: AtomicU32,
     started: AtomicU8,
     supervised: AtomicBool,
 }
 
-impl Progress {
+impl CheckIn {
     /// Nothing done, nothing asked for.
     #[must_use]
     pub const fn new() -> Self {
@@ -63,12 +63,12 @@ impl Progress {
 
     /// Tasks that have not begun, or that should have run and did not.
     fn silent(&self) -> u8 {
-        let supervision = if self.supervised.load(Ordering::Relaxed) { 0 } else { Work::SUPERVISION.bits() };
+        let supervision = if self.supervised.load(Ordering::Relaxed) { 0 } else { Tasks::SUPERVISION.bits() };
         self.started.load(Ordering::Relaxed) | supervision
     }
 }
 
-impl Default for Progress {
+impl Default for CheckIn {
     fn default() -> Self {
         Self::new()
     }
@@ -116,7 +116,7 @@ impl Watchdog {
     /// Feeds the watchdog when it is time and the tasks made progress. For `idle`, at every wake-up.
     ///
     /// Returns whether it was: about every 8 ms in a drive that is well, with or without a watchdog running.
-    pub fn feed(&mut self, progress: &Progress) -> bool {
+    pub fn feed(&mut self, progress: &CheckIn) -> bool {
         let ticks = progress.ticks.load(Ordering::Relaxed);
         let due = ticks.wrapping_sub(self.fed_at) >= TICKS_PER_FEEDING;
         let silent = progress.silent();

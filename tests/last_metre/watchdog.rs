@@ -20,7 +20,7 @@ const OF_THE_CYCLE: [(&str, &str); 7] = [
     ("CAN1_TX", "command_valid"),
     ("CAN1_RX0", "capture_feedback"),
 ];
-/// Those that another task starts, with their bits in `drive::Work`.
+/// Those that another task starts, with their bits in `drive::Tasks`.
 const STARTED: [(&str, u8); 5] = [("CAN1_TX", 1), ("CAN1_RX0", 2), ("CAN1_RX1", 4), ("CAN1_SCE", 8), ("CAN2_RX0", 32)];
 
 /// Runs until the reset: what was entered and which reset, and the line in which the start tells of it.

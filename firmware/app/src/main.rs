@@ -36,23 +36,23 @@ mod app {
     use board::fsmc::SercosBus;
     use board::interrupt_pins::InterruptPin;
     use board::pac::Interrupt;
-    use board::watchdog::{Progress, Watchdog};
+    use board::watchdog::{CheckIn, Watchdog};
     use board::{Inverter, MotorSide, chip_control, switches};
     use drive::crash::{CrashRecord, MOST_CRASHES_IN_A_ROW};
     use drive::{Communication, CurrentControl, CurrentLink, Drive, DriveAddress};
-    use drive::{Identity, Interrupts, Motion, Scope, Work};
+    use drive::{Identity, Motion, RingInterrupts, Scope, Tasks};
 
     /// After 10 s (feedings are 8 ms apart) crashes until here are none in a row with one that comes.
     const FEEDINGS_UNTIL_WELL: u16 = 1_250;
 
     /// What the tasks report to the watchdog.
-    static PROGRESS: Progress = Progress::new();
+    static CHECK_IN: CheckIn = CheckIn::new();
     /// Between the current loop and the tasks of the loop tick.
     static LINK: CurrentLink = CurrentLink::new();
 
     #[shared]
     struct Shared {
-        interrupts: Interrupts<SercosBus>,
+        interrupts: RingInterrupts<SercosBus>,
         motion: Motion<SercosBus, MotorSide>,
         /// Its two users have the same priority, so neither can find it in the hands of the other.
         #[lock_free]
@@ -119,7 +119,7 @@ mod app {
         let mut class_1 = None;
         let mut feedings = 0_u16;
         loop {
-            if context.local.watchdog.feed(&PROGRESS) {
+            if context.local.watchdog.feed(&CHECK_IN) {
                 feedings = feedings.saturating_add(1);
                 if feedings == FEEDINGS_UNTIL_WELL {
                     board::crash::well();
@@ -174,7 +174,7 @@ mod app {
     /// Contract: 15 us from the chip's interrupt to the command in force with the slowest bus timing; 5 to 8 bus accesses.
     #[task(binds = CAN1_TX, priority = 4, shared = [motion])]
     fn command_valid(mut context: command_valid::Context) {
-        PROGRESS.begun(Work::COMMAND_VALID.bits());
+        CHECK_IN.begun(Tasks::COMMAND_VALID.bits());
         start(context.shared.motion.lock(Motion::command_valid));
     }
 
@@ -183,7 +183,7 @@ mod app {
     /// Contract: 30 us from the chip's interrupt (t5, S-0-0005), t3 in between; 2 to 18 bus accesses. The sample itself has no jitter, whenever this runs.
     #[task(binds = CAN1_RX0, priority = 4, shared = [motion])]
     fn capture_feedback(mut context: capture_feedback::Context) {
-        PROGRESS.begun(Work::CAPTURE_FEEDBACK.bits());
+        CHECK_IN.begun(Tasks::CAPTURE_FEEDBACK.bits());
         context.shared.motion.lock(Motion::capture_feedback);
     }
 
@@ -195,7 +195,7 @@ mod app {
     #[task(binds = CAN2_TX, priority = 4, local = [polls: bool = true], shared = [interrupts, motion])]
     fn control_loop(context: control_loop::Context) {
         let control_loop::SharedResources { mut interrupts, mut motion, .. } = context.shared;
-        PROGRESS.tick();
+        CHECK_IN.tick();
         let mut work = motion.lock(Motion::control_loop);
         if *context.local.polls {
             work |= (&mut interrupts, &mut motion).lock(|interrupts, motion| interrupts.poll(motion));
@@ -210,8 +210,8 @@ mod app {
     /// loop or the hardware.
     #[task(binds = CAN2_RX0, priority = 4, shared = [motion])]
     fn supervision(mut context: supervision::Context) {
-        PROGRESS.begun(Work::SUPERVISION.bits());
-        PROGRESS.supervised();
+        CHECK_IN.begun(Tasks::SUPERVISION.bits());
+        CHECK_IN.supervised();
         start(context.shared.motion.lock(Motion::supervise));
     }
 
@@ -221,7 +221,7 @@ mod app {
     /// handed over.
     #[task(binds = CAN1_RX1, priority = 2, shared = [interrupts, motion, communication])]
     fn phase_change(mut context: phase_change::Context) {
-        PROGRESS.begun(Work::PHASE_CHANGE.bits());
+        CHECK_IN.begun(Tasks::PHASE_CHANGE.bits());
         let shared = &mut context.shared;
         if let Some(report) = shared.communication.phase_change(&mut shared.interrupts, &mut shared.motion) {
             defmt::info!("{}", report);
@@ -234,23 +234,23 @@ mod app {
     /// cycle is not touched. Then, and when the motion side has news, diagnosis and error memory are brought up to date.
     #[task(binds = CAN1_SCE, priority = 2, shared = [motion, communication])]
     fn service_channel(mut context: service_channel::Context) {
-        PROGRESS.begun(Work::SERVICE_CHANNEL.bits());
+        CHECK_IN.begun(Tasks::SERVICE_CHANNEL.bits());
         let shared = &mut context.shared;
         shared.communication.service_channel(&mut shared.motion);
     }
 
     /// Sets the vectors of the tasks pending.
-    fn start(work: Work) {
+    fn start(work: Tasks) {
         if work.is_empty() {
             return;
         }
-        PROGRESS.started(work.bits());
+        CHECK_IN.started(work.bits());
         for (task, vector) in [
-            (Work::COMMAND_VALID, Interrupt::CAN1_TX),
-            (Work::CAPTURE_FEEDBACK, Interrupt::CAN1_RX0),
-            (Work::SUPERVISION, Interrupt::CAN2_RX0),
-            (Work::PHASE_CHANGE, Interrupt::CAN1_RX1),
-            (Work::SERVICE_CHANNEL, Interrupt::CAN1_SCE),
+            (Tasks::COMMAND_VALID, Interrupt::CAN1_TX),
+            (Tasks::CAPTURE_FEEDBACK, Interrupt::CAN1_RX0),
+            (Tasks::SUPERVISION, Interrupt::CAN2_RX0),
+            (Tasks::PHASE_CHANGE, Interrupt::CAN1_RX1),
+            (Tasks::SERVICE_CHANNEL, Interrupt::CAN1_SCE),
         ] {
             if work.contains(task) {
                 rtic::pend(vector);

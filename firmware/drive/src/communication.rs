@@ -7,7 +7,7 @@ use sercon816::{Block, Boundary, Bus, Configuration, InitialiseError, ServiceAns
 use sercos::command::CommandState;
 use sercos::parameters::Parameters;
 use sercos::phase::{PhaseChange, PhaseError};
-use sercos::service::{Progress, Reply, Server, Step};
+use sercos::service::{ReadPosition, Reply, Server, Step};
 use sercos::transition::OPERATION_MODES;
 use sercos::{Idn, Phase, PhaseMachine};
 
@@ -19,7 +19,7 @@ use crate::dictionary::DICTIONARY;
 use crate::dictionary::procedures::Procedure;
 use crate::hardware::Hardware;
 use crate::identity::Identity;
-use crate::interrupts::Interrupts;
+use crate::interrupts::RingInterrupts;
 use crate::motion::Motion;
 use crate::service::access::Access;
 use crate::service::commissioning::Commissioning;
@@ -107,7 +107,7 @@ impl<B: Bus + Clone> Communication<B> {
     /// [`StartError`]; the drive then stays out of the ring: its repeater may be on, but it never answers.
     pub fn start<H: Hardware>(
         &mut self,
-        interrupts: &mut Interrupts<B>,
+        interrupts: &mut RingInterrupts<B>,
         motion: &mut Motion<B, H>,
     ) -> Result<(), StartError> {
         let configuration = Configuration {
@@ -146,7 +146,7 @@ impl<B: Bus + Clone> Communication<B> {
     /// Contract: at most 50 us from the MST at 168 MHz; the first AT of CP3 may miss its t1, one is allowed (sercos2.md 2.4).
     pub fn phase_change<H: Hardware>(
         &mut self,
-        interrupts: &mut impl Mutex<T = Interrupts<B>>,
+        interrupts: &mut impl Mutex<T = RingInterrupts<B>>,
         motion: &mut impl Mutex<T = Motion<B, H>>,
     ) -> Option<PhaseReport> {
         let from = self.phases.current();
@@ -260,7 +260,7 @@ impl<B: Bus + Clone> Communication<B> {
     fn enter<H: Hardware>(
         &mut self,
         phase: Phase,
-        interrupts: &mut impl Mutex<T = Interrupts<B>>,
+        interrupts: &mut impl Mutex<T = RingInterrupts<B>>,
         motion: &mut impl Mutex<T = Motion<B, H>>,
     ) {
         if phase == Phase::Cp3 {
@@ -312,11 +312,11 @@ fn protocol_step(step: &ServiceStep) -> Step {
         end: step.end,
         info: step.info,
         new_transfer: step.new_transfer,
-        progress: match step.boundary {
-            Boundary::None => Progress::Within,
-            Boundary::EndInside => Progress::NotLast,
-            Boundary::SegmentSent => Progress::TookLast,
-            Boundary::SegmentExhausted => Progress::Exhausted,
+        position: match step.boundary {
+            Boundary::None => ReadPosition::Within,
+            Boundary::EndInside => ReadPosition::NotLast,
+            Boundary::SegmentSent => ReadPosition::TookLast,
+            Boundary::SegmentExhausted => ReadPosition::Exhausted,
         },
     }
 }

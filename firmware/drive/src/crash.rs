@@ -93,7 +93,7 @@ pub struct CrashRecord {
     pub registers: [u32; 13],
     /// CFSR, HFSR, MMFAR, BFAR: what kind of fault, and at which address.
     pub status: [u32; 4],
-    /// Line of a panic; for the watchdog the tasks that were started and had not begun (bits of [`crate::Work`]).
+    /// Line of a panic; for the watchdog the tasks that were started and had not begun (bits of [`crate::Tasks`]).
     pub detail: u32,
     /// End of the name of the file of a panic, zeros behind it.
     pub file: [u8; FILE_BYTES],

@@ -6,7 +6,7 @@ use sercos::Phase;
 
 use crate::hardware::{Hardware, InterruptLine, LOOP_PERIOD_MICROSECONDS};
 use crate::motion::Motion;
-use crate::work::Work;
+use crate::tasks::Tasks;
 
 /// No MST carries this byte: the first one received is a change.
 const NO_PHASE: u8 = 0xFF;
@@ -14,9 +14,9 @@ const NO_PHASE: u8 = 0xFF;
 /// Reads and acknowledges the chip's interrupts and sorts them into tasks.
 ///
 /// Both lines are served alike, because which source drives which line is one of the chip's unknowns (G5). Until the chip
-/// has shown which timer raises which bit (G4, G11), [`Interrupts::poll`] looks at it in every loop tick as well.
+/// has shown which timer raises which bit (G4, G11), [`RingInterrupts::poll`] looks at it in every loop tick as well.
 #[derive(Debug)]
-pub struct Interrupts<B> {
+pub struct RingInterrupts<B> {
     chip: sercon816::Interrupts<B>,
     bus: B,
     discovery: Discovery,
@@ -30,7 +30,7 @@ pub struct Interrupts<B> {
     common_line: Option<InterruptLine>,
 }
 
-impl<B: Bus + Clone> Interrupts<B> {
+impl<B: Bus + Clone> RingInterrupts<B> {
     /// A handler that knows nothing of the chip yet.
     pub fn new(bus: B) -> Self {
         Self {
@@ -57,7 +57,7 @@ impl<B: Bus + Clone> Interrupts<B> {
     /// The latch comes first, because acknowledging makes another edge on the line. That one starts the task once more, which finds nothing.
     /// 3 to 8 bus accesses once the chip is learned, up to 17 before.
     #[inline]
-    pub fn take<H: Hardware>(&mut self, line: InterruptLine, motion: &mut Motion<B, H>) -> Work {
+    pub fn take<H: Hardware>(&mut self, line: InterruptLine, motion: &mut Motion<B, H>) -> Tasks {
         self.interrupted = true;
         let common_line = self.common_line.unwrap_or(line);
         let events = self.chip.take(|seen| {
@@ -70,7 +70,7 @@ impl<B: Bus + Clone> Interrupts<B> {
                 motion.take_latch(edge);
             }
         });
-        let Some(events) = events else { return Work::empty() };
+        let Some(events) = events else { return Tasks::empty() };
         if self.learning {
             // t4 is not set before CP3, so that this is the line of the others.
             self.common_line = Some(line);
@@ -78,22 +78,22 @@ impl<B: Bus + Clone> Interrupts<B> {
         self.sort(events)
     }
 
-    /// [`Interrupts::poll`] still has something to do. Once it has not, it never has again.
+    /// [`RingInterrupts::poll`] still has something to do. Once it has not, it never has again.
     pub fn need_polling(&self) -> bool {
         // Interrupts may arrive later than the learning ends: only then are the conditions that nobody waits for taken off the lines.
         self.learning || !self.interrupts_arrive || !self.chip.errors_are_masked()
     }
 
-    /// In every tick of the loop timer, while [`Interrupts::need_polling`]: learns the chip's timers in CP0, and stands in for interrupts that
+    /// In every tick of the loop timer, while [`RingInterrupts::need_polling`]: learns the chip's timers in CP0, and stands in for interrupts that
     /// do not arrive.
     ///
     /// Two bus accesses while there is something to learn, one when that is over.
-    pub fn poll<H: Hardware>(&mut self, motion: &mut Motion<B, H>) -> Work {
+    pub fn poll<H: Hardware>(&mut self, motion: &mut Motion<B, H>) -> Tasks {
         self.time_us = self.time_us.wrapping_add(u32::from(LOOP_PERIOD_MICROSECONDS));
         self.interrupts_arrive |= self.interrupted;
         if !self.learning && self.interrupts_arrive {
             self.chip.mask_errors();
-            return Work::empty();
+            return Tasks::empty();
         }
         let events = self.chip.take(|_| {}).unwrap_or_default();
         if events.capture_feedback {
@@ -127,16 +127,16 @@ impl<B: Bus + Clone> Interrupts<B> {
         (!self.learning).then(|| self.chip.timers())
     }
 
-    fn sort(&mut self, events: Events) -> Work {
+    fn sort(&mut self, events: Events) -> Tasks {
         self.events |= events.raw;
-        let mut work = Work::empty();
-        work.set(Work::COMMAND_VALID, events.command_valid);
-        work.set(Work::CAPTURE_FEEDBACK, events.capture_feedback);
-        work.set(Work::SERVICE_CHANNEL, events.service_channel);
+        let mut work = Tasks::empty();
+        work.set(Tasks::COMMAND_VALID, events.command_valid);
+        work.set(Tasks::CAPTURE_FEEDBACK, events.capture_feedback);
+        work.set(Tasks::SERVICE_CHANNEL, events.service_channel);
         // Only an event of a running cycle proves that an MST has been received and 0BH means anything.
         let in_cycle = events.cycle || events.command_valid || (self.learning && events.raw != 0);
         if in_cycle && self.phase_changed() {
-            work |= Work::PHASE_CHANGE;
+            work |= Tasks::PHASE_CHANGE;
         }
         work
     }

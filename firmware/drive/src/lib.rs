@@ -3,7 +3,7 @@
 //! | struct | priority | tasks |
 //! |---|---|---|
 //! | [`CurrentControl`] | highest | `current_loop` (62.5 us) |
-//! | [`Interrupts`] | high | both interrupt lines of the ring controller |
+//! | [`RingInterrupts`] | high | both interrupt lines of the ring controller |
 //! | [`Motion`] | high | `command_valid` (t3), `capture_feedback` (t4), `control_loop` (125 us), `supervise` (500 us) |
 //! | [`Communication`] | low | `phase_change`, `service_channel` |
 //!
@@ -43,7 +43,7 @@ mod settings;
 mod signal;
 mod snapshot;
 mod state;
-mod work;
+mod tasks;
 
 pub use communication::{Communication, PhaseReport, StartError};
 pub use diagnosis::error_memory::{ERRORS, ErrorMemory, ErrorRecord};
@@ -52,7 +52,7 @@ pub use diagnosis::words::{Circumstances, Manufacturer1, Manufacturer2, Manufact
 pub use dictionary::DICTIONARY;
 pub use hardware::{Hardware, Inputs, InterruptLine, LOOP_PERIOD_MICROSECONDS, ProbeInput, ResetCause};
 pub use identity::{DriveAddress, Identity};
-pub use interrupts::Interrupts;
+pub use interrupts::RingInterrupts;
 pub use motion::Motion;
 pub use operation_mode::{OperationMode, Polarity, Reaction};
 pub use service::access::{Access, LONGEST_PASSWORD, SHORTEST_PASSWORD};
@@ -67,7 +67,7 @@ pub use signal::record::{Datum, MOST_SIGNALS, Records};
 pub use signal::word::{Source, SourceBit, Word};
 pub use snapshot::Snapshot;
 pub use state::{Conditions, DriveState, StateMachine, Switches, status_bits};
-pub use work::Work;
+pub use tasks::Tasks;
 
 pub use servo::current::PwmFrequency;
 pub use servo::motor::{
@@ -84,7 +84,7 @@ pub struct Drive<B, H: Hardware, P: 'static> {
     /// The current loop.
     pub current: CurrentControl<P>,
     /// The interrupt lines.
-    pub interrupts: Interrupts<B>,
+    pub interrupts: RingInterrupts<B>,
     /// Phases and service channel.
     pub communication: Communication<B>,
     /// Motor side and cyclic data.
@@ -107,7 +107,7 @@ pub fn new<B: Bus + Clone, H: Hardware, P: PowerStage<Board = H::Board>>(
     let settings = service::loops::settings::<H>(&Parameters::new(&DICTIONARY))?;
     Ok(Drive {
         current: CurrentControl::new(stage, link, settings.motor.current),
-        interrupts: Interrupts::new(bus.clone()),
+        interrupts: RingInterrupts::new(bus.clone()),
         communication: Communication::new(bus.clone(), identity),
         motion: Motion::new(bus, identity.address.get(), hardware, link, scope, settings),
     })

@@ -16,7 +16,7 @@ use sercos::Phase;
 use sercos::diagnostic::Class1;
 use sercos::phase::PhaseError;
 use servo::axis::{Axis, AxisOutput};
-use servo::encoder::TwiceReadEncoder;
+use servo::encoder::DoubleSampledEncoder;
 use servo::motor::{CurrentLink, Motor, MotorFaults};
 use servo::path::CommandJump;
 use servo::scope::Scope;
@@ -66,7 +66,7 @@ use crate::oscilloscope::Oscilloscope;
 use crate::settings::MotionSettings;
 use crate::signal::record::Datum;
 use crate::state::DriveState;
-use crate::work::Work;
+use crate::tasks::Tasks;
 
 /// The motor side of the drive and the cyclic half of the bus.
 ///
@@ -79,7 +79,7 @@ pub struct Motion<B, H: Hardware> {
     until_supervision: u8,
     /// Something goes along with the loops, see [`Motion::accompany`], or the oscilloscope records; found out by the supervision.
     accompanied: bool,
-    encoder: TwiceReadEncoder,
+    encoder: DoubleSampledEncoder,
     clock: RingClock,
     /// What the loops gave in the last tick.
     output: AxisOutput,
@@ -116,7 +116,7 @@ impl<B: Bus + Clone, H: Hardware> Motion<B, H> {
         scope: &'static mut Scope,
         settings: MotionSettings,
     ) -> Self {
-        let encoder = TwiceReadEncoder::new(settings.encoder, hardware.encoder_count());
+        let encoder = DoubleSampledEncoder::new(settings.encoder, hardware.encoder_count());
         hardware.set_bridge(false);
         hardware.set_brake(false);
         let inputs = hardware.inputs();
@@ -154,15 +154,15 @@ impl<B: Bus + Clone, H: Hardware> Motion<B, H> {
     ///
     /// Contract: at most 15 us at 168 MHz from the interrupt to the command in force, with the slowest bus timing; 5 to 8 bus
     /// accesses. The emulator measures it.
-    pub fn command_valid(&mut self) -> Work {
+    pub fn command_valid(&mut self) -> Tasks {
         match self.ring.phase() {
-            Phase::Cp0 => Work::empty(),
+            Phase::Cp0 => Tasks::empty(),
             Phase::Cp1 | Phase::Cp2 => {
                 self.ring.answer();
                 self.refresh_values(self.encoder.position());
                 let status = self.status_word();
                 self.ring.show_initial_status(status);
-                Work::empty()
+                Tasks::empty()
             }
             Phase::Cp3 | Phase::Cp4 => {
                 self.clock.on_t3(self.settings.cycle.ticks_to_overdue);
@@ -193,7 +193,7 @@ impl<B: Bus + Clone, H: Hardware> Motion<B, H> {
     ///
     /// Contract: done before the current loop's second cycle of the tick, 62.5 us after the one that started it, with t3 or t4 in between;
     /// then the order acts in it. No bus access but when a t3 event is overdue.
-    pub fn control_loop(&mut self) -> Work {
+    pub fn control_loop(&mut self) -> Tasks {
         let [before, now] = self.motor.take_counts();
         let count = self.counted(now);
         let mut position = self.encoder.update(self.counted(before), count);
@@ -201,7 +201,7 @@ impl<B: Bus + Clone, H: Hardware> Motion<B, H> {
         if let Some(faults) = self.motor.watch_motion(count, self.operation.state().has_torque()) {
             self.take_jump(faults);
         }
-        let mut work = Work::empty();
+        let mut work = Tasks::empty();
         if self.accompanied {
             work = self.accompany();
             // Homing may just have moved the zero.
@@ -219,7 +219,7 @@ impl<B: Bus + Clone, H: Hardware> Motion<B, H> {
         self.until_supervision = self.until_supervision.wrapping_sub(1);
         if self.until_supervision == 0 {
             self.until_supervision = LOOP_TICKS_PER_SUPERVISION as u8;
-            work |= Work::SUPERVISION;
+            work |= Tasks::SUPERVISION;
         }
         if self.clock.is_overdue(self.settings.cycle.ticks_per_cycle) {
             work |= self.take_cycle();
@@ -229,14 +229,14 @@ impl<B: Bus + Clone, H: Hardware> Motion<B, H> {
 
     /// What goes along with the loops at their rate, but seldom: the search for the commutation angle, homing, an identification.
     #[cold]
-    fn accompany(&mut self) -> Work {
+    fn accompany(&mut self) -> Tasks {
         self.motor.measure();
         if self.motor.is_searching() && self.operation.bridge_is_on(&mut self.hardware) {
             self.motor.search(self.encoder.position());
         }
         let homed = self.home();
         self.identify();
-        if homed { Work::SERVICE_CHANNEL } else { Work::empty() }
+        if homed { Tasks::SERVICE_CHANNEL } else { Tasks::empty() }
     }
 
     /// Keeps the phase that the edge of t3 on this interrupt line has to the loop tick; to be called before the interrupt is acknowledged.
@@ -265,22 +265,22 @@ impl<B: Bus + Clone, H: Hardware> Motion<B, H> {
     }
 
     /// What one communication cycle brought: supervision, control word, command values.
-    fn take_cycle(&mut self) -> Work {
+    fn take_cycle(&mut self) -> Tasks {
         match self.ring.take_cycle() {
             Cycle::WithCommands => self.take_commands(),
-            Cycle::WithoutCommands => Work::empty(),
+            Cycle::WithoutCommands => Tasks::empty(),
             Cycle::Lost(error) => self.lose(error),
         }
     }
 
-    fn take_commands(&mut self) -> Work {
+    fn take_commands(&mut self) -> Tasks {
         let fresh = self.ring.take_commands(self.settings.cycle.cycles_per_command, &mut self.cyclic_limits);
         if self.ring.passes_on() {
             self.pass_on(self.ring.carries_target(), self.ring.carries_signals());
         }
         let control_word = self.ring.commands().control_word;
         self.controls.take_control_word(&self.settings.bits, control_word);
-        let mut work = Work::empty();
+        let mut work = Tasks::empty();
         match self.operation.take_control_word(control_word, &self.settings.modes) {
             Selection::Kept => {}
             Selection::Changed(mode) => self.change_mode(mode),
@@ -321,11 +321,11 @@ impl<B: Bus + Clone, H: Hardware> Motion<B, H> {
 
     /// The motor stops with C1D bit 12 and S-0-0014 bit 9, told once, and again after S-0-0099. The ring goes on.
     #[cold]
-    fn refuse_mode(&mut self, selected: u8) -> Work {
+    fn refuse_mode(&mut self, selected: u8) -> Tasks {
         if self.operation.misses_its_mode(self.status.class_1().contains(Class1::COMMUNICATION)) {
             self.lose(PhaseError::UninitialisedMode { selected })
         } else {
-            Work::empty()
+            Tasks::empty()
         }
     }
 
@@ -348,10 +348,10 @@ impl<B: Bus + Clone, H: Hardware> Motion<B, H> {
     }
 
     #[cold]
-    fn lose(&mut self, error: PhaseError) -> Work {
+    fn lose(&mut self, error: PhaseError) -> Tasks {
         self.ring.lose(error);
         self.communication_fault();
-        Work::PHASE_CHANGE
+        Tasks::PHASE_CHANGE
     }
 
     #[cold]

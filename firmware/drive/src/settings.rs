@@ -8,7 +8,7 @@ use servo::axis::{
     AxisParameters, AxisSettings, CurrentFilterSettings, FilterSection, FrictionParameters, FrictionSettings,
 };
 use servo::clock::LoopClockSettings;
-use servo::encoder::TwiceReadSettings;
+use servo::encoder::DoubleSampledSettings;
 use servo::homing::{HomingParameters, HomingSettings};
 use servo::monitor::TravelRange;
 use servo::motor::{Facts, MotorSettings};
@@ -108,7 +108,7 @@ pub struct MotionSettings {
     /// S-0-0085.
     pub torque_polarity: Polarity,
     /// The encoder.
-    pub encoder: TwiceReadSettings,
+    pub encoder: DoubleSampledSettings,
     /// S-0-0277 bit 3: the encoder counts against the direction of positive current.
     pub encoder_reversed: bool,
     /// P-0-2705: S-0-0053 shows the motor encoder.
@@ -240,7 +240,7 @@ impl MotionSettings {
             position_polarity: Polarity::from_parameter(parameters.get_word(Idn::standard(55))),
             velocity_polarity,
             torque_polarity: Polarity::from_parameter(parameters.get_word(Idn::standard(85))),
-            encoder: TwiceReadSettings::new(increments).map_err(invalid(116))?,
+            encoder: DoubleSampledSettings::new(increments).map_err(invalid(116))?,
             encoder_reversed: feedback_type & REVERSED != 0,
             has_feedback_2: has_feedback_2(parameters),
             cycle,

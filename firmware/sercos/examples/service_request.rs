@@ -8,7 +8,7 @@ use sercos::command::{CommandAction, CommandState};
 use sercos::data_block::DataBlock;
 use sercos::error::ServiceError;
 use sercos::parameters::Parameters;
-use sercos::service::{Live, Progress, Reply, Server, Step};
+use sercos::service::{Live, ReadPosition, Reply, Server, Step};
 use sercos::telegram::RecordPacket;
 use sercos::word::{Readiness, StatusWord};
 use sercos::{Idn, Phase};
@@ -68,7 +68,7 @@ fn answer(record: &[u8], server: &mut Server, parameters: &mut Parameters, drive
         end: control.end(),
         info: record.info(),
         new_transfer: true,
-        progress: Progress::Within,
+        position: ReadPosition::Within,
     };
     let (info, refused) = match server.step(step, parameters, drive) {
         Reply::Send(words) => (words[0], false),

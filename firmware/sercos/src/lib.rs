@@ -6,7 +6,7 @@
 //!
 //! | part | what it holds |
 //! |---|---|
-//! | [`phase`], [`supervision`], [`transition`] | CP0 to CP4, lost telegrams, the checks of S-0-0127 and S-0-0128 |
+//! | [`phase`], [`loss_counter`], [`transition`] | CP0 to CP4, lost telegrams, the checks of S-0-0127 and S-0-0128 |
 //! | [`telegram`], [`word`], [`telegram_type`], [`duration`] | what is on the fibre, and how long it takes |
 //! | [`dictionary`](mod@dictionary), [`data_block`], [`attribute`], [`parameters`] | the table of all IDNs, which the product writes, and the values in RAM |
 //! | [`service`], [`command`] | the service channel and its procedure commands |
@@ -81,10 +81,10 @@ pub mod dictionary;
 pub mod duration;
 pub mod error;
 pub mod idn;
+pub mod loss_counter;
 pub mod parameters;
 pub mod phase;
 pub mod service;
-pub mod supervision;
 pub mod telegram;
 pub mod telegram_type;
 pub mod transition;

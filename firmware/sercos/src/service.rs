@@ -36,13 +36,13 @@ pub struct Step {
     /// it of a transfer that starts anew with the same element.
     pub new_transfer: bool,
     /// For reading: where this step stands in the words of the last [`Reply::Send`].
-    pub progress: Progress,
+    pub position: ReadPosition,
 }
 
 /// Where a reading step stands in the words of the last [`Reply::Send`], as far as the controller knows.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
-pub enum Progress {
+pub enum ReadPosition {
     /// It took one of them, or there are none.
     #[default]
     Within,
@@ -278,16 +278,17 @@ impl Server {
     ) -> Result<(Reply, State), ServiceError> {
         let goes_on = position < source.words(&self.staging);
         let same = State::Reading { source, position };
-        match (step.progress, step.end) {
+        match (step.position, step.end) {
             // Only the last segment holds the last word, and it is so short that the controller knows which word was taken.
-            (Progress::NotLast, true) => Err(ServiceError::TooShort(element)),
-            (Progress::Within | Progress::TookLast, true) if goes_on => Err(ServiceError::TooShort(element)),
-            (Progress::TookLast | Progress::Exhausted, false) if goes_on => self.send(element, step, source, position),
-            (Progress::Exhausted, true) if goes_on => self.send(element, step, source, position),
-            (Progress::TookLast, false) | (Progress::Exhausted, _) => Err(ServiceError::TooLong(element)),
-            (Progress::Within | Progress::NotLast, false) | (Progress::Within | Progress::TookLast, true) => {
-                Ok((Reply::Continue, same))
+            (ReadPosition::NotLast, true) => Err(ServiceError::TooShort(element)),
+            (ReadPosition::Within | ReadPosition::TookLast, true) if goes_on => Err(ServiceError::TooShort(element)),
+            (ReadPosition::TookLast | ReadPosition::Exhausted, false) if goes_on => {
+                self.send(element, step, source, position)
             }
+            (ReadPosition::Exhausted, true) if goes_on => self.send(element, step, source, position),
+            (ReadPosition::TookLast, false) | (ReadPosition::Exhausted, _) => Err(ServiceError::TooLong(element)),
+            (ReadPosition::Within | ReadPosition::NotLast, false)
+            | (ReadPosition::Within | ReadPosition::TookLast, true) => Ok((Reply::Continue, same)),
         }
     }
 

@@ -3,7 +3,7 @@
 use crate::support::Slave;
 use proptest::prelude::*;
 use sercos::Idn;
-use sercos::service::{Progress, Reply, Step};
+use sercos::service::{ReadPosition, Reply, Step};
 
 fn any_step() -> impl Strategy<Value = Step> {
     let info = prop_oneof![
@@ -14,19 +14,24 @@ fn any_step() -> impl Strategy<Value = Step> {
         0u16..8,
         any::<u16>(),
     ];
-    (prop_oneof![0u8..8, Just(7), any::<u8>()], any::<bool>(), any::<bool>(), info, any::<bool>(), any_progress())
-        .prop_map(|(element, write, end, info, new_transfer, progress)| Step {
+    (prop_oneof![0u8..8, Just(7), any::<u8>()], any::<bool>(), any::<bool>(), info, any::<bool>(), any_position())
+        .prop_map(|(element, write, end, info, new_transfer, position)| Step {
             element,
             write,
             end,
             info,
             new_transfer,
-            progress,
+            position,
         })
 }
 
-fn any_progress() -> impl Strategy<Value = Progress> {
-    prop::sample::select(vec![Progress::Within, Progress::NotLast, Progress::TookLast, Progress::Exhausted])
+fn any_position() -> impl Strategy<Value = ReadPosition> {
+    prop::sample::select(vec![
+        ReadPosition::Within,
+        ReadPosition::NotLast,
+        ReadPosition::TookLast,
+        ReadPosition::Exhausted,
+    ])
 }
 
 proptest! {

@@ -6,7 +6,7 @@ use sercos::Idn;
 use sercos::command::CommandState;
 use sercos::data_block::{Location, Selection};
 use sercos::error::{Element, ServiceError};
-use sercos::service::{Progress, Reply, Step};
+use sercos::service::{ReadPosition, Reply, Step};
 
 const fn s(number: u16) -> Idn {
     Idn::standard(number)
@@ -432,7 +432,7 @@ fn a_checked_parameter_that_is_rewritten_voids_the_check() {
 
 /// One step without the controller's hint that a transfer is new.
 fn bare(slave: &mut Slave, element: u8, write: bool, end: bool, info: u16) -> Reply {
-    let step = Step { element, write, end, info, new_transfer: false, progress: Progress::Within };
+    let step = Step { element, write, end, info, new_transfer: false, position: ReadPosition::Within };
     slave.server.step(step, &mut slave.parameters, &mut slave.drive)
 }
 

@@ -1,15 +1,15 @@
 //! From a wrapping 32-bit increment counter to an unbounded, exact position.
 
+pub(crate) mod double_sampled;
 pub(crate) mod hidden_motion;
 pub(crate) mod jump;
 pub(crate) mod monitor;
-pub(crate) mod twice_read;
 
+pub use double_sampled::{DoubleSampledEncoder, DoubleSampledSettings};
 pub use jump::EncoderMotion;
 pub use monitor::{
     EncoderError, EncoderMonitor, EncoderMonitorInputs, EncoderMonitorParameters, EncoderMonitorSettings,
 };
-pub use twice_read::{TwiceReadEncoder, TwiceReadSettings};
 
 use crate::error::SettingsError;
 use crate::units::Position;

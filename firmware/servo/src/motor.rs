@@ -23,7 +23,7 @@ pub use facts::{BoardKind, Facts, TemperatureSensor};
 pub use fault::{FaultReaction, MotorFault, MotorFaults};
 pub use link::CurrentLink;
 pub use monitoring::Surroundings;
-pub use sequence::{Progress, Sequence, SequenceInputs};
+pub use sequence::{Sequence, SequenceInputs, SequenceOutput};
 pub use settings::{CurrentSettings, MotorSettings};
 pub use stage::{Cycle, PowerStage, Samples};
 pub use watched::Watched;
@@ -488,7 +488,7 @@ mod tests {
     use super::example::{self, Example};
     use super::link::set;
     use super::*;
-    use crate::encoder::twice_read::{TwiceReadEncoder, TwiceReadSettings};
+    use crate::encoder::double_sampled::{DoubleSampledEncoder, DoubleSampledSettings};
 
     #[test]
     fn the_angle_of_an_order_is_that_of_the_rotor_at_the_sample_at_any_speed_in_both_directions() {
@@ -500,7 +500,8 @@ mod tests {
                 let link = Box::leak(Box::new(CurrentLink::new()));
                 let mut motor = Motor::<Example>::new(link, settings);
                 motor.apply_settings(settings, reversed);
-                let mut encoder = TwiceReadEncoder::new(TwiceReadSettings::new(example::INCREMENTS).unwrap(), 0);
+                let mut encoder =
+                    DoubleSampledEncoder::new(DoubleSampledSettings::new(example::INCREMENTS).unwrap(), 0);
                 motor.set_commutation_angle(encoder.position(), Some(0));
                 let sign = if reversed { -1.0 } else { 1.0 };
                 // Two cycles a tick, `moved` increments of the counter in each.

@@ -4,7 +4,7 @@
 //! conversion, the order of priorities. Everything else is the product.
 
 use drive::{
-    Communication, CurrentControl, CurrentLink, Drive, Identity, InterruptLine, Interrupts, Motion, Scope, Work,
+    Communication, CurrentControl, CurrentLink, Drive, Identity, InterruptLine, Motion, RingInterrupts, Scope, Tasks,
 };
 use ring::Nanoseconds;
 use ring::chip::{ChipBus, InterruptPin, SharedChip};
@@ -35,13 +35,13 @@ impl Default for Latency {
 pub struct HostDrive {
     chip: SharedChip,
     motor_side: SharedMotorSide,
-    interrupts: Interrupts<ChipBus>,
+    interrupts: RingInterrupts<ChipBus>,
     current: CurrentControl<SimulatedStage>,
     communication: Communication<ChipBus>,
     motion: Motion<ChipBus, MotorSide>,
     latency: Latency,
     edges: [Option<Nanoseconds>; 2],
-    background: Option<(Nanoseconds, Work)>,
+    background: Option<(Nanoseconds, Tasks)>,
     measurements: SharedMeasurements,
 }
 
@@ -112,7 +112,7 @@ impl HostDrive {
                 self.motor_side.borrow_mut().acknowledge(line);
                 self.measurements.borrow_mut().note(now, ["chip_interrupt_0", "chip_interrupt_1"][index]);
                 let work = self.interrupts.take(line, &mut self.motion);
-                if work.contains(Work::SERVICE_CHANNEL) {
+                if work.contains(Tasks::SERVICE_CHANNEL) {
                     self.measurements.borrow_mut().note(now, "INT_SC");
                 }
                 self.start_tasks(now, work);
@@ -120,42 +120,42 @@ impl HostDrive {
         }
     }
 
-    fn start_tasks(&mut self, now: Nanoseconds, mut work: Work) {
-        if work.contains(Work::SERVICE_CHANNEL) {
+    fn start_tasks(&mut self, now: Nanoseconds, mut work: Tasks) {
+        if work.contains(Tasks::SERVICE_CHANNEL) {
             self.measurements.borrow_mut().service.start(now);
         }
         for (task, name) in [
-            (Work::COMMAND_VALID, "command_valid"),
-            (Work::CAPTURE_FEEDBACK, "capture_feedback"),
-            (Work::SUPERVISION, "supervision"),
+            (Tasks::COMMAND_VALID, "command_valid"),
+            (Tasks::CAPTURE_FEEDBACK, "capture_feedback"),
+            (Tasks::SUPERVISION, "supervision"),
         ] {
             if work.contains(task) {
                 self.measurements.borrow_mut().note(now, name);
             }
         }
-        if work.contains(Work::COMMAND_VALID) {
+        if work.contains(Tasks::COMMAND_VALID) {
             work |= self.motion.command_valid();
         }
-        if work.contains(Work::CAPTURE_FEEDBACK) {
+        if work.contains(Tasks::CAPTURE_FEEDBACK) {
             self.motion.capture_feedback();
         }
-        if work.contains(Work::SUPERVISION) {
+        if work.contains(Tasks::SUPERVISION) {
             work |= self.motion.supervise();
         }
-        let low = work & (Work::PHASE_CHANGE | Work::SERVICE_CHANNEL);
+        let low = work & (Tasks::PHASE_CHANGE | Tasks::SERVICE_CHANNEL);
         if !low.is_empty() {
-            let (due, pending) = self.background.unwrap_or((now + self.latency.background, Work::empty()));
+            let (due, pending) = self.background.unwrap_or((now + self.latency.background, Tasks::empty()));
             self.background = Some((due, pending | low));
         }
     }
 
     fn background_tasks(&mut self, now: Nanoseconds) {
         let Some((_, work)) = self.background.take_if(|(due, _)| *due <= now) else { return };
-        if work.contains(Work::PHASE_CHANGE) {
+        if work.contains(Tasks::PHASE_CHANGE) {
             self.measurements.borrow_mut().note(now, "phase_change");
             self.communication.phase_change(&mut Exclusive(&mut self.interrupts), &mut Exclusive(&mut self.motion));
         }
-        if work.contains(Work::SERVICE_CHANNEL) {
+        if work.contains(Tasks::SERVICE_CHANNEL) {
             self.measurements.borrow_mut().note(now, "service_channel");
             self.communication.service_channel(&mut Exclusive(&mut self.motion));
             self.measurements.borrow_mut().service.stop(now);

@@ -7,10 +7,10 @@ use sercos::capacity::LIVE_LIST_ENTRIES;
 use sercos::command::{CommandState, CommandStatus};
 use sercos::data_block::{DataBlock, Selection};
 use sercos::error::ServiceError;
+use sercos::loss_counter::{LossCounter, Reception};
 use sercos::parameters::Parameters;
 use sercos::phase::PhaseError;
-use sercos::service::{Progress, Reply, Step};
-use sercos::supervision::{Reception, Supervision};
+use sercos::service::{ReadPosition, Reply, Step};
 use sercos::{Idn, Phase, transition};
 
 use crate::bytes::{Bytes, chosen};
@@ -33,7 +33,7 @@ pub fn service_channel(bytes: &[u8]) {
     let boundary = if silicon & 1 == 0 { Boundary::WithLast } else { Boundary::AfterLast };
     let mut stream = Stream {
         slave: Slave::new(boundary, usize::from(silicon >> 1) % 17),
-        supervision: Supervision::new(),
+        supervision: LossCounter::new(),
         words_written: None,
         before: Vec::new(),
     };
@@ -77,14 +77,14 @@ impl Event {
                 let element = if bits == 0xFF { kind } else { bits & 7 };
                 let flag = |bit: u8| bits >> bit & 1 == 1;
                 let (write, end, new_transfer) = (flag(3), flag(4), flag(5));
-                let progress = match (flag(6), kind & 1) {
-                    (false, 0) => Progress::Within,
-                    (false, _) => Progress::NotLast,
-                    (true, 0) => Progress::TookLast,
-                    (true, _) => Progress::Exhausted,
+                let position = match (flag(6), kind & 1) {
+                    (false, 0) => ReadPosition::Within,
+                    (false, _) => ReadPosition::NotLast,
+                    (true, 0) => ReadPosition::TookLast,
+                    (true, _) => ReadPosition::Exhausted,
                 };
                 let info = info(flag(7), bytes.word()?);
-                Self::Stray(Step { element, write, end, info, new_transfer, progress })
+                Self::Stray(Step { element, write, end, info, new_transfer, position })
             }
             4..=7 => {
                 let bits = bytes.byte()?;
@@ -149,7 +149,7 @@ struct Written {
 
 struct Stream {
     slave: Slave,
-    supervision: Supervision,
+    supervision: LossCounter,
     words_written: Option<Written>,
     /// Statuses of all commands before a step, kept to spare the allocation.
     before: Vec<u16>,
@@ -166,7 +166,7 @@ impl Stream {
                     accepted = slave.step(element, write, end, info).is_ok();
                     accepted && element == 7 && write && end
                 });
-                let step = Step { element, write, end, info, new_transfer: is_new, progress: Progress::Within };
+                let step = Step { element, write, end, info, new_transfer: is_new, position: ReadPosition::Within };
                 self.count_written(step, accepted, false);
             }
             Event::Write { block, value } => {

@@ -8,7 +8,7 @@ use crate::diagnosis::words::Manufacturer1;
 use crate::hardware::{Hardware, Inputs};
 use crate::operation_mode::{OperationMode, Reaction};
 use crate::state::{Conditions, DriveState, StateMachine, Switches};
-use servo::motor::{Progress, Sequence};
+use servo::motor::{Sequence, SequenceOutput};
 
 /// So long the two channels of safe torque off may differ, in ticks of the supervision: relays do not switch at the same instant.
 const CHANNELS_DIFFER_TICKS: u16 = 200;
@@ -198,7 +198,7 @@ impl Operation {
     }
 
     /// How far the sequence has come, and what it asks of bridge and brake.
-    pub(super) fn take_progress(&mut self, progress: &Progress, hardware: &mut impl Hardware) {
+    pub(super) fn take_progress(&mut self, progress: &SequenceOutput, hardware: &mut impl Hardware) {
         self.released = progress.released;
         self.torque_off = progress.torque_off;
         self.set_bridge(progress.bridge, hardware);

@@ -6,7 +6,7 @@ use sercos::command::CommandState;
 use sercos::diagnostic::Class1;
 use sercos::phase::{InterfaceStatus, PhaseError};
 use servo::axis::Axis;
-use servo::encoder::TwiceReadEncoder;
+use servo::encoder::DoubleSampledEncoder;
 use servo::homing::HomingSettings;
 use servo::path::MotionLimits;
 use servo::probe::ProbeSettings;
@@ -77,7 +77,7 @@ impl<B: Bus + Clone, H: Hardware> Motion<B, H> {
         }
         if encoder {
             let count = self.hardware.encoder_count();
-            self.encoder = TwiceReadEncoder::new(settings.encoder, self.counted(count));
+            self.encoder = DoubleSampledEncoder::new(settings.encoder, self.counted(count));
             self.axis = Axis::new(settings.with_lag, self.encoder.position());
             self.reference.forget();
             self.positioning.forget();
@@ -131,7 +131,7 @@ impl<B: Bus + Clone, H: Hardware> Motion<B, H> {
         true
     }
 
-    /// Asks for `Work::SERVICE_CHANNEL` when the loop clock has locked to the ring, or after so many ticks of the supervision without.
+    /// Asks for `Tasks::SERVICE_CHANNEL` when the loop clock has locked to the ring, or after so many ticks of the supervision without.
     pub fn wait_for_lock(&mut self, ticks: u16) {
         self.clock.wait_for_lock(ticks);
     }

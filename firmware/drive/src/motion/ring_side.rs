@@ -3,8 +3,8 @@
 use sercon816::layout::MST_ERRORS;
 use sercon816::{Bus, CommandPort, FeedbackPort};
 use sercos::Phase;
+use sercos::loss_counter::{LossCounter, Reception};
 use sercos::phase::PhaseError;
-use sercos::supervision::{Reception, Supervision};
 use servo::units::{CurrentFraction, Position, Velocity};
 
 use crate::limits::CyclicLimits;
@@ -90,7 +90,7 @@ pub(super) struct RingSide<B> {
     command_port: CommandPort<B>,
     feedback_port: FeedbackPort<B>,
     mst: MstMonitor<B>,
-    losses: Supervision,
+    losses: LossCounter,
     /// The error that has ended the phase, until it is told.
     lost: Option<PhaseError>,
     /// Ticks of the supervision for which a lost telegram is still a warning.
@@ -110,7 +110,7 @@ impl<B: Bus + Clone> RingSide<B> {
             command_port: CommandPort::new(bus.clone(), address),
             feedback_port: FeedbackPort::new(bus.clone()),
             mst: MstMonitor::new(bus),
-            losses: Supervision::new(),
+            losses: LossCounter::new(),
             lost: None,
             loss_shown: 0,
             commands: CommandValues::default(),

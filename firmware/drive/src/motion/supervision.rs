@@ -16,7 +16,7 @@ use crate::diagnosis::words::Manufacturer1;
 use crate::hardware::Hardware;
 use crate::operation_mode::Reaction;
 use crate::state::Conditions;
-use crate::work::Work;
+use crate::tasks::Tasks;
 
 /// Ticks of the supervision after the start in which the current sensors have found their zero.
 const CALIBRATION_TICKS: u64 = 500;
@@ -26,7 +26,7 @@ impl<B: Bus + Clone, H: Hardware> Motion<B, H> {
     /// and probes, and brings the diagnostic words up to date.
     ///
     /// Contract: done before the next loop tick, 125 us after the one that started it, with the tasks of the chip in between. No bus access.
-    pub fn supervise(&mut self) -> Work {
+    pub fn supervise(&mut self) -> Tasks {
         self.supervisions = self.supervisions.wrapping_add(1);
         self.motor.measure();
         self.inputs = self.hardware.inputs();
@@ -52,7 +52,7 @@ impl<B: Bus + Clone, H: Hardware> Motion<B, H> {
             | self.status.is_news(self.operation.state())
             | self.function.has_identified()
             | self.cyclic_limits.needs_preparation();
-        if news { Work::SERVICE_CHANNEL } else { Work::empty() }
+        if news { Tasks::SERVICE_CHANNEL } else { Tasks::empty() }
     }
 
     /// What the state machine has to know.

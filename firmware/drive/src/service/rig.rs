@@ -12,7 +12,7 @@ use sercon816::{BitRate, Bus, MasterClock, RamAddress, Register, Slave, Transcei
 use sercos::data_block::DataBlock;
 use sercos::parameters::Parameters;
 use sercos::service::Live;
-use sercos::service::{Progress, Reply, Server, Step};
+use sercos::service::{ReadPosition, Reply, Server, Step};
 use sercos::transition::{self, Invalid};
 use sercos::{Idn, Phase, PhaseMachine};
 
@@ -263,7 +263,7 @@ impl Rig {
         let data = words.iter().map(|&word| (7, word));
         for (index, (element, info)) in open.chain(data).enumerate() {
             let end = index == 0 || index == words.len();
-            let step = Step { element, write: true, end, info, new_transfer: false, progress: Progress::Within };
+            let step = Step { element, write: true, end, info, new_transfer: false, position: ReadPosition::Within };
             let reply = self.step(|server, parameters, context| server.step(step, parameters, context));
             if let Reply::Error(error) = reply {
                 return Err(error.code());

@@ -10,7 +10,7 @@ use sercos::data_block::{DataBlock, NeededFor};
 use sercos::duration::BitRate;
 use sercos::error::ServiceError;
 use sercos::parameters::Parameters;
-use sercos::service::{Live, Progress, Reply, Server, Step};
+use sercos::service::{Live, ReadPosition, Reply, Server, Step};
 use sercos::transition::{self, Capabilities, CyclicConfiguration};
 use sercos::{Idn, Phase, PhaseMachine};
 use std::collections::{BTreeMap, VecDeque};
@@ -221,7 +221,7 @@ impl Slave {
     pub(crate) fn step(&mut self, element: u8, write: bool, end: bool, info: u16) -> Result<u16, ServiceError> {
         let new_transfer = self.running != Some((element, write));
         self.running = (!end && element != 0).then_some((element, write));
-        let mut step = Step { element, write, end, info, new_transfer, progress: Progress::Within };
+        let mut step = Step { element, write, end, info, new_transfer, position: ReadPosition::Within };
         if element == 0 || write || new_transfer {
             if new_transfer {
                 self.sender.clear();
@@ -230,19 +230,19 @@ impl Slave {
         }
         match self.sender.pop_front() {
             None => {
-                step.progress = Progress::Exhausted;
+                step.position = ReadPosition::Exhausted;
                 self.ask(step)
             }
             Some(word) => {
                 // The handshake bit gives the parity of the word; only a controller that stops with the last one knows more.
                 let may_be_last = self.sender.len().is_multiple_of(2);
-                step.progress = match (end, self.boundary) {
-                    (false, Boundary::WithLast) if self.sender.is_empty() => Progress::TookLast,
-                    (true, _) if may_be_last => Progress::TookLast,
-                    (true, _) => Progress::NotLast,
-                    _ => Progress::Within,
+                step.position = match (end, self.boundary) {
+                    (false, Boundary::WithLast) if self.sender.is_empty() => ReadPosition::TookLast,
+                    (true, _) if may_be_last => ReadPosition::TookLast,
+                    (true, _) => ReadPosition::NotLast,
+                    _ => ReadPosition::Within,
                 };
-                if end || step.progress == Progress::TookLast {
+                if end || step.position == ReadPosition::TookLast {
                     self.processor_steps += 1;
                     match self.server.step(step, &mut self.parameters, &mut self.drive) {
                         Reply::Send(words) => self.sender.extend(words),

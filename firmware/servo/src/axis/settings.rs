@@ -132,7 +132,7 @@ const fn or_unlimited(acceleration: Acceleration) -> Acceleration {
 }
 
 impl AxisSettings {
-    /// The same for positions that belong to an instant a quarter of a loop tick before the tick, see [`crate::encoder::TwiceReadEncoder`]. Without it
+    /// The same for positions that belong to an instant a quarter of a loop tick before the tick, see [`crate::encoder::DoubleSampledEncoder`]. Without it
     /// they belong to the tick.
     #[must_use]
     pub const fn measured_a_quarter_tick_ago(self) -> Self {

@@ -23,7 +23,7 @@ pub enum Sequence {
 
 /// How far the sequence has come.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub struct Progress {
+pub struct SequenceOutput {
     /// The axis may move.
     pub released: bool,
     /// There is no torque any more, or not yet.
@@ -61,7 +61,7 @@ pub struct SequenceInputs {
 
 impl<B: BoardKind> Motor<B> {
     /// One step of the sequence.
-    pub fn sequence(&mut self, inputs: &SequenceInputs, faults: &mut MotorFaults) -> Progress {
+    pub fn sequence(&mut self, inputs: &SequenceInputs, faults: &mut MotorFaults) -> SequenceOutput {
         self.correct_at_the_index(inputs.index, faults);
         let aligning = self.align(inputs, faults);
         let request = match inputs.wanted {
@@ -91,7 +91,7 @@ impl<B: BoardKind> Motor<B> {
         }
         let bridge = aligning || output.torque;
         self.bridge_on = bridge;
-        Progress {
+        SequenceOutput {
             released: request == BrakeRequest::Release && output.finished,
             torque_off: !bridge,
             bridge,

@@ -18,9 +18,11 @@ use std::cell::RefMut;
 use plant::Machine;
 use servo::axis::{Axis, AxisOutput, AxisSettings, CommandedTorqueLimits, Limiting, Mode};
 use servo::current::Trip;
-use servo::encoder::{TwiceReadEncoder, TwiceReadSettings};
+use servo::encoder::{DoubleSampledEncoder, DoubleSampledSettings};
 use servo::identification::CurrentRequest;
-use servo::motor::{CurrentControl, CurrentLink, Motor, MotorFaults, Progress, Sequence, SequenceInputs, Surroundings};
+use servo::motor::{
+    CurrentControl, CurrentLink, Motor, MotorFaults, Sequence, SequenceInputs, SequenceOutput, Surroundings,
+};
 use servo::units::{CurrentFraction, LOOP_TICKS_PER_SUPERVISION, Position, Velocity};
 
 use setup::Setup;
@@ -38,7 +40,7 @@ const SWITCHING_ON: usize = 14;
 /// A servo drive on its machine, with the commutation angle known.
 pub(crate) struct Bench {
     pub(crate) axis: Axis,
-    pub(crate) encoder: TwiceReadEncoder,
+    pub(crate) encoder: DoubleSampledEncoder,
     /// Instant of the last sample of the currents.
     pub(crate) time: u64,
     /// Why the current loop has switched the bridge off.
@@ -54,7 +56,7 @@ pub(crate) struct Bench {
     setup: Setup,
     /// What is wanted of the sequence, and how far it is.
     wanted: Sequence,
-    progress: Progress,
+    progress: SequenceOutput,
     /// Of the last tick.
     output: AxisOutput,
     /// Loop ticks since the start.
@@ -87,8 +89,8 @@ impl Bench {
     pub(crate) fn new(setup: &Setup) -> Self {
         let stage = Stage::new(setup.reference.machine());
         let settings = *stage.machine().settings();
-        let encoder = TwiceReadSettings::new(settings.encoder.increments_per_revolution).unwrap();
-        let mut encoder = TwiceReadEncoder::new(encoder, stage.machine().encoder_count(0));
+        let encoder = DoubleSampledSettings::new(settings.encoder.increments_per_revolution).unwrap();
+        let mut encoder = DoubleSampledEncoder::new(encoder, stage.machine().encoder_count(0));
         encoder.set_position(setup.start);
         let position = encoder.position();
         // As in the firmware it lives as long as the drive.
@@ -108,7 +110,7 @@ impl Bench {
             motor: Motor::new(link, motor_settings),
             setup: *setup,
             wanted: Sequence::Off,
-            progress: Progress::default(),
+            progress: SequenceOutput::default(),
             output: AxisOutput::at_rest(position),
             ticks: 0,
             first: true,

@@ -57,7 +57,7 @@ const FILES: [SafetyFile; 14] = [
     file("servo", "firmware/servo/src/monitor/temperature.rs", "temperature::"),
     file("servo", "firmware/servo/src/monitor/bus_voltage.rs", "bus_voltage::"),
     file("servo", "firmware/servo/src/encoder/hidden_motion.rs", "hidden_motion::"),
-    file("sercos", "firmware/sercos/src/supervision.rs", "supervision::"),
+    file("sercos", "firmware/sercos/src/loss_counter.rs", "loss_counter::"),
     file("sercos", "firmware/sercos/src/phase.rs", "phase::"),
 ];
 

@@ -11,7 +11,7 @@
 //! which is 50 ms at 10 000 increments a revolution and 3900 rpm, against a question every 125 us.
 //!
 //! All start at different times, so each has an offset to TIM2, measured once. It only changes when a disturbance is counted
-//! by one of them and not by the other: [`Marks::drift`] looks, and is a check of the encoder's lines that a single counter
+//! by one of them and not by the other: [`EdgeLatches::drift`] looks, and is a check of the encoder's lines that a single counter
 //! cannot make.
 //!
 //! The filters are those of TIM2, 8 samples at 84 MHz: TIM8 runs at 168 MHz and takes every second clock. Position and mark then have
@@ -45,13 +45,13 @@ pub enum Counter {
 
 /// The three counters.
 #[derive(Debug)]
-pub struct Marks {
+pub struct EdgeLatches {
     timers: (pac::TIM3, pac::TIM4, pac::TIM8),
     index: u16,
     probes: [u16; 2],
 }
 
-impl Marks {
+impl EdgeLatches {
     /// Starts counting. The encoder must count already, see [`encoder::Encoder`].
     pub(crate) fn new(timers: (pac::TIM3, pac::TIM4, pac::TIM8), rcc: &mut Rcc) -> Self {
         pac::TIM3::enable(rcc);
@@ -72,7 +72,7 @@ impl Marks {
         self.arm(Counter::Index, flags(Edge::Rising));
     }
 
-    /// Position of the index, in increments, wrapping at 2^32, once for every time that it was passed since [`Marks::arm_index`].
+    /// Position of the index, in increments, wrapping at 2^32, once for every time that it was passed since [`EdgeLatches::arm_index`].
     ///
     /// Passed more than once since the last question: the last position.
     #[inline(always)]
@@ -86,7 +86,7 @@ impl Marks {
         self.arm(Counter::Probe(probe), flags(Edge::Rising) | flags(Edge::Falling));
     }
 
-    /// Position of an edge of a probe, as [`Marks::index_latch`]. A contact that bounces within two questions gives the last bounce.
+    /// Position of an edge of a probe, as [`EdgeLatches::index_latch`]. A contact that bounces within two questions gives the last bounce.
     #[inline(always)]
     pub fn probe_latch(&mut self, probe: ProbeInput, edge: Edge) -> Option<u32> {
         self.latch(Counter::Probe(probe), edge)

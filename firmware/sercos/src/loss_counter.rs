@@ -18,12 +18,12 @@ pub enum Reception {
 /// Counts failures of MST and MDT, one call a cycle.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
-pub struct Supervision {
+pub struct LossCounter {
     mst: Failures,
     mdt: Failures,
 }
 
-impl Supervision {
+impl LossCounter {
     /// No failures yet.
     pub const fn new() -> Self {
         Self { mst: Failures::NONE, mdt: Failures::NONE }
@@ -54,7 +54,7 @@ impl Supervision {
         self.mst.count
     }
 
-    /// S-0-0029: invalid MDTs, like [`Supervision::mst_errors`].
+    /// S-0-0029: invalid MDTs, like [`LossCounter::mst_errors`].
     pub const fn mdt_errors(&self) -> u16 {
         self.mdt.count
     }
@@ -118,71 +118,71 @@ mod tests {
 
     #[test]
     fn a_single_loss_rides_through_and_is_counted() {
-        let mut supervision = Supervision::new();
+        let mut losses = LossCounter::new();
         for _ in 0..3 {
-            assert_eq!(supervision.cycle(Failed, Valid), Ok(()));
-            assert_eq!(supervision.cycle(Valid, Failed), Ok(()));
+            assert_eq!(losses.cycle(Failed, Valid), Ok(()));
+            assert_eq!(losses.cycle(Valid, Failed), Ok(()));
         }
-        assert_eq!((supervision.mst_errors(), supervision.mdt_errors()), (3, 3));
+        assert_eq!((losses.mst_errors(), losses.mdt_errors()), (3, 3));
     }
 
     #[test]
     fn the_second_loss_in_a_row_is_a_fault_told_once_and_only_two_of_the_burst_count() {
-        let mut supervision = Supervision::new();
-        assert_eq!(supervision.cycle(Failed, Unknown), Ok(()));
-        assert_eq!(supervision.cycle(Failed, Unknown), Err(PhaseError::MstFailure));
+        let mut losses = LossCounter::new();
+        assert_eq!(losses.cycle(Failed, Unknown), Ok(()));
+        assert_eq!(losses.cycle(Failed, Unknown), Err(PhaseError::MstFailure));
         for _ in 0..10 {
-            assert_eq!(supervision.cycle(Failed, Unknown), Ok(()));
+            assert_eq!(losses.cycle(Failed, Unknown), Ok(()));
         }
-        assert_eq!((supervision.mst_errors(), supervision.mdt_errors()), (2, 0));
+        assert_eq!((losses.mst_errors(), losses.mdt_errors()), (2, 0));
     }
 
     #[test]
     fn two_mdts_in_a_row_are_a_fault() {
-        let mut supervision = Supervision::new();
-        assert_eq!(supervision.cycle(Valid, Failed), Ok(()));
-        assert_eq!(supervision.cycle(Valid, Failed), Err(PhaseError::MdtFailure));
-        assert_eq!(supervision.mdt_errors(), 2);
+        let mut losses = LossCounter::new();
+        assert_eq!(losses.cycle(Valid, Failed), Ok(()));
+        assert_eq!(losses.cycle(Valid, Failed), Err(PhaseError::MdtFailure));
+        assert_eq!(losses.mdt_errors(), 2);
     }
 
     #[test]
     fn loss_of_light_is_not_counted() {
-        let mut supervision = Supervision::new();
-        assert_eq!(supervision.cycle(Failed, Failed), Ok(()));
-        assert_eq!(supervision.cycle(Failed, Failed), Err(PhaseError::LightLoss));
-        assert_eq!((supervision.mst_errors(), supervision.mdt_errors()), (0, 0));
+        let mut losses = LossCounter::new();
+        assert_eq!(losses.cycle(Failed, Failed), Ok(()));
+        assert_eq!(losses.cycle(Failed, Failed), Err(PhaseError::LightLoss));
+        assert_eq!((losses.mst_errors(), losses.mdt_errors()), (0, 0));
     }
 
     #[test]
     fn an_unknown_cycle_neither_ends_nor_prolongs_a_burst() {
-        let mut supervision = Supervision::new();
-        assert_eq!(supervision.cycle(Valid, Failed), Ok(()));
-        assert_eq!(supervision.cycle(Failed, Unknown), Ok(()));
-        assert_eq!(supervision.cycle(Valid, Failed), Err(PhaseError::MdtFailure));
+        let mut losses = LossCounter::new();
+        assert_eq!(losses.cycle(Valid, Failed), Ok(()));
+        assert_eq!(losses.cycle(Failed, Unknown), Ok(()));
+        assert_eq!(losses.cycle(Valid, Failed), Err(PhaseError::MdtFailure));
     }
 
     #[test]
     fn a_fall_back_ends_bursts_and_keeps_counters_and_a_new_cp3_clears_both() {
-        let mut supervision = Supervision::new();
-        assert_eq!(supervision.cycle(Failed, Valid), Ok(()));
-        supervision.end_bursts();
-        assert_eq!(supervision.cycle(Failed, Valid), Ok(()), "the first of a new burst");
-        assert_eq!(supervision.mst_errors(), 2);
-        supervision.clear();
-        assert_eq!(supervision, Supervision::new());
-        assert_eq!(supervision.cycle(Failed, Failed), Ok(()));
-        supervision.end_bursts();
-        assert_eq!(supervision.cycle(Valid, Failed), Ok(()));
-        assert_eq!((supervision.mst_errors(), supervision.mdt_errors()), (1, 2));
+        let mut losses = LossCounter::new();
+        assert_eq!(losses.cycle(Failed, Valid), Ok(()));
+        losses.end_bursts();
+        assert_eq!(losses.cycle(Failed, Valid), Ok(()), "the first of a new burst");
+        assert_eq!(losses.mst_errors(), 2);
+        losses.clear();
+        assert_eq!(losses, LossCounter::new());
+        assert_eq!(losses.cycle(Failed, Failed), Ok(()));
+        losses.end_bursts();
+        assert_eq!(losses.cycle(Valid, Failed), Ok(()));
+        assert_eq!((losses.mst_errors(), losses.mdt_errors()), (1, 2));
     }
 
     #[test]
     fn the_counters_saturate() {
-        let mut supervision = Supervision::new();
+        let mut losses = LossCounter::new();
         for _ in 0..70_000 {
-            let _ = supervision.cycle(Failed, Valid);
-            let _ = supervision.cycle(Valid, Valid);
+            let _ = losses.cycle(Failed, Valid);
+            let _ = losses.cycle(Valid, Valid);
         }
-        assert_eq!(supervision.mst_errors(), u16::MAX);
+        assert_eq!(losses.mst_errors(), u16::MAX);
     }
 }

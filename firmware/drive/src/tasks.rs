@@ -6,7 +6,7 @@ bitflags! {
     /// Tasks to be started; the application pends the interrupt that each of them is bound to.
     #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
     #[must_use = "a task that is not started leaves the ring controller waiting"]
-    pub struct Work: u8 {
+    pub struct Tasks: u8 {
         /// `command_valid`: the command values of this cycle are due (t3), or the MDT window of CP1/CP2 is over.
         const COMMAND_VALID = 1;
         /// `capture_feedback`: the feedback of this cycle was latched (t4).
@@ -23,8 +23,8 @@ bitflags! {
 }
 
 #[cfg(feature = "defmt")]
-impl defmt::Format for Work {
+impl defmt::Format for Tasks {
     fn format(&self, formatter: defmt::Formatter<'_>) {
-        defmt::write!(formatter, "Work({=u8:06b})", self.bits());
+        defmt::write!(formatter, "Tasks({=u8:06b})", self.bits());
     }
 }

@@ -12,7 +12,7 @@ use crate::units::Position;
 /// Follows the counter of an encoder by two readings a tick.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
-pub struct TwiceReadEncoder {
+pub struct DoubleSampledEncoder {
     /// Counts half increments: the sum of two counts.
     halves: Encoder,
 }
@@ -20,11 +20,11 @@ pub struct TwiceReadEncoder {
 /// Resolution of an encoder that is read twice, scaled.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
-pub struct TwiceReadSettings {
+pub struct DoubleSampledSettings {
     halves: EncoderSettings,
 }
 
-impl TwiceReadSettings {
+impl DoubleSampledSettings {
     /// An encoder with so many increments per revolution, 1 ..= 2^31 - 1.
     ///
     /// # Errors
@@ -41,10 +41,10 @@ impl TwiceReadSettings {
     }
 }
 
-impl TwiceReadEncoder {
+impl DoubleSampledEncoder {
     /// Starts with the counter at `count`, which is position zero.
     #[must_use]
-    pub const fn new(settings: TwiceReadSettings, count: u32) -> Self {
+    pub const fn new(settings: DoubleSampledSettings, count: u32) -> Self {
         Self { halves: Encoder::new(settings.halves, count.wrapping_mul(2)) }
     }
 
@@ -56,7 +56,7 @@ impl TwiceReadEncoder {
         self.halves.update(before.wrapping_add(now))
     }
 
-    /// The position at the last [`TwiceReadEncoder::update`].
+    /// The position at the last [`DoubleSampledEncoder::update`].
     #[inline]
     #[must_use]
     pub fn position(&self) -> Position {
@@ -83,8 +83,8 @@ mod tests {
 
     #[test]
     fn two_readings_of_the_same_count_are_its_position_and_two_different_ones_the_middle() {
-        let settings = TwiceReadSettings::new(1 << 20).unwrap();
-        let mut encoder = TwiceReadEncoder::new(settings, u32::MAX);
+        let settings = DoubleSampledSettings::new(1 << 20).unwrap();
+        let mut encoder = DoubleSampledEncoder::new(settings, u32::MAX);
         let increment = 1 << 12;
         assert_eq!(encoder.update(u32::MAX, u32::MAX), Position::ZERO);
         assert_eq!(encoder.update(u32::MAX, 0), Position::from_bits(increment / 2));
@@ -96,9 +96,9 @@ mod tests {
 
     #[test]
     fn a_resolution_whose_halves_cannot_be_counted_is_refused() {
-        assert!(TwiceReadSettings::new(0).is_err());
-        assert!(TwiceReadSettings::new(1 << 31).is_err());
-        assert!(TwiceReadSettings::new((1 << 31) - 1).is_ok());
+        assert!(DoubleSampledSettings::new(0).is_err());
+        assert!(DoubleSampledSettings::new(1 << 31).is_err());
+        assert!(DoubleSampledSettings::new((1 << 31) - 1).is_ok());
     }
 
     proptest! {
@@ -107,8 +107,8 @@ mod tests {
         fn however_far_the_shaft_turns_a_latched_count_has_its_place(
             start in any::<u32>(), moves in proptest::collection::vec(-(1_i64 << 28)..1 << 28, 1..50), increments in 1_u32..1 << 28,
         ) {
-            let settings = TwiceReadSettings::new(increments).unwrap();
-            let mut encoder = TwiceReadEncoder::new(settings, start);
+            let settings = DoubleSampledSettings::new(increments).unwrap();
+            let mut encoder = DoubleSampledEncoder::new(settings, start);
             let mut place = 0_i64;
             let count = |place: i64| start.wrapping_add(place as u32);
             for moved in moves {
