@@ -22,7 +22,7 @@ use crate::diagnosis::words::Circumstances;
 use crate::hardware::{Hardware, ResetCause};
 use crate::settings::{CycleSettings, MotionSettings};
 use crate::signal::bits::BitSettings;
-use crate::signal::command::{Command, CommandValue, CommandValues};
+use crate::signal::command::{Command, CommandValue};
 use crate::signal::control_bits::Enable;
 use crate::signal::feedback::Feedback;
 use crate::signal::record::Records;
@@ -146,25 +146,9 @@ impl<B: Bus + Clone, H: Hardware> Motion<B, H> {
         self.clock.is_locked()
     }
 
-    /// What the service channel may ask for.
-    pub fn snapshot(&mut self) -> Snapshot {
-        let [mst_errors, mdt_errors] = self.ring.errors();
-        Snapshot {
-            state: self.operation.state(),
-            conditions: self.conditions(),
-            class_1: self.status.class_1(),
-            class_2: self.status.class_2(),
-            class_3: self.status.class_3(),
-            manufacturer_1: self.status.manufacturer_1(),
-            manufacturer_2: self.status.manufacturer_2(),
-            manufacturer_3: self.status.manufacturer_3(),
-            homing: self.function.holds(),
-            status_word: self.status_word(),
-            commands: CommandValues { position: self.position_command_data(), ..*self.ring.commands() },
-            mst_errors,
-            mdt_errors,
-            operating_time: self.operating_time(),
-        }
+    /// What the log tells of.
+    pub const fn snapshot(&mut self) -> Snapshot {
+        Snapshot { state: self.operation.state(), class_1: self.status.class_1() }
     }
 
     /// A homing, an identification or a positive stop has ended, and nobody has asked yet how.

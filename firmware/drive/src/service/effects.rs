@@ -27,7 +27,7 @@ use crate::motion::identification::Plan;
 use crate::oscilloscope::{self, Configuration};
 use crate::settings::invalid::InvalidSetting;
 use crate::settings::{MotionSettings, POSITION_FEEDBACK_2_SOURCE, homing};
-use crate::signal::command::CommandValues;
+use crate::signal::command::COMMAND_VALUES;
 
 /// Data of the user's own, which the drive keeps and gives back.
 const KEPT_FOR_THE_USER: [(Idn, &str); 4] = [
@@ -49,7 +49,7 @@ struct Effects {
     recording: Result<Configuration, ServiceError>,
     oscilloscope: (u64, u64),
     message: String,
-    commands: CommandValues,
+    commands: Vec<u32>,
     controlled: u32,
     commutation_angle: u64,
     locked: bool,
@@ -58,7 +58,7 @@ struct Effects {
 impl Effects {
     fn of(rig: &mut Rig) -> Self {
         let message = rig.text(S(95));
-        let commands = rig.motion.snapshot().commands;
+        let commands = COMMAND_VALUES.iter().map(|&(_, value)| rig.motion.command_data(value)).collect();
         rig.step(|_, parameters, context| {
             let capabilities = checks::capabilities(context.identity.bit_rate, parameters);
             let cycle = transition::check_cp3(parameters, &capabilities);
