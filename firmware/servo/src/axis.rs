@@ -307,6 +307,12 @@ impl Axis {
         }
     }
 
+    /// [`Mode::Position`] has begun, and its first command has not come yet.
+    #[must_use]
+    pub fn awaits_command(&self) -> bool {
+        self.mode == Mode::Position && self.interpolator.awaits_command()
+    }
+
     /// Whether [`Mode::Position`] would begin with this command, from where the axis is.
     ///
     /// # Errors

@@ -106,6 +106,12 @@ impl Interpolator {
         };
     }
 
+    /// Started, and no command has come yet.
+    #[must_use]
+    pub const fn awaits_command(&self) -> bool {
+        self.starting
+    }
+
     /// Takes the command that became valid at t3: reached after one cycle of ticks.
     ///
     /// # Errors

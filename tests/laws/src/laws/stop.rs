@@ -196,8 +196,8 @@ impl Law for Stop {
                     self.begin("a lost ring", scene, soon);
                 }
                 self.lost = lost;
-                let moves = scene.drive_moves_the_axis();
-                if moves && self.running.as_ref().is_some_and(|running| running.cause == "HALT") {
+                // With bits 15 and 14 and without an error a movement of the drive's own ends whatever stop there was.
+                if scene.drive_moves_the_axis() && wire.asks_for_torque() && !wire.has_error() && !lost {
                     self.running = None;
                 }
                 return self.watch(scene);
@@ -274,6 +274,25 @@ mod tests {
         assert_eq!(stopped(4.0, -60.0), None, "0.16 rad come back");
         assert!(stopped(6.0, -60.0).is_some_and(|words| words.contains("turned back")), "0.24 rad come back");
         assert_eq!(stopped(5.0, 60.0), None, "a load does it");
+    }
+
+    #[test]
+    fn a_movement_of_the_drives_own_ends_a_stop_of_bit_15_but_not_that_of_an_error() {
+        for (status, starts, lawful) in [(0xC000, true, true), (0xC000, false, false), (0xE000, true, false)] {
+            let mut fake = at_speed(20.0);
+            for _ in 0..25 {
+                fake.turning(0x6000, status, -400.0, torque(-60.0));
+            }
+            fake.run(5, 0xC000, status);
+            if starts {
+                fake.write(0x8000 | 225, &[3]);
+            }
+            fake.sight.machine.velocity = -6.0;
+            for _ in 0..20 {
+                fake.turning(0xC000, status, 0.0, torque(-60.0));
+            }
+            assert_eq!(fake.broken().is_none(), lawful, "{status:X} {starts}: {:?}", fake.broken());
+        }
     }
 
     #[test]
