@@ -143,6 +143,27 @@ fn resistance_and_inductances_are_those_of_the_machine() {
 }
 
 #[test]
+fn an_axis_that_holds_a_load_is_not_let_go_for_the_resistance() {
+    // An eighth of 25 A at 2 Nm/A.
+    for (torque, status) in [(5.0, EXECUTING), (7.5, FAILED), (-7.5, FAILED)] {
+        let mut halted = Halted::new();
+        let now = halted.bench.world.now().0;
+        halted.bench.drive.motor_side.borrow_mut().machine().set_load_torque(torque, now);
+        halted.bench.run(Nanoseconds::from_millis(600));
+        let before = halted.revolutions();
+        halted.bench.write(IDENTIFY_WINDING, Value::Word(3)).unwrap();
+        halted.bench.run(Nanoseconds::from_millis(100));
+        assert_eq!(halted.numbers([IDENTIFY_WINDING]), [status], "{torque} Nm");
+        if status == FAILED {
+            assert!(halted.bench.text(FINDING).contains("take the load off"), "{}", halted.bench.text(FINDING));
+            halted.assert_held();
+            let moved = halted.revolutions() - before;
+            assert!(moved.abs() < 1e-4, "{torque} Nm: {moved} revolutions");
+        }
+    }
+}
+
+#[test]
 fn the_flux_linkage_is_that_of_the_machine_and_the_motor_stands_afterwards() {
     let mut halted = Halted::new();
     let start = halted.revolutions();

@@ -15,7 +15,7 @@ use servo::units::SUPERVISION_PERIOD_MICROSECONDS;
 use super::Motion;
 use super::function::Function;
 use super::homing::HomingFailure;
-use super::identification::{Outcome, Plan};
+use super::identification::{Failure, Outcome, Plan};
 use super::ring_clock::{ClockMonitor, PHASE_ERROR_CLASSES};
 use crate::diagnosis::faults::Findings;
 use crate::diagnosis::words::Circumstances;
@@ -324,15 +324,20 @@ impl<B: Bus + Clone, H: Hardware> Motion<B, H> {
             && self.motor.commutates()
     }
 
-    /// Starts an identification; `false` if it may not.
-    pub(crate) fn start_identification(&mut self, plan: &Plan) -> bool {
+    /// Starts an identification.
+    ///
+    /// # Errors
+    /// Why it may not.
+    pub(crate) fn start_identification(&mut self, plan: &Plan) -> Result<(), Failure> {
         if !self.may_identify() {
-            return false;
+            return Err(Failure::Interrupted);
         }
+        plan.look_at_load(self.output.current)?;
         let position = self.encoder.position();
         // Known, see `may_identify`.
         let angle = self.motor.commutation_angle(position).unwrap_or(0);
-        self.with_function(|function| function.start_identification(plan, position, angle))
+        let started = self.with_function(|function| function.start_identification(plan, position, angle));
+        if started { Ok(()) } else { Err(Failure::Interrupted) }
     }
 
     /// Gives up an identification. Nobody is told of it.

@@ -46,11 +46,23 @@ pub(crate) enum Finding {
     Identification(IdentificationError),
     /// HALT has ended before the measurement, or torque or operation have.
     Interrupted,
+    /// P-0-0224 would have let a load go.
+    Loaded,
 }
 
 impl From<SettingsError> for Finding {
     fn from(error: SettingsError) -> Self {
         Self::Settings(error)
+    }
+}
+
+impl From<Failure> for Finding {
+    fn from(failure: Failure) -> Self {
+        match failure {
+            Failure::Sequence(error) => Self::Identification(error),
+            Failure::Interrupted => Self::Interrupted,
+            Failure::Loaded => Self::Loaded,
+        }
     }
 }
 
@@ -74,6 +86,7 @@ impl fmt::Display for Finding {
             }
             Self::Identification(error) => error.fmt(formatter),
             Self::Interrupted => formatter.write_str("interrupted: HALT, torque or operation have ended"),
+            Self::Loaded => formatter.write_str("the axis holds a load that P-0-0224 would let go: take the load off"),
         }
     }
 }
@@ -155,11 +168,7 @@ pub(crate) fn take_over(
     parameters: &mut Parameters,
     check: impl Fn(&Parameters) -> Result<(), InvalidSetting>,
 ) -> Result<(), Finding> {
-    let measurement = outcome.map_err(|failure| match failure {
-        Failure::Sequence(error) => Finding::Identification(error),
-        Failure::Interrupted => Finding::Interrupted,
-    })?;
-    match measurement {
+    match outcome? {
         Measurement::Winding(resistance, inductance) => {
             let inductances = inductance.inductances()?;
             let values =
