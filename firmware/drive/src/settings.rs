@@ -15,6 +15,7 @@ use servo::motor::{Facts, MotorSettings};
 use servo::path::{Interpolation, MotionLimits};
 use servo::units::{Position, PositionScale, SUPERVISION_PERIOD_MICROSECONDS, Velocity, VelocityScale};
 
+pub(crate) mod current;
 pub(crate) mod increments;
 pub(crate) mod invalid;
 pub(crate) mod limit_values;

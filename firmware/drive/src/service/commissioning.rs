@@ -19,6 +19,7 @@ use servo::units::{Acceleration, Position, Velocity};
 
 use crate::dictionary::procedures::Procedure;
 use crate::motion::identification::{Failure, Measurement, Outcome, Plan};
+use crate::settings::current::{amplitude, torque_constant};
 use crate::settings::invalid::InvalidSetting;
 
 const S: fn(u16) -> Idn = Idn::standard;
@@ -111,7 +112,8 @@ pub(crate) fn compute_gains(
         .saturating_add(current_loop.unwrap_or(0));
     let bandwidth = data.get(P(223));
     let small_times = u32::try_from(small_times).unwrap_or(u32::MAX);
-    let velocity = velocity_gains(data.get(P(221)), torque_constant(data), bandwidth, small_times)?;
+    // Per ampere RMS, as S-0-0100 counts them.
+    let velocity = velocity_gains(data.get(P(221)), data.get(P(114)), bandwidth, small_times)?;
     let position = position_gain(bandwidth)?;
     // Less than half a step would switch the integral part off.
     let current_time = (current.integral_time.saturating_add(50) / 100).max(1);
@@ -133,8 +135,8 @@ pub(crate) fn compute_gains(
 /// # Errors
 /// [`Finding::Settings`].
 pub(crate) fn plan(procedure: Procedure, parameters: &Parameters, frequency: PwmFrequency) -> Result<Plan, Finding> {
-    let peak_current = parameters.get(S(110));
-    let current = parameters.get(S(111)).min(parameters.get(S(109))).min(peak_current);
+    let peak_current = amplitude(parameters.get(S(110)));
+    let current = amplitude(parameters.get(S(111)).min(parameters.get(S(109)))).min(peak_current);
     const COMMAND_REVERSED: u32 = 1 << 0;
     let velocity = Velocity::from_ten_thousandths_rpm(parameters.get(P(218)).cast_signed());
     let identification = IdentificationParameters {
@@ -175,7 +177,7 @@ pub(crate) fn take_over(
                 [(P(111), resistance.resistance()?), (P(112), inductances.direct), (P(113), inductances.quadrature)];
             put(parameters, values, check)
         }
-        Measurement::Flux(flux) => put(parameters, [(P(114), flux.flux()?.linkage)], check),
+        Measurement::Flux(flux) => put(parameters, [(P(114), amplitude(flux.flux()?.torque_constant))], check),
         Measurement::Inertia(inertia) => put(parameters, [(P(221), inertia.inertia()?.inertia)], check),
     }
 }
@@ -202,11 +204,6 @@ fn put<const N: usize>(
         }
     }
     result
-}
-
-/// In uNm/A.
-fn torque_constant(parameters: &Parameters) -> u32 {
-    parameters.get(P(114)).saturating_mul(parameters.get(P(110))).saturating_mul(3) / 2
 }
 
 /// By how many microseconds a filter of the current command delays what is slow against it; `first` is its first parameter.

@@ -18,6 +18,7 @@ use servo::monitor::{
 use servo::motor::{CurrentSettings, Facts, MotorSettings};
 use servo::units::{CurrentFraction, Position, Velocity};
 
+use super::current::{amplitude, flux_linkage};
 use super::invalid::InvalidSetting;
 
 const S: fn(u16) -> Idn = Idn::standard;
@@ -36,7 +37,9 @@ pub(super) fn settings(
 ) -> Result<MotorSettings, InvalidSetting> {
     let long = |idn: Idn| parameters.get(idn);
     let word = |idn: Idn| parameters.get_word(idn);
-    let peak = long(S(110));
+    // In amplitudes, as the measuring range.
+    let peak = amplitude(long(S(110)));
+    let flux = flux_linkage(parameters);
     let range = long(P(100));
     let full_scale = word(P(101));
     let of = |idn: Idn| move |reason: SettingsError| InvalidSetting { idn, reason: Some(reason) };
@@ -54,7 +57,7 @@ pub(super) fn settings(
     .map_err(|reason| InvalidSetting { idn: blamed(&reason), reason: Some(reason) })?;
     let trip = match long(P(106)) {
         0 => peak.saturating_add(peak / 4),
-        trip => trip,
+        trip => amplitude(trip),
     };
     let highest_bus = u32::from(word(P(105))).saturating_mul(4_096).checked_div(full_scale.into()).unwrap_or(0);
     // One and a half times the highest speed, in a cycle, and two increments that a standing encoder may swing.
@@ -86,7 +89,7 @@ pub(super) fn settings(
         LoadSettings::new(&LoadParameters {
             continuous_current: long(S(continuous)),
             peak_current: long(S(peak_current)),
-            amplifier_peak_current: peak,
+            amplifier_peak_current: long(S(110)),
             time_constant: long(P(time)),
             warning_level: WARNING_LEVEL,
             shutdown_level: word(S(114)).max(WARNING_LEVEL.saturating_add(1)),
@@ -97,7 +100,7 @@ pub(super) fn settings(
     let millidegrees = |idn: Idn| Position::from_bits((i64::from(word(idn)) << 32) / 36_000);
     Ok(MotorSettings {
         current: CurrentSettings { current_loop, protection },
-        model: MotorModel::new(long(P(112)), long(P(113)), long(P(114)), peak).map_err(of(P(114)))?,
+        model: MotorModel::new(long(P(112)), long(P(113)), flux, peak).map_err(of(P(114)))?,
         commutation: commutation_settings,
         // Whole electrical revolutions are cut on purpose.
         angle_per_increment: angle.checked_div(u64::from(increments)).unwrap_or(0) as u32,
@@ -124,7 +127,7 @@ pub(super) fn settings(
             increments_per_revolution: increments,
             maximum_velocity,
             pole_pairs: pole_pairs.into(),
-            flux: long(P(114)),
+            flux,
             dead_time_compensated: word(P(103)) != 0,
             index_width: (word(P(117)) != 0).then_some(1),
         })
@@ -149,7 +152,7 @@ pub(super) fn settings(
         torque_limits: TorqueLimitSettings::new(&TorqueLimitParameters {
             commanded: *limits,
             motor_peak: long(S(109)),
-            amplifier_peak: peak,
+            amplifier_peak: long(S(110)),
         })
         .map_err(of(S(110)))?,
         weakening: FieldWeakeningSettings::new(&FieldWeakeningParameters {

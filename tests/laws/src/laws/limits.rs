@@ -8,7 +8,7 @@ use ring::service_client::status;
 
 use crate::lasting::Lasting;
 use crate::law::{Event, Law, Verdict};
-use crate::scene::Scene;
+use crate::scene::{AMPLITUDE, Scene};
 
 /// What the current loop overshoots, of the limit and of the amplifier's peak; it has settled within milliseconds.
 const CURRENT: (f64, f64, Nanoseconds) = (1.1, 0.03, Nanoseconds::from_millis(5));
@@ -47,7 +47,7 @@ impl Law for Current {
             self.0.end();
             return Verdict::Silent;
         };
-        let most = CURRENT.0 * limit + CURRENT.1 * peak as f64 * 1e-3;
+        let most = CURRENT.0 * limit + CURRENT.1 * peak as f64 * AMPLITUDE;
         Verdict::of(!self.0.lasts(q.abs() > most, scene.now, CURRENT.2), || {
             format!("{q:.2} A across the magnet, {limit:.2} A allowed")
         })
@@ -163,9 +163,9 @@ mod tests {
 
     #[test]
     fn current_and_velocity_beyond_their_limits_for_long_break_it() {
-        for (current, lawful) in [(20.0, true), (-20.0, true), (30.0, false), (-30.0, false)] {
+        for (current, lawful) in [(28.0, true), (-28.0, true), (42.0, false), (-42.0, false)] {
             let mut fake = Fake::in_cp4(Current::default());
-            // The defaults: 20 A of peak, 200 % of 5 A; here 400 %.
+            // The defaults: 20 A RMS of peak, 200 % of 5 A; here 400 %.
             fake.write(92, &[4_000]);
             fake.sight.bridge = true;
             fake.sight.machine.current = [0.0, current];
