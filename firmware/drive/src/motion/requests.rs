@@ -277,6 +277,11 @@ impl<B: Bus + Clone, H: Hardware> Motion<B, H> {
 
     /// Starts S-0-0148 with a movement. The old reference is gone from now on. `false`: the drive is not in operation.
     pub(crate) fn start_homing(&mut self, settings: HomingSettings, limits: MotionLimits) -> bool {
+    /// S-0-0169 was written.
+    pub(crate) const fn select_probe_edges(&mut self, edges: ProbeSettings) {
+        self.probing.select(edges);
+    }
+
         if !matches!(self.operation.state(), DriveState::Following | DriveState::Halted) {
             return false;
         }
