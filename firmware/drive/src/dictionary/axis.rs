@@ -120,7 +120,7 @@ sercos::data_blocks! {
     S 161 "Acceleration data scaling factor" [""] U16/0 written IN_CP2_CP3 (1 to 65_535) = 1 => Parameter, stored, needed_for_cp4;
     /// Power of ten of S-0-0161.
     S 162 "Acceleration data scaling exponent" [""] I16/0 written IN_CP2_CP3 (-32 to 32) = -3 => Parameter, stored, needed_for_cp4;
-    /// Bit 0: positive edge of probe 1; bit 1: negative edge; bits 2 and 3: those of probe 2.
+    /// Bit 0: positive edge of probe 1; bit 1: negative edge; bits 2 and 3: those of probe 2. While S-0-0170 runs they count from the write on.
     S 169 "Probe control" [""] BITS/0 written ALWAYS (0 to 15) = 0 => Parameter, stored;
     /// Heat sink temperature from which C2D bit 1 warns.
     S 200 "Amplifier warning temperature" ["C"] U16/1 written ALWAYS (1 to 2_000) = 800 => Parameter, stored, needed_for_cp4, restricted;

@@ -6,7 +6,7 @@ sercos::data_blocks! {
     /// A procedure command.
     pub enum Procedure in PROCEDURES: Command [];
 
-    /// Clears errors whose cause is gone.
+    /// Clears errors whose cause is gone and of which an AT has told; fails while the drive still reacts to one.
     S 99 "Reset class 1 diagnostic" [""] COMMAND/0 written ALWAYS () = 0 => ResetClass1;
     /// Checks everything that CP3 needs; findings in S-0-0021.
     S 127 "CP3 transition check" [""] COMMAND/0 written IN_CP2 () = 0 => CheckForCp3;

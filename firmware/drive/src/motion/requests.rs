@@ -118,12 +118,14 @@ impl<B: Bus + Clone, H: Hardware> Motion<B, H> {
         self.status.set_diagnostics(interface_status, diagnostic_number);
     }
 
-    /// S-0-0099: clears C1D unless a cause is still there or the error reaction still runs.
+    /// S-0-0099: clears C1D unless a cause is still there, the error reaction still runs, or an error has come while the command was on its way:
+    /// one that no AT has told of would be gone without a word, and the torque with it.
     ///
     /// Returns whether the drive is free of errors now.
     pub fn reset_class_1(&mut self) -> bool {
-        let reacting = self.operation.state().has_torque() && self.status.has_error();
-        if reacting || !self.inputs.bridge_ready {
+        let has_error = self.status.has_error();
+        let reacting = self.operation.state().has_torque() && has_error;
+        if reacting || !self.inputs.bridge_ready || (has_error && !self.ring.shows_error()) {
             return false;
         }
         self.status.clear_errors();
@@ -273,6 +275,11 @@ impl<B: Bus + Clone, H: Hardware> Motion<B, H> {
     /// S-0-0170 with S-0-0169, or its end.
     pub(crate) fn set_probing(&mut self, settings: Option<ProbeSettings>) {
         self.probing.set(settings, &mut self.hardware);
+    }
+
+    /// S-0-0169 was written.
+    pub(crate) const fn select_probe_edges(&mut self, edges: ProbeSettings) {
+        self.probing.select(edges);
     }
 
     /// Starts S-0-0148 with a movement. The old reference is gone from now on. `false`: the drive is not in operation.

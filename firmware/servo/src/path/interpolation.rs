@@ -298,6 +298,12 @@ impl Interpolator {
         self.target
     }
 
+    /// The same, once there has been a command since the start.
+    #[must_use]
+    pub fn aim(&self) -> Option<Position> {
+        (!self.starting).then_some(self.target)
+    }
+
     /// Shifts the line by `difference` without a movement (homing).
     pub fn shift(&mut self, difference: Position) {
         self.target = self.target + difference;
