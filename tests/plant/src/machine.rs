@@ -11,6 +11,8 @@ use crate::MachineSettings;
 use crate::brake::Grip;
 use crate::encoder::{Counter, Encoder};
 use crate::frame::{Dq, Frame};
+use crate::inverter::Terminal;
+use crate::legs::Leg;
 use crate::mechanics::{Shafts, Torques};
 use crate::supply::Bus;
 use crate::thermal::Temperatures;
@@ -230,15 +232,30 @@ impl Machine {
     fn flow(&self, dt: f64) -> Flow {
         let (settings, outside, state) = (&self.settings, &self.outside, &self.state);
         let velocity = state.shafts.velocity;
+        let speed = state.shafts.velocity_ahead(dt) * f64::from(settings.windings.pole_pairs);
         let surroundings = Surroundings {
             resistance: settings.windings.resistance_at(state.temperatures.winding),
-            speed: state.shafts.velocity_ahead(dt) * f64::from(settings.windings.pole_pairs),
+            speed,
+            emf: Dq { d: 0.0, q: speed * settings.windings.flux },
             frame: self.frame(state.shafts.turn.part + 0.5 * velocity * dt / TAU),
-            terminals: settings.inverter.terminals(outside.bridge, &outside.duties),
             bus: state.bus.voltage,
             dt,
         };
-        settings.windings.step(state.current, &surroundings)
+        let terminals = settings.inverter.terminals(outside.bridge, &outside.duties);
+        if outside.cable.is_sound() && settings.effects.legs_are_plain() {
+            return settings.windings.step(state.current, &terminals, &surroundings);
+        }
+        let mut legs = self.legs(terminals, state.bus.voltage);
+        if let Some(wiring) = settings.effects.wiring {
+            legs = wiring.to_windings(legs);
+        }
+        settings.windings.step_behind(state.current, &legs, &surroundings)
+    }
+
+    #[cold]
+    fn legs(&self, terminals: [Terminal; 3], bus: f64) -> [Leg; 3] {
+        let (Machine { settings, outside, .. }, capacitance) = (self, self.settings.effects.leg_capacitance);
+        Leg::all(&settings.inverter, terminals, capacitance, &outside.cable, (outside.bridge, bus))
     }
 
     /// The rotor's frame with the shaft at an angle in revolutions.

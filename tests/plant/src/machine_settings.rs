@@ -1,6 +1,6 @@
 //! All parameters of a machine.
 
-use crate::{CurrentSensors, Encoder, HoldingBrake, Inverter, Mechanics, Supply, Thermal, Windings};
+use crate::{CurrentSensors, Effects, Encoder, HoldingBrake, Inverter, Mechanics, Supply, Thermal, Windings};
 
 /// Parameters of a motor with its power stage, sensors and load, in SI units at the motor shaft.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -23,6 +23,8 @@ pub struct MachineSettings {
     pub brake: Option<HoldingBrake>,
     /// Heat of windings and heat sink.
     pub thermal: Thermal,
+    /// What it has beside the textbook's machine.
+    pub effects: Effects,
     /// Seed of the sensors' noise.
     pub seed: u64,
 }
@@ -40,6 +42,7 @@ impl MachineSettings {
             brake.check();
         }
         self.thermal.check();
+        self.effects.check();
     }
 
     /// Torque constant in Nm per A of the phase current's amplitude, for a current across the magnet.

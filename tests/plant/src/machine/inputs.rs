@@ -3,6 +3,7 @@
 use super::Machine;
 use super::outside::{Input, Outside};
 use crate::brake::BrakeFailure;
+use crate::cable::EarthFault;
 
 /// Inputs, each from the instant `at` on.
 impl Machine {
@@ -86,6 +87,30 @@ impl Machine {
                 *sensor = sample;
             }
         });
+    }
+
+    /// Adds resistances in ohm to the three legs' cores of the motor cable: bad contacts. Their heat stays outside.
+    ///
+    /// # Panics
+    /// When one is negative.
+    pub fn set_contact_resistances(&mut self, resistances: [f64; 3], at: u64) {
+        self.change(at, |outside| outside.cable.set_resistances(resistances));
+    }
+
+    /// Breaks the core of a leg (0, 1, 2) in the motor cable, or joins it: without it no current flows, the arc takes less than a step.
+    ///
+    /// # Panics
+    /// When there is no such leg.
+    pub fn open_phase(&mut self, leg: usize, open: bool, at: u64) {
+        self.change(at, |outside| outside.cable.set_open(leg, open));
+    }
+
+    /// Connects the output of a leg (0, 1, 2), behind its current sensor, with the bus's minus, or takes the connection away.
+    ///
+    /// # Panics
+    /// When there is no such leg, or when the resistance is not positive.
+    pub fn fail_to_earth(&mut self, fault: Option<(usize, EarthFault)>, at: u64) {
+        self.change(at, |outside| outside.cable.set_earth_fault(fault));
     }
 
     /// Freezes the encoder's counting tracks or brings them back; the counts missed meanwhile stay lost. The index goes on.

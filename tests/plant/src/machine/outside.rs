@@ -2,12 +2,14 @@
 
 use crate::MachineSettings;
 use crate::brake::BrakeFailure;
+use crate::cable::Cable;
 
 /// What acts on the machine from outside, until it is changed.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Outside {
     pub(super) duties: [f64; 3],
     pub(super) bridge: bool,
+    pub(super) cable: Cable,
     pub(super) mains: f64,
     pub(super) load_torque: f64,
     pub(super) seized: bool,
@@ -39,6 +41,7 @@ impl Outside {
         Self {
             duties: [0.5; 3],
             bridge: false,
+            cable: Cable::sound(),
             mains: settings.supply.voltage,
             load_torque: 0.0,
             seized: false,

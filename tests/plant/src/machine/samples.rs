@@ -1,6 +1,8 @@
 //! What the board sees of a machine.
 
+use super::outside::Outside;
 use super::{Machine, State};
+use crate::cable::EarthFault;
 use crate::noise::Noise;
 use crate::sensors::{bus_sample, temperature_sample};
 
@@ -12,12 +14,36 @@ impl Machine {
     /// Samples of the three phase currents, positive into the motor; 2048 is 0 A.
     #[must_use]
     pub fn current_samples(&mut self, at: u64) -> [u16; 3] {
-        let currents = self.phase_currents(at);
+        let currents = self.leg_currents(at);
         let noise = Noise { seed: self.settings.seed };
         let samples = self.settings.current_sensors.samples(currents, noise, at);
         let (broken, shifted) = (self.outside.broken_sensors, self.outside.shifted_sensors);
         let moved = |k: usize| (i32::from(samples[k]) + shifted[k]).clamp(0, i32::from(LARGEST_SAMPLE)) as u16;
         core::array::from_fn(|k| broken[k].unwrap_or_else(|| moved(k)))
+    }
+
+    /// Currents in A out of the legs of the bridge, as they are in the middle of the low-side pulses: those of the windings that they feed, and
+    /// what goes to earth.
+    fn leg_currents(&mut self, at: u64) -> [f64; 3] {
+        let mut currents = self.phase_currents(at);
+        if let Some(wiring) = self.settings.effects.wiring {
+            currents = wiring.to_legs(currents);
+        }
+        if let Some((leg, fault)) = self.outside.cable.earth_fault() {
+            currents[leg] += self.earth_current(leg, fault, currents[leg]);
+        }
+        currents
+    }
+
+    #[cold]
+    fn earth_current(&self, leg: usize, fault: EarthFault, current: f64) -> f64 {
+        let (inverter, bus) = (&self.settings.inverter, self.state.bus.voltage);
+        let Outside { bridge, duties, .. } = self.outside;
+        if bridge {
+            return fault.in_the_middle_of_low(bus, duties[leg], inverter.period);
+        }
+        let legs = self.legs(inverter.terminals(bridge, &duties), bus);
+        legs[leg].voltage(current, bus) / fault.resistance
     }
 
     /// Sample of the bus voltage; 4096 would be `bus_range`.

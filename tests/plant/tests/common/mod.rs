@@ -1,7 +1,8 @@
 //! A machine without any imperfection, of which each test adds its own.
 
 use plant::{
-    CurrentSensors, Encoder, HeatedBody, Inverter, Machine, MachineSettings, Mechanics, Supply, Thermal, Windings,
+    CurrentSensors, Effects, Encoder, HeatedBody, Inverter, Machine, MachineSettings, Mechanics, Supply, Thermal,
+    Windings,
 };
 
 pub(crate) const MICROSECOND: u64 = 1_000;
@@ -45,6 +46,7 @@ pub(crate) fn ideal() -> MachineSettings {
             heat_sink: HeatedBody { capacity: 1e12, resistance: 1.0 },
             ambient: 20.0,
         },
+        effects: Effects::NONE,
         seed: 1,
     }
 }
