@@ -9,6 +9,7 @@ use core::f64::consts::TAU;
 
 use crate::MachineSettings;
 use crate::brake::Grip;
+use crate::cable::Cable;
 use crate::encoder::{Counter, Encoder};
 use crate::frame::{Dq, Frame};
 use crate::inverter::Terminal;
@@ -51,8 +52,10 @@ pub struct Machine {
     timeline: Timeline<Input, GRID>,
     /// What acts from outside now.
     outside: Outside,
+    cable: Cable,
     /// What will act after all inputs, to drop inputs that change nothing.
     last_outside: Outside,
+    last_cable: Cable,
     /// How often the shaft was given a velocity, and the encoder counts that no movement had caused.
     interventions: [u32; 2],
     /// A whole step has left the state as it was, bit for bit: so will every other one until an input changes.
@@ -103,7 +106,9 @@ impl Machine {
             state,
             timeline: Timeline::new(),
             outside,
+            cable: Cable::sound(),
             last_outside: outside,
+            last_cable: Cable::sound(),
             interventions: [0; 2],
             still: false,
             asked: Asked(None),
@@ -179,6 +184,7 @@ impl Machine {
             Input::Temperatures([heat_sink, winding]) => state.temperatures = Temperatures { winding, heat_sink },
             Input::Bus(voltage) => state.bus.voltage = voltage,
             Input::Slip(counts) => state.counter = Encoder::slip(state.counter, counts),
+            Input::Cable(cable) => self.cable = cable,
             Input::Outside(outside) => {
                 if outside.encoder_frozen != self.outside.encoder_frozen {
                     let turn = state.shafts.turn;
@@ -242,7 +248,7 @@ impl Machine {
             dt,
         };
         let terminals = settings.inverter.terminals(outside.bridge, &outside.duties);
-        if outside.cable.is_sound() && settings.effects.legs_are_plain() {
+        if self.cable.is_sound() && settings.effects.legs_are_plain() {
             return settings.windings.step(state.current, &terminals, &surroundings);
         }
         let mut legs = self.legs(terminals, state.bus.voltage);
@@ -254,8 +260,8 @@ impl Machine {
 
     #[cold]
     fn legs(&self, terminals: [Terminal; 3], bus: f64) -> [Leg; 3] {
-        let (Machine { settings, outside, .. }, capacitance) = (self, self.settings.effects.leg_capacitance);
-        Leg::all(&settings.inverter, terminals, capacitance, &outside.cable, (outside.bridge, bus))
+        let (Machine { settings, outside, cable, .. }, capacitance) = (self, self.settings.effects.leg_capacitance);
+        Leg::all(&settings.inverter, terminals, capacitance, cable, (outside.bridge, bus))
     }
 
     /// The rotor's frame with the shaft at an angle in revolutions.

@@ -196,6 +196,7 @@ impl Windings {
     }
 
     /// The currents after a step, with the inductances at a current: two linear equations.
+    #[inline(always)]
     pub(crate) fn solve(&self, start: Dq, middle: Dq, surroundings: &Surroundings, drive: &Drive) -> Dq {
         let Surroundings { resistance, speed, emf, frame, dt, .. } = surroundings;
         let voltage = frame.dq(drive.voltages);

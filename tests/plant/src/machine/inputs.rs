@@ -3,7 +3,7 @@
 use super::Machine;
 use super::outside::{Input, Outside};
 use crate::brake::BrakeFailure;
-use crate::cable::EarthFault;
+use crate::cable::{Cable, EarthFault};
 
 /// Inputs, each from the instant `at` on.
 impl Machine {
@@ -94,7 +94,7 @@ impl Machine {
     /// # Panics
     /// When one is negative.
     pub fn set_contact_resistances(&mut self, resistances: [f64; 3], at: u64) {
-        self.change(at, |outside| outside.cable.set_resistances(resistances));
+        self.change_cable(at, |cable| cable.set_resistances(resistances));
     }
 
     /// Breaks the core of a leg (0, 1, 2) in the motor cable, or joins it: without it no current flows, the arc takes less than a step.
@@ -102,7 +102,7 @@ impl Machine {
     /// # Panics
     /// When there is no such leg.
     pub fn open_phase(&mut self, leg: usize, open: bool, at: u64) {
-        self.change(at, |outside| outside.cable.set_open(leg, open));
+        self.change_cable(at, |cable| cable.set_open(leg, open));
     }
 
     /// Connects the output of a leg (0, 1, 2), behind its current sensor, with the bus's minus, or takes the connection away.
@@ -110,7 +110,7 @@ impl Machine {
     /// # Panics
     /// When there is no such leg, or when the resistance is not positive.
     pub fn fail_to_earth(&mut self, fault: Option<(usize, EarthFault)>, at: u64) {
-        self.change(at, |outside| outside.cable.set_earth_fault(fault));
+        self.change_cable(at, |cable| cable.set_earth_fault(fault));
     }
 
     /// Freezes the encoder's counting tracks or brings them back; the counts missed meanwhile stay lost. The index goes on.
@@ -134,6 +134,14 @@ impl Machine {
         change(&mut self.last_outside);
         if self.last_outside != before {
             self.timeline.enter(Input::Outside(self.last_outside), at);
+        }
+    }
+
+    fn change_cable(&mut self, at: u64, change: impl FnOnce(&mut Cable)) {
+        let before = self.last_cable;
+        change(&mut self.last_cable);
+        if self.last_cable != before {
+            self.timeline.enter(Input::Cable(self.last_cable), at);
         }
     }
 }

@@ -9,7 +9,6 @@ use crate::cable::Cable;
 pub(super) struct Outside {
     pub(super) duties: [f64; 3],
     pub(super) bridge: bool,
-    pub(super) cable: Cable,
     pub(super) mains: f64,
     pub(super) load_torque: f64,
     pub(super) seized: bool,
@@ -29,6 +28,7 @@ pub(super) struct Outside {
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) enum Input {
     Outside(Outside),
+    Cable(Cable),
     Velocity(f64),
     Slip(i32),
     Temperatures([f64; 2]),
@@ -41,7 +41,6 @@ impl Outside {
         Self {
             duties: [0.5; 3],
             bridge: false,
-            cable: Cable::sound(),
             mains: settings.supply.voltage,
             load_torque: 0.0,
             seized: false,
