@@ -9,11 +9,15 @@
 #![forbid(unsafe_code)]
 
 mod brake;
+mod cable;
+mod effects;
 mod encoder;
+mod exponential;
 mod frame;
 mod friction;
 mod glance;
 mod inverter;
+mod legs;
 mod machine;
 mod machine_settings;
 mod mechanics;
@@ -28,9 +32,12 @@ mod turn;
 mod windings;
 
 pub use brake::{BrakeFailure, HoldingBrake};
+pub use cable::{EarthFault, Wiring};
+pub use effects::Effects;
 pub use encoder::Encoder;
 pub use glance::Glance;
 pub use inverter::Inverter;
+pub use legs::LegCapacitance;
 pub use machine::Machine;
 pub use machine_settings::MachineSettings;
 pub use mechanics::{Load, Mechanics};

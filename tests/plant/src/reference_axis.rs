@@ -4,8 +4,8 @@
 //! chosen by us, and the derived figures are written beside them.
 
 use crate::{
-    Chopper, Coupling, CurrentSensors, Encoder, HeatedBody, HoldingBrake, Inverter, Load, Machine, MachineSettings,
-    Mechanics, Motor, MotorSettings, Saturation, Supply, Thermal, Windings,
+    Chopper, Coupling, CurrentSensors, Effects, Encoder, HeatedBody, HoldingBrake, Inverter, Load, Machine,
+    MachineSettings, Mechanics, Motor, MotorSettings, Saturation, Supply, Thermal, Windings,
 };
 
 /// A complete axis: the plant, its amplifier, and parameters that suit it.
@@ -103,6 +103,7 @@ impl ReferenceAxis {
                     heat_sink: HeatedBody { capacity: 2_000.0, resistance: 0.25 },
                     ambient: AMBIENT,
                 },
+                effects: Effects::NONE,
                 seed: 1,
             },
             peak_current: 60_000,
@@ -165,6 +166,7 @@ impl ReferenceAxis {
                     heat_sink: HeatedBody { capacity: 300.0, resistance: 1.5 },
                     ambient: AMBIENT,
                 },
+                effects: Effects::NONE,
                 seed: 2,
             },
             peak_current: 8_000,
@@ -230,6 +232,7 @@ impl ReferenceAxis {
                     heat_sink: HeatedBody { capacity: 600.0, resistance: 1.0 },
                     ambient: AMBIENT,
                 },
+                effects: Effects::NONE,
                 seed: 3,
             },
             peak_current: 20_000,
@@ -298,6 +301,7 @@ impl ReferenceAxis {
                     heat_sink: HeatedBody { capacity: 600.0, resistance: 1.0 },
                     ambient: AMBIENT,
                 },
+                effects: Effects::NONE,
                 seed: 4,
             },
             peak_current: 15_000,
@@ -356,6 +360,7 @@ impl ReferenceAxis {
                     heat_sink: HeatedBody { capacity: 600.0, resistance: 1.0 },
                     ambient: AMBIENT,
                 },
+                effects: Effects::NONE,
                 seed: 5,
             },
             peak_current: 20_000,

@@ -1,7 +1,7 @@
 //! Time: what the state depends on, and what it does not.
 
-use crate::common::{MICROSECOND, MILLISECOND, SECOND, assert_near, duties, ideal};
-use plant::{Load, Machine, MachineSettings, ReferenceAxis};
+use crate::common::{BUS, MICROSECOND, MILLISECOND, SECOND, assert_near, duties, ideal};
+use plant::{Load, Machine, MachineSettings, ReferenceAxis, Windings};
 
 /// A machine with every imperfection at once.
 fn imperfect() -> MachineSettings {
@@ -131,4 +131,34 @@ fn a_look_ahead_is_what_will_be_and_changes_nothing() {
         assert!(machine == before, "the look at {at} left a trace");
     }
     assert!(moved > 400, "the shaft hardly moves: {moved}");
+}
+
+#[test]
+fn the_textbook_s_machine_shows_what_flows_and_nothing_gives_way() {
+    let windings = Windings {
+        pole_pairs: 3,
+        resistance: 2.0,
+        inductance_d: 1e-3,
+        inductance_q: 1e-3,
+        flux: 0.1,
+        saturation: None,
+    };
+    let settings = MachineSettings::textbook(windings, BUS, 20.0);
+    let mut machine = Machine::new(settings);
+    machine.block(true, 0);
+    machine.set_bridge(true, 0);
+    machine.set_duties(duties(20.0, 0.0), 0);
+    let at = 50 * MILLISECOND;
+    let [d, q] = machine.dq_currents(at);
+    assert_near(d, 10.0, 1e-7);
+    // The d axis is that of the first phase to the last bit.
+    assert_near(q, 0.0, 1e-9);
+    assert_eq!(machine.current_samples(at), [3_072, 1_536, 1_536]);
+    assert_eq!(machine.bus_sample(at), 2_048);
+    assert_near(machine.bus_voltage(at), BUS, 1e-6);
+    assert_eq!(machine.encoder_count(at), 0);
+    machine.block(false, at);
+    machine.set_velocity(1.0, at);
+    machine.set_bridge(false, at);
+    assert_near(machine.velocity(at + SECOND), 1.0, 1e-3);
 }
