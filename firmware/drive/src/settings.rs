@@ -466,6 +466,18 @@ mod tests {
     }
 
     #[test]
+    fn a_motor_faster_than_its_encoder_can_be_counted_is_refused_with_both_rates() {
+        let with_encoder =
+            |lines, rpm: u32| MotionSettings::new(&with(&[(116, lines), (113, rpm * 10_000)]), &FACTS, source);
+        // 2^20 increments at 1 064 rpm are 18.6 million a second.
+        assert!(with_encoder(1 << 18, 1_064).is_ok());
+        let error = with_encoder(1 << 18, 1_065).unwrap_err();
+        let expected = SettingsError::EncoderRate { actual: 18_612_224, maximum: 18_600_000 };
+        assert_eq!((error.idn, error.reason), (Idn::standard(113), Some(expected)));
+        assert!(with_encoder(2_500, 60_000).is_ok());
+    }
+
+    #[test]
     fn a_feedrate_override_beyond_100_per_cent_is_more_velocity_within_s_0_0091() {
         let positioning =
             |changes: &[(u16, u32)]| MotionSettings::new(&with(changes), &FACTS, source).unwrap().positioning;

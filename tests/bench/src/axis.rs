@@ -29,7 +29,7 @@ pub fn parameters_of(axis: &ReferenceAxis) -> Vec<(Idn, Value)> {
         (Idn(110), current(axis.peak_current)),
         (Idn(111), current(axis.standstill_current)),
         (Idn(112), current(axis.peak_current / 2)),
-        (Idn(113), Value::Long(axis.maximum_speed * 10_000)),
+        (Idn(113), Value::Long((axis.maximum_speed * 10_000).min(countable(&axis.machine.encoder)))),
         (Idn(116), Value::Long(axis.machine.encoder.increments_per_revolution / 4)),
         (Idn(138), Value::Long(gains.acceleration_limit)),
         (Idn(392), Value::Word(gains.velocity_filter)),
@@ -46,6 +46,12 @@ pub fn parameters_of(axis: &ReferenceAxis) -> Vec<(Idn, Value)> {
         // kg m2 in 0.001 kg cm2.
         (product(221), long(inertia * 1e7)),
     ]
+}
+
+/// The speed in 10^-4 rpm that the board's inputs count: each track keeps its level, two increments, for nine samples of 84 MHz.
+fn countable(encoder: &plant::Encoder) -> u32 {
+    let rate = 2.0 * 84e6 / 9.0;
+    (rate / f64::from(encoder.increments_per_revolution) * 60.0 * 1e4) as u32 - 1_000
 }
 
 /// P-0-nnnn.

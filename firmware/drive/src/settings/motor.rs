@@ -67,6 +67,8 @@ pub(super) fn settings(
     let highest_bus = u16::try_from(highest_bus.min(4_095)).unwrap_or(4_095);
     let protection = Protection::new(trip, range, highest_bus, increments_per_cycle).map_err(of(P(100)))?;
 
+    check_encoder_rate(long(S(113)), increments, facts.encoder_rate).map_err(of(S(113)))?;
+
     let pole_pairs = word(P(110));
     let commutation_settings =
         CommutationSettings::new(u8::try_from(pole_pairs).unwrap_or(0), increments).map_err(commutation(P(110)))?;
@@ -167,6 +169,14 @@ pub(super) fn settings(
         bus_millivolts: Gain::from_ratio(u128::from(full_scale).saturating_mul(1_000), 4_096)
             .ok_or(InvalidSetting { idn: P(101), reason: None })?,
     })
+}
+
+/// Whether the board counts so many increments of a revolution at `speed`, in 10^-4 rpm.
+fn check_encoder_rate(speed: u32, increments: u32, maximum: u32) -> Result<(), SettingsError> {
+    const MINUTE: u64 = 60 * 10_000;
+    let rate = u64::from(speed).saturating_mul(increments.into()).div_ceil(MINUTE);
+    let actual = u32::try_from(rate).unwrap_or(u32::MAX);
+    if actual <= maximum { Ok(()) } else { Err(SettingsError::EncoderRate { actual, maximum }) }
 }
 
 const BRAKE_FITTED: u16 = 1 << 0;
