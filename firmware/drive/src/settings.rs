@@ -509,18 +509,18 @@ mod tests {
 
     #[test]
     fn a_torque_command_is_the_inverse_of_the_torque_feedback() {
-        let settings = MotionSettings::new(&Parameters::new(&DICTIONARY), &FACTS, source).unwrap();
+        let settings = MotionSettings::new(&with(&[(110, 14_000), (111, 3_500)]), &FACTS, source).unwrap();
         for command in [-4_000_i64, -1, 0, 1, 1_000, 4_000] {
             let current = settings.torque.current_of(command);
             assert!((settings.torque.increments_of(current) - command).abs() <= 1, "{command}");
         }
-        assert_eq!(settings.torque.current_of(1_000).to_bits(), 1 << 13, "100 % of 5 A is a quarter of 20 A");
+        assert_eq!(settings.torque.current_of(1_000).to_bits(), 1 << 13, "100 % of 3.5 A is a quarter of 14 A");
     }
 
     #[test]
     fn torque_feedback_is_in_tenths_of_a_per_cent_of_the_stall_current() {
-        // Full peak current 20 A is 400.0 % of 5 A.
-        let settings = MotionSettings::new(&Parameters::new(&DICTIONARY), &FACTS, source).unwrap();
+        // Full peak current 14 A is 400.0 % of 3.5 A.
+        let settings = MotionSettings::new(&with(&[(110, 14_000), (111, 3_500)]), &FACTS, source).unwrap();
         assert_eq!(settings.torque.increments_of(CurrentFraction::MAX), 4_000);
         assert_eq!(settings.torque.increments_of(CurrentFraction::from_bits(-(1 << 14))), -2_000);
     }

@@ -96,8 +96,8 @@ mod tests {
         // 10 000 increments are 1 rpm.
         assert!((units.velocity * 10_000.0 - TAU / 60.0).abs() < 1e-12);
         assert!((units.acceleration - 1e-3).abs() < 1e-15);
-        // 1000 increments are S-0-0111: 5 A RMS.
-        assert!((units.torque * 1_000.0 - 5.0 * SQRT_2).abs() < 1e-12);
+        // 1000 increments are S-0-0111: 3.536 A RMS.
+        assert!((units.torque * 1_000.0 - 3.536 * SQRT_2).abs() < 1e-12);
     }
 
     #[test]

@@ -60,7 +60,7 @@ sercos::data_blocks! {
     /// Bits of S-0-0013 that set the change bit 11 of the status word.
     S 98 "Mask class 3 diagnostic" [""] BITS/0 written ALWAYS () = 0xFFFF => Parameter, stored;
     /// Current for one unit of velocity difference at the motor; one increment is 1 mA s/rad.
-    S 100 "Velocity loop proportional gain" ["As/rad"] U16/3 written ALWAYS (0 to 65_535) = 100 => Parameter, stored, restricted;
+    S 100 "Velocity loop proportional gain" ["As/rad"] U16/3 written ALWAYS (0 to 65_535) = 71 => Parameter, stored, restricted;
     /// Time in which the integral part reaches the proportional part; 0 switches the integral part off.
     S 101 "Velocity loop integral action time" ["ms"] U16/1 written ALWAYS (0 to 65_535) = 100 => Parameter, stored, restricted;
     /// Position range if bit 7 of S-0-0076 is set.
@@ -74,13 +74,13 @@ sercos::data_blocks! {
     /// Share of S-0-0259 that positioning may use, within S-0-0091 whatever it is.
     S 108 "Feedrate override" ["%"] U16/2 written ALWAYS (0 to 32_767) = 10_000 => Parameter, stored;
     /// Largest current of the motor, RMS of a phase, as the name plate has it. All currents and gains per ampere are RMS where nothing else is said.
-    S 109 "Motor peak current" ["A"] U32/3 written IN_CP2_CP3 (1 to 500_000) = 20_000 => Parameter, stored, needed_for_cp4;
+    S 109 "Motor peak current" ["A"] U32/3 written IN_CP2_CP3 (1 to 500_000) = 14_142 => Parameter, stored, needed_for_cp4;
     /// Current at full scale of the amplifier's command input, RMS of a phase; writable, because the amplifier is chosen by the builder.
-    S 110 "Amplifier peak current" ["A"] U32/3 written IN_CP2_CP3 (1 to 500_000) = 20_000 => Parameter, stored, needed_for_cp4;
+    S 110 "Amplifier peak current" ["A"] U32/3 written IN_CP2_CP3 (1 to 500_000) = 14_142 => Parameter, stored, needed_for_cp4;
     /// Current of the motor at its continuous stall torque, RMS of a phase: 100 % of torque data, see S-0-0086.
-    S 111 "Motor continuous stall current" ["A"] U32/3 written IN_CP2_CP3 (1 to 500_000) = 5_000 => Parameter, stored, needed_for_cp4;
+    S 111 "Motor continuous stall current" ["A"] U32/3 written IN_CP2_CP3 (1 to 500_000) = 3_536 => Parameter, stored, needed_for_cp4;
     /// Current that the bridge carries for ever, RMS of a phase; from it and S-0-0110 the amplifier's thermal model is made.
-    S 112 "Amplifier rated current" ["A"] U32/3 written IN_CP2_CP3 (1 to 500_000) = 10_000 => Parameter, stored, needed_for_cp4;
+    S 112 "Amplifier rated current" ["A"] U32/3 written IN_CP2_CP3 (1 to 500_000) = 7_071 => Parameter, stored, needed_for_cp4;
     /// The drive never commands a higher velocity, and S-0-0128 refuses one at which S-0-0116 makes more than 18.6 million increments a second.
     S 113 "Maximum motor speed" ["rpm"] U32/4 written IN_CP2_CP3 (1 to 2_147_483_647) = 60_000_000 => Parameter, stored, needed_for_cp4;
     /// Load of the thermal models at which the drive shuts down (C1D bit 0); 100 % is the continuous current for ever.

@@ -256,11 +256,11 @@ mod tests {
     #[test]
     fn a_gain_beyond_its_limits_is_named_and_none_is_changed() {
         let mut parameters = Parameters::new(&DICTIONARY);
-        // 1 kg m^2 at 0.8 Nm/A and 40 Hz: 314 A s/rad.
+        // 1 kg m^2 at 1.131 Nm/A and 40 Hz: 222 A s/rad.
         parameters.set(P(221), 10_000_000).unwrap();
         let before = gains(&parameters);
         let finding = compute_gains(&mut parameters, PwmFrequency::Khz16, valid).unwrap_err();
-        assert!(matches!(finding, Finding::Limits { idn, actual: 314_000..314_300 } if idn == S(100)), "{finding}");
+        assert!(matches!(finding, Finding::Limits { idn, actual: 222_000..222_300 } if idn == S(100)), "{finding}");
         assert_eq!(gains(&parameters), before);
     }
 

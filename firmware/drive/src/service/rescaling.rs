@@ -270,7 +270,7 @@ mod tests {
     #[test]
     fn torques_keep_their_current() {
         let (mut rescaling, mut parameters) = new();
-        // 0.01 Nm at 1.5 * 4 * 0.133333 Vs = 0.8 Nm/A: 100 % of 5 A are 4 Nm.
+        // 0.01 Nm at 1.131 Nm/A: 100 % of 3.536 A are 4 Nm.
         write_all(&mut rescaling, &mut parameters, &[(86, 2)]);
         assert_eq!((parameters.get(S(126)), parameters.get(S(92))), (400, 800));
         assert_eq!(parameters.get(S(82)), 32_767, "no limit");

@@ -235,7 +235,7 @@ fn no_command_changes_in_cp4_what_cp4_protects() {
     };
     for block in DICTIONARY.blocks().iter().filter(|block| block.attribute.command()) {
         // A value of its own wherever a default could come back.
-        let mut rig = Rig::in_cp4(&[(S(79), &[0, 16]), (S(76), &[0x0A]), (S(110), &[25_000, 0]), (S(33), &[2])]);
+        let mut rig = Rig::in_cp4(&[(S(79), &[0, 16]), (S(76), &[0x0A]), (S(110), &[17_000, 0]), (S(33), &[2])]);
         rig.write(S(104), &[250]).unwrap();
         let before = (protected(&rig), *rig.motion.settings());
         let answer = rig.write(block.idn, &[3]);

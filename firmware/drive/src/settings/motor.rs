@@ -55,10 +55,15 @@ pub(super) fn settings(
         dead_time_band: u32::from(word(P(103))).max(1),
     })
     .map_err(|reason| InvalidSetting { idn: blamed(&reason), reason: Some(reason) })?;
-    let trip = match long(P(106)) {
-        0 => peak.saturating_add(peak / 4),
-        trip => amplitude(trip),
-    };
+    // What the motor and the amplifier bear both.
+    let most = long(S(109)).min(long(S(110)));
+    let weakening_current = most.saturating_mul(word(P(107)).into()) / 1_000;
+    let trip = amplitude(match long(P(106)) {
+        0 => length(most, weakening_current).min(long(S(110))).saturating_mul(5) / 4,
+        trip => trip,
+    });
+    let of_peak = |current: u32| share(current, long(S(110)));
+    let of_most = |per_mille: u16| of_peak(most.saturating_mul(per_mille.into()) / 1_000);
     let highest_bus = u32::from(word(P(105))).saturating_mul(4_096).checked_div(full_scale.into()).unwrap_or(0);
     // One and a half times the highest speed, in a cycle, and two increments that a standing encoder may swing.
     let turned = u64::from(maximum_velocity.abs().to_bits().unsigned_abs()).saturating_mul(increments.into());
@@ -107,7 +112,7 @@ pub(super) fn settings(
         // Whole electrical revolutions are cut on purpose.
         angle_per_increment: angle.checked_div(u64::from(increments)).unwrap_or(0) as u32,
         pole_pairs: pole_pairs.into(),
-        alignment: AlignmentSettings::new(commutation_settings, share(word(P(116)))).map_err(commutation(P(116)))?,
+        alignment: AlignmentSettings::new(commutation_settings, of_most(word(P(116)))).map_err(commutation(P(116)))?,
         index_angle: index_angle(parameters),
         voltage: VoltageSettings::new(&VoltageParameters {
             full_scale,
@@ -140,8 +145,8 @@ pub(super) fn settings(
             drive_on_delay: word(S(206)),
             drive_off_delay: word(S(207)),
             maximum_drive_off_delay: word(S(273)),
-            proof_current: share(word(P(121))),
-            proof_tolerance: share(word(P(121)) / 2),
+            proof_current: of_most(word(P(121))),
+            proof_tolerance: of_most(word(P(121)) / 2),
             proof_time: 2,
             proof_limit: 100,
             hold_test_time: word(P(123)),
@@ -158,7 +163,8 @@ pub(super) fn settings(
         })
         .map_err(of(S(110)))?,
         weakening: FieldWeakeningSettings::new(&FieldWeakeningParameters {
-            limit: word(P(107)).saturating_mul(10),
+            limit: u16::try_from(u64::from(weakening_current).saturating_mul(10_000) / u64::from(long(S(110)).max(1)))
+                .unwrap_or(u16::MAX),
             voltage: 9_300,
             integral_time: 100,
         })
@@ -186,10 +192,16 @@ const BRAKE_MAY_OPEN: u16 = 1 << 2;
 /// Load from which the thermal models warn and limit, in 0.1 %.
 const WARNING_LEVEL: u16 = 900;
 
-/// A share of the peak current, from 0.1 %.
-fn share(per_mille: u16) -> CurrentFraction {
-    let bits = (u32::from(per_mille) << 15) / 1_000;
+/// A current as a share of the peak current, both RMS.
+fn share(current: u32, peak: u32) -> CurrentFraction {
+    let bits = (u64::from(current) << 15).checked_div(peak.into()).unwrap_or(0);
     CurrentFraction::from_bits(i16::try_from(bits).unwrap_or(i16::MAX))
+}
+
+/// Of the vector with these two components: the torque-producing and the flux-producing current.
+fn length(one: u32, other: u32) -> u32 {
+    let square = |value: u32| u64::from(value).saturating_mul(value.into());
+    u32::try_from(square(one).saturating_add(square(other)).isqrt()).unwrap_or(u32::MAX)
 }
 
 /// P-0-0115 in 0.01 degree; -1: not known.

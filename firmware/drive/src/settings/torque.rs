@@ -127,7 +127,7 @@ mod tests {
     const S: fn(u16) -> Idn = Idn::standard;
     const P: fn(u16) -> Idn = Idn::product;
 
-    /// mA for a thousand increments, of the default motor: 0.8 Nm/A.
+    /// mA for a thousand increments, of the default motor: 1.131371 Nm/A.
     fn current(changes: &[(Idn, i32)]) -> f64 {
         f64::from(TorqueScale::new(&with(changes)).unwrap().milliamperes(1_000))
     }
@@ -139,9 +139,9 @@ mod tests {
 
     #[test]
     fn a_thousand_increments_are_the_current_that_makes_their_torque() {
-        let constant = 0.8;
-        // 100 % of 5 A.
-        near(current(&[]), 5_000.0);
+        let constant = 1.131_371;
+        // 100 % of 3.536 A.
+        near(current(&[]), 3_536.0);
         near(current(&[(S(111), 7_321)]), 7_321.0);
         // 10 Nm, 1 Nm, and 0.5 Nm of a weaker motor.
         near(current(&[(S(86), 2)]), 10.0 / constant * 1_000.0);
@@ -174,7 +174,7 @@ mod tests {
     fn torques_beyond_the_peak_current_are_the_peak_current() {
         let scale = TorqueScale::new(&with(&[(S(86), 0x0A), (S(94), -1)])).unwrap();
         assert_eq!([65_535, -65_535].map(|limit| scale.current_of(limit).to_bits()), [i16::MAX, -i16::MAX]);
-        // 4 Nm are 5 A, a quarter of 20 A.
+        // 4 Nm are 3.536 A, a quarter of 14.142 A.
         let negative = scale.current_of(-40).to_num::<f64>();
         assert!((negative + 0.25).abs() < 5e-5, "{negative}");
     }

@@ -163,9 +163,9 @@ mod tests {
 
     #[test]
     fn current_and_velocity_beyond_their_limits_for_long_break_it() {
-        for (current, lawful) in [(28.0, true), (-28.0, true), (42.0, false), (-42.0, false)] {
+        for (current, lawful) in [(20.0, true), (-20.0, true), (30.0, false), (-30.0, false)] {
             let mut fake = Fake::in_cp4(Current::default());
-            // The defaults: 20 A RMS of peak, 200 % of 5 A; here 400 %.
+            // The defaults: 14.1 A RMS of peak, 200 % of 3.5 A; here 400 %.
             fake.write(92, &[4_000]);
             fake.sight.bridge = true;
             fake.sight.machine.current = [0.0, current];
