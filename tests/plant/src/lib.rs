@@ -8,10 +8,13 @@
 //! divisions and square roots of IEEE 754 are used, so that every machine gives the same bits.
 #![forbid(unsafe_code)]
 
+mod bandwidth;
 mod brake;
 mod cable;
+mod cogging;
 mod effects;
 mod encoder;
+mod encoder_errors;
 mod exponential;
 mod frame;
 mod friction;
@@ -25,16 +28,21 @@ mod motor;
 mod noise;
 mod reference_axis;
 mod sensors;
+mod shunts;
+mod stiction;
 mod supply;
 mod thermal;
 mod timeline;
 mod turn;
 mod windings;
 
+pub use bandwidth::SensorBandwidth;
 pub use brake::{BrakeFailure, HoldingBrake};
 pub use cable::{EarthFault, Wiring};
+pub use cogging::{Cogging, EmfHarmonics, TorqueHarmonic};
 pub use effects::Effects;
 pub use encoder::Encoder;
+pub use encoder_errors::{Eccentricity, QuadratureError};
 pub use glance::Glance;
 pub use inverter::Inverter;
 pub use legs::LegCapacitance;
@@ -44,6 +52,8 @@ pub use mechanics::{Load, Mechanics};
 pub use motor::{Coupling, Motor, MotorSettings};
 pub use reference_axis::{ReferenceAxis, SuggestedGains};
 pub use sensors::CurrentSensors;
+pub use shunts::LowSideShunts;
+pub use stiction::Stiction;
 pub use supply::{Chopper, Supply};
 pub use thermal::{HeatedBody, Thermal};
 pub use windings::{Saturation, Windings};
