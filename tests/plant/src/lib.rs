@@ -1,7 +1,8 @@
 //! The physical part of a servo drive on the host.
 //!
 //! [`Machine`] is the whole of it: bridge, bus, windings, brake, load and the sensors of all that, fed through duties and seen through
-//! samples. [`Motor`] leaves the electrical part out: torque follows a current command.
+//! samples. What a real one has beside the textbook's is switched on one by one: [`Effects`] of its settings, and inputs that break it.
+//! [`Motor`] leaves the electrical part out: torque follows a current command.
 //!
 //! The models are driven by absolute simulated time in nanoseconds and are deterministic: the state is computed on a fixed grid and at
 //! the instants when inputs change, and nothing else. How often it is queried does not matter, and only additions, multiplications,

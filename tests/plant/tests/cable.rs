@@ -182,3 +182,16 @@ fn swapped_phases_turn_the_field_the_other_way_and_the_sensors_are_the_legs() {
 fn an_earth_fault_without_resistance_makes_no_sense() {
     seized(ideal(), 0.0, 0.0).fail_to_earth(earth(0.0, 0.0), 0);
 }
+
+#[test]
+fn a_glance_tells_of_a_broken_cable() {
+    let mut machine = Machine::new(ideal());
+    machine.open_phase(2, true, MILLISECOND);
+    machine.open_phase(2, false, 2 * MILLISECOND);
+    machine.set_contact_resistances([0.0, 0.1, 0.0], 3 * MILLISECOND);
+    machine.set_contact_resistances([0.0; 3], 4 * MILLISECOND);
+    machine.fail_to_earth(earth(10.0, 0.0), 5 * MILLISECOND);
+    for (at, broken) in [(0, false), (1, true), (2, false), (3, true), (4, false), (5, true)] {
+        assert_eq!(machine.glance(at * MILLISECOND).cable_broken, broken, "{at} ms");
+    }
+}

@@ -115,6 +115,7 @@ impl Machine {
             feverish: outside.broken_thermometers.iter().any(Option::is_some),
             encoder_frozen: outside.encoder_frozen,
             index_muted: outside.index_muted,
+            cable_broken: !self.cable.is_sound(),
             kicks: self.interventions[0],
             slips: self.interventions[1],
         }
