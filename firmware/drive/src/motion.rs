@@ -289,7 +289,7 @@ impl<B: Bus + Clone, H: Hardware> Motion<B, H> {
         if self.operation.would_switch_on(|| self.conditions()) {
             self.look_before_switching_on();
         }
-        self.update_state();
+        self.step_state();
         if self.cyclic_limits.is_carried() {
             self.obey_limits();
         }
@@ -364,11 +364,22 @@ impl<B: Bus + Clone, H: Hardware> Motion<B, H> {
     #[inline]
     fn fail(&mut self, findings: Findings) {
         self.take(findings);
-        self.update_state();
+        self.step_state();
+    }
+
+    /// As [`Motion::step_state`], between two t3: what begins to follow has its first command already, the one that is in force, and bit 3 of
+    /// the status word tells the truth. With the next one alone, a step from the one in force would pass for a first command.
+    fn update_state(&mut self) {
+        self.step_state();
+        if self.axis.awaits_command()
+            && let Err(jump) = self.axis.command_position(self.ring.commands().position(&self.settings))
+        {
+            self.fail(errors_of(jump));
+        }
     }
 
     /// Steps the state machine and puts its state into axis, bridge and brake.
-    fn update_state(&mut self) {
+    fn step_state(&mut self) {
         let before = self.operation.state();
         let conditions = self.conditions();
         let state = self.operation.step(self.function.holds(), conditions);

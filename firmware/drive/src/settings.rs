@@ -15,6 +15,7 @@ use servo::motor::{Facts, MotorSettings};
 use servo::path::{Interpolation, MotionLimits};
 use servo::units::{Position, PositionScale, SUPERVISION_PERIOD_MICROSECONDS, Velocity, VelocityScale};
 
+pub(crate) mod current;
 pub(crate) mod increments;
 pub(crate) mod invalid;
 pub(crate) mod limit_values;
@@ -462,6 +463,18 @@ mod tests {
             let result = MotionSettings::new(&with(changes), &FACTS, source);
             assert_eq!(result.map_err(|error| error.idn).err(), Some(Idn::standard(culprit)), "{changes:?}");
         }
+    }
+
+    #[test]
+    fn a_motor_faster_than_its_encoder_can_be_counted_is_refused_with_both_rates() {
+        let with_encoder =
+            |lines, rpm: u32| MotionSettings::new(&with(&[(116, lines), (113, rpm * 10_000)]), &FACTS, source);
+        // 2^20 increments at 1 064 rpm are 18.6 million a second.
+        assert!(with_encoder(1 << 18, 1_064).is_ok());
+        let error = with_encoder(1 << 18, 1_065).unwrap_err();
+        let expected = SettingsError::EncoderRate { actual: 18_612_224, maximum: 18_600_000 };
+        assert_eq!((error.idn, error.reason), (Idn::standard(113), Some(expected)));
+        assert!(with_encoder(2_500, 60_000).is_ok());
     }
 
     #[test]

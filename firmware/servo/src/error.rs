@@ -79,6 +79,13 @@ pub enum SettingsError {
         /// The jerk in 2^-48 revolution per tick cubed, or a quarter of the acceleration.
         actual: u64,
     },
+    /// The encoder must not make more increments a second than its inputs count.
+    EncoderRate {
+        /// Increments a second at S-0-0113.
+        actual: u32,
+        /// What the board counts for certain.
+        maximum: u32,
+    },
     /// The feedrate override must not exceed 100 % (10 000).
     FeedrateOverride {
         /// In 0.01 %.
@@ -128,6 +135,9 @@ impl fmt::Display for SettingsError {
             }
             Self::TooSmooth { actual } => {
                 write!(formatter, "jerk of {actual} in 2^-48 revolution per tick cubed, expected at least 64")
+            }
+            Self::EncoderRate { actual, maximum } => {
+                write!(formatter, "{actual} increments of the encoder a second, expected at most {maximum}")
             }
             Self::FeedrateOverride { actual } => {
                 write!(formatter, "feedrate override of {actual} in 0.01 %, expected at most 10000")

@@ -37,6 +37,9 @@ const JITTER: Nanoseconds = Nanoseconds::from_microseconds(1);
 /// Nor is a record so long after a cycle.
 const LATE_MICROSECONDS: u64 = 100;
 
+/// Command values: whoever changes one may lead the axis away.
+const COMMANDS: [u16; 9] = [36, 37, 47, 48, 80, 81, 258, 282, 346];
+
 /// Commands that give positions another zero, and values that give them another weight.
 const REZEROES: [u16; 17] = [44, 45, 46, 55, 76, 77, 78, 79, 103, 116, 121, 122, 123, 148, 262, 277, 447];
 
@@ -88,6 +91,8 @@ impl Observer {
             homing: false,
             starting: None,
             irregular: None,
+            commanded: None,
+            overpowered: None,
             rezeroed: None,
             path: VecDeque::new(),
         };
@@ -149,6 +154,9 @@ impl Observer {
         if outside(&before) != outside(&sight) {
             scene.disturbed = Some(sight.time);
         }
+        if sight.machine.load_torque != 0.0 && scene.load_is_stronger() {
+            scene.overpowered = Some(sight.time);
+        }
         if sight.is_troubled(scene.machine.supply.voltage) {
             scene.troubled = Some(sight.time);
         }
@@ -199,6 +207,9 @@ impl Observer {
                 scene.written = Some(scene.now);
                 if REZEROES.contains(&idn.0) {
                     scene.rezeroed = Some(scene.now);
+                }
+                if COMMANDS.contains(&idn.0) {
+                    scene.commanded = Some(scene.now);
                 }
                 if matches!(idn.0, 148 | 447) {
                     scene.homing = words[..] == [3];
@@ -281,6 +292,9 @@ impl Tap for Observer {
                 self.record = scene.now;
                 if scene.wire.phase == 4 {
                     for (idn, value) in scene.wire.commands() {
+                        if COMMANDS.contains(&idn.0) && scene.settings.unsigned(*idn) != Some(i64::from(*value)) {
+                            scene.commanded = Some(scene.now);
+                        }
                         scene.settings.note_cyclic(*idn, *value);
                     }
                 }

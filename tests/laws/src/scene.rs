@@ -51,6 +51,10 @@ pub struct Scene {
     pub starting: Option<Idn>,
     /// When a telegram of the master last came late or not at all, or an MST too early.
     pub irregular: Option<Nanoseconds>,
+    /// When a command value last changed, in the MDT or over the service channel.
+    pub commanded: Option<Nanoseconds>,
+    /// When the load was last stronger than the motor may be.
+    pub overpowered: Option<Nanoseconds>,
     /// When a command or a value was last written that may give positions another zero or another weight.
     pub rezeroed: Option<Nanoseconds>,
     /// Where the shaft was, in revolutions, over the last cycles; the newest at the end.
@@ -65,6 +69,12 @@ const SENSOR: f64 = 5.0;
 
 /// Operation modes 3, 4, 11 and 12: S-0-0047 is followed.
 const POSITION_MODES: [u16; 4] = [3, 4, 11, 12];
+
+/// Amplitude in A of 1 mA RMS.
+pub(crate) const AMPLITUDE: f64 = 1e-3 * core::f64::consts::SQRT_2;
+
+/// A bridge reaches this share of its longest vector; the rest is what a current is controlled with.
+const REACH: f64 = 0.93;
 
 /// A brake holds at this multiple of its delay.
 const FIRM: f64 = 1.2;
@@ -209,10 +219,32 @@ impl Scene {
         self.machine.brake.is_some_and(|brake| hurries(206, brake.release_delay) || hurries(207, brake.engage_delay))
     }
 
-    /// The shaft is faster than 1.2 times S-0-0113: the voltage of the magnets is above that of the DC link, and drives currents of its own.
+    /// The shaft is faster than 1.2 times S-0-0113, or so fast that the largest weakening current P-0-0107 does not bring the voltage of the magnets
+    /// below that of the DC link: it drives currents of its own.
     #[must_use]
     pub fn outruns_its_motor(&self) -> bool {
-        self.settings.unsigned(Idn(113)).is_some_and(|most| self.sight.rpm().abs() > 1.2e-4 * most as f64)
+        let number = |idn: u16| self.settings.unsigned(Idn(idn)).map(|value| value as f64);
+        let beyond = number(113).is_some_and(|most| self.sight.rpm().abs() > 1.2e-4 * most);
+        let weakening =
+            number(110).zip(number(0x8000 | 107)).map_or(0.0, |(peak, share)| peak * AMPLITUDE * share * 1e-3);
+        let windings = &self.machine.windings;
+        let speed = self.sight.machine.velocity.abs() * f64::from(windings.pole_pairs);
+        let voltage = speed * (windings.flux - windings.inductance_d * weakening);
+        beyond || voltage > REACH * self.sight.machine.bus_voltage / f64::sqrt(3.0)
+    }
+
+    /// The load is stronger than what the limits leave to the motor that holds it: the load, not the drive, moves the shaft.
+    #[must_use]
+    pub fn load_is_stronger(&self) -> bool {
+        let load = self.sight.machine.load_torque;
+        let limit = self.is_positive(-load, Idn(85)).and_then(|positive| self.current_limit(positive));
+        limit.is_some_and(|limit| load.abs() > limit * self.torque_constant())
+    }
+
+    /// What the limits leave of a deceleration in rad/s² where the motor has to turn the shaft that way; `None` while one is not known.
+    #[must_use]
+    pub fn deceleration_left(&self, positive: bool) -> Option<f64> {
+        Some(self.current_limit(positive)? * self.torque_constant() / self.inertia())
     }
 
     /// Torque in Nm for 1 A across the magnet.
@@ -227,13 +259,13 @@ impl Scene {
         self.machine.mechanics.rotor_inertia + self.machine.mechanics.load.map_or(0.0, |load| load.inertia)
     }
 
-    /// The current in A that S-0-0082, 83, 92, 109 and 110 leave to a torque of this sign; `None` while one is not known.
+    /// The amplitude of the current in A that S-0-0082, 83, 92, 109 and 110 leave to a torque of this sign; `None` while one is not known.
     #[must_use]
     pub fn current_limit(&self, positive: bool) -> Option<f64> {
         let number = |idn: u16| self.settings.unsigned(Idn(idn)).map(|value| value as f64);
         let side = if positive { self.settings.signed(Idn(82))? } else { -self.settings.signed(Idn(83))? } as f64;
         let torque = side.min(number(92)?) * self.units?.torque;
-        Some(torque.min(number(109)? * 1e-3).min(number(110)? * 1e-3))
+        Some(torque.min(number(109)? * AMPLITUDE).min(number(110)? * AMPLITUDE))
     }
 
     /// Heat sink or motor are as hot as S-0-0203 or S-0-0204 allow, or the DC link is near P-0-0104 or P-0-0105, whatever these are set to:

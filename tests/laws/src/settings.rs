@@ -98,7 +98,7 @@ const SCALING: [u16; 10] = [44, 45, 46, 76, 77, 78, 79, 160, 161, 162];
 /// Settings of four bytes that are counted in such a scaling.
 const OF_VELOCITY: [u16; 8] = [38, 39, 41, 91, 124, 125, 157, 259];
 const OF_ACCELERATION: [u16; 8] = [42, 136, 137, 138, 193, 260, 349, 372];
-const OF_POSITION: [u16; 3] = [57, 159, 261];
+const OF_POSITION: [u16; 8] = [49, 50, 52, 57, 150, 159, 261, 278];
 
 /// What is known of a drive's settings.
 #[derive(Clone, Debug)]
@@ -370,6 +370,24 @@ mod tests {
         }
         settings.begin_set();
         assert_eq!(settings.word(Idn::CONTROL_UNIT_CYCLE), Some(1_000));
+    }
+
+    #[test]
+    fn limits_and_references_count_in_the_new_scaling_unless_they_were_written_in_it() {
+        let mut settings = Settings::default();
+        settings.note(Idn(122), vec![6, 0]);
+        for (number, value) in [(50_u16, -1_000_i32), (52, 70), (150, -7)] {
+            settings.note(Idn(number), vec![value as u16, (value >> 16) as u16]);
+        }
+        settings.end_set();
+        settings.begin_set();
+        // Of the load, which makes six revolutions for one of the motor.
+        settings.note(Idn(76), vec![0x42]);
+        settings.note(Idn(150), vec![7, 0]);
+        settings.note_written(Idn(150));
+        settings.end_set();
+        let known = [49, 50, 52, 150].map(|number| settings.signed(Idn(number)));
+        assert_eq!(known, [Some(0x7FFF_FFFF), Some(-6_000), Some(420), Some(7)]);
     }
 
     #[test]

@@ -17,9 +17,9 @@ pub struct ReferenceAxis {
     pub motor: MotorSettings,
     /// The same axis with all of its power stage and sensors.
     pub machine: MachineSettings,
-    /// Amplifier peak current S-0-0110 in mA; gives `motor.peak_torque`.
+    /// Largest current of the amplifier in mA, amplitude; gives `motor.peak_torque`.
     pub peak_current: u32,
-    /// Motor continuous current at standstill S-0-0111 in mA.
+    /// Motor continuous current at standstill in mA, amplitude.
     pub standstill_current: u32,
     /// Maximum speed S-0-0113 in rpm.
     pub maximum_speed: u32,

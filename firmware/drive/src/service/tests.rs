@@ -273,6 +273,28 @@ fn defaults_are_loaded_in_cp2_and_cp3_and_not_in_cp4() {
 }
 
 #[test]
+fn an_error_that_no_at_has_told_of_is_not_reset() {
+    let errors = |rig: &mut Rig| rig.motion.snapshot().class_1.bits();
+    let reset = |rig: &mut Rig| {
+        rig.write(S(99), &[3]).unwrap();
+        let left = errors(rig);
+        rig.write(S(99), &[0]).unwrap();
+        left
+    };
+    for mut rig in [Rig::in_cp3(&[]), Rig::in_cp4(&[])] {
+        rig.motion.capture_feedback();
+        rig.motion.communication_fault();
+        assert_eq!([reset(&mut rig), reset(&mut rig)], [1 << 12; 2], "the record of the AT is from before the error");
+        rig.motion.capture_feedback();
+        assert_eq!(reset(&mut rig), 0);
+    }
+    // Before CP3 there is no t4; whoever asks reads S-0-0011.
+    let mut rig = Rig::new();
+    rig.motion.communication_fault();
+    assert_eq!(reset(&mut rig), 0);
+}
+
+#[test]
 fn every_reason_fits_into_the_text_of_the_service_channel() {
     let parameter = "ramp of the identification in loop ticks";
     let out_of_range =

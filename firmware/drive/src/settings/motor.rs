@@ -18,6 +18,7 @@ use servo::monitor::{
 use servo::motor::{CurrentSettings, Facts, MotorSettings};
 use servo::units::{CurrentFraction, Position, Velocity};
 
+use super::current::{amplitude, flux_linkage};
 use super::invalid::InvalidSetting;
 
 const S: fn(u16) -> Idn = Idn::standard;
@@ -36,7 +37,9 @@ pub(super) fn settings(
 ) -> Result<MotorSettings, InvalidSetting> {
     let long = |idn: Idn| parameters.get(idn);
     let word = |idn: Idn| parameters.get_word(idn);
-    let peak = long(S(110));
+    // In amplitudes, as the measuring range.
+    let peak = amplitude(long(S(110)));
+    let flux = flux_linkage(parameters);
     let range = long(P(100));
     let full_scale = word(P(101));
     let of = |idn: Idn| move |reason: SettingsError| InvalidSetting { idn, reason: Some(reason) };
@@ -54,7 +57,7 @@ pub(super) fn settings(
     .map_err(|reason| InvalidSetting { idn: blamed(&reason), reason: Some(reason) })?;
     let trip = match long(P(106)) {
         0 => peak.saturating_add(peak / 4),
-        trip => trip,
+        trip => amplitude(trip),
     };
     let highest_bus = u32::from(word(P(105))).saturating_mul(4_096).checked_div(full_scale.into()).unwrap_or(0);
     // One and a half times the highest speed, in a cycle, and two increments that a standing encoder may swing.
@@ -63,6 +66,8 @@ pub(super) fn settings(
     let increments_per_cycle = u32::try_from(per_cycle).unwrap_or(u32::MAX).saturating_add(3);
     let highest_bus = u16::try_from(highest_bus.min(4_095)).unwrap_or(4_095);
     let protection = Protection::new(trip, range, highest_bus, increments_per_cycle).map_err(of(P(100)))?;
+
+    check_encoder_rate(long(S(113)), increments, facts.encoder_rate).map_err(of(S(113)))?;
 
     let pole_pairs = word(P(110));
     let commutation_settings =
@@ -86,7 +91,7 @@ pub(super) fn settings(
         LoadSettings::new(&LoadParameters {
             continuous_current: long(S(continuous)),
             peak_current: long(S(peak_current)),
-            amplifier_peak_current: peak,
+            amplifier_peak_current: long(S(110)),
             time_constant: long(P(time)),
             warning_level: WARNING_LEVEL,
             shutdown_level: word(S(114)).max(WARNING_LEVEL.saturating_add(1)),
@@ -97,7 +102,7 @@ pub(super) fn settings(
     let millidegrees = |idn: Idn| Position::from_bits((i64::from(word(idn)) << 32) / 36_000);
     Ok(MotorSettings {
         current: CurrentSettings { current_loop, protection },
-        model: MotorModel::new(long(P(112)), long(P(113)), long(P(114)), peak).map_err(of(P(114)))?,
+        model: MotorModel::new(long(P(112)), long(P(113)), flux, peak).map_err(of(P(114)))?,
         commutation: commutation_settings,
         // Whole electrical revolutions are cut on purpose.
         angle_per_increment: angle.checked_div(u64::from(increments)).unwrap_or(0) as u32,
@@ -124,7 +129,7 @@ pub(super) fn settings(
             increments_per_revolution: increments,
             maximum_velocity,
             pole_pairs: pole_pairs.into(),
-            flux: long(P(114)),
+            flux,
             dead_time_compensated: word(P(103)) != 0,
             index_width: (word(P(117)) != 0).then_some(1),
         })
@@ -149,7 +154,7 @@ pub(super) fn settings(
         torque_limits: TorqueLimitSettings::new(&TorqueLimitParameters {
             commanded: *limits,
             motor_peak: long(S(109)),
-            amplifier_peak: peak,
+            amplifier_peak: long(S(110)),
         })
         .map_err(of(S(110)))?,
         weakening: FieldWeakeningSettings::new(&FieldWeakeningParameters {
@@ -164,6 +169,14 @@ pub(super) fn settings(
         bus_millivolts: Gain::from_ratio(u128::from(full_scale).saturating_mul(1_000), 4_096)
             .ok_or(InvalidSetting { idn: P(101), reason: None })?,
     })
+}
+
+/// Whether the board counts so many increments of a revolution at `speed`, in 10^-4 rpm.
+fn check_encoder_rate(speed: u32, increments: u32, maximum: u32) -> Result<(), SettingsError> {
+    const MINUTE: u64 = 60 * 10_000;
+    let rate = u64::from(speed).saturating_mul(increments.into()).div_ceil(MINUTE);
+    let actual = u32::try_from(rate).unwrap_or(u32::MAX);
+    if actual <= maximum { Ok(()) } else { Err(SettingsError::EncoderRate { actual, maximum }) }
 }
 
 const BRAKE_FITTED: u16 = 1 << 0;

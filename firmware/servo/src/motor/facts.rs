@@ -19,6 +19,8 @@ pub struct Facts {
     ///
     /// [`LOOP_PERIOD_MICROSECONDS`]: crate::units::LOOP_PERIOD_MICROSECONDS
     pub loop_timer_counts: u16,
+    /// Increments of the encoder a second that its inputs count for certain.
+    pub encoder_rate: u32,
     /// The sensors on heat sink and motor.
     pub temperature_sensor: TemperatureSensor,
 }

@@ -90,11 +90,12 @@ impl<B: BoardKind> Motor<B> {
             self.take_brake_error(error, faults);
         }
         let bridge = aligning || output.torque;
-        self.bridge_on = bridge;
+        // The order has reached the current loop by the next step: then its voltage is that of the turning rotor, and the bridge no short circuit.
+        let regulated = core::mem::replace(&mut self.bridge_on, bridge);
         SequenceOutput {
             released: request == BrakeRequest::Release && output.finished,
             torque_off: !bridge,
-            bridge,
+            bridge: bridge && regulated,
             brake: output.energise || (aligning && self.settings.has_brake),
             // Only a brake hands a load over. Without one the last current may be that of an axis that was blocked: it would be thrown.
             preload: output.preload.filter(|_| self.settings.has_brake),

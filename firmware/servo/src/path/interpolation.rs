@@ -106,6 +106,12 @@ impl Interpolator {
         };
     }
 
+    /// Started, and no command has come yet.
+    #[must_use]
+    pub const fn awaits_command(&self) -> bool {
+        self.starting
+    }
+
     /// Takes the command that became valid at t3: reached after one cycle of ticks.
     ///
     /// # Errors
@@ -290,6 +296,12 @@ impl Interpolator {
     #[must_use]
     pub const fn target(&self) -> Position {
         self.target
+    }
+
+    /// The same, once there has been a command since the start.
+    #[must_use]
+    pub fn aim(&self) -> Option<Position> {
+        (!self.starting).then_some(self.target)
     }
 
     /// Shifts the line by `difference` without a movement (homing).

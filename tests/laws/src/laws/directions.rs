@@ -60,8 +60,9 @@ impl Directions {
 
     fn begin(&mut self, command: Idn, scene: &Scene) {
         let machine = &scene.sight.machine;
-        let stands = machine.velocity.abs() < STANDSTILL && scene.sight.bridge && scene.is_left_alone(GRACE);
-        let sign = Self::sign(command, scene).filter(|_| stands && scene.wire.phase == 4);
+        // A command of just now may already lead the axis away, although its lag has not let it go yet.
+        let stands = machine.velocity.abs() < STANDSTILL && scene.sight.bridge && !scene.within(scene.commanded, GRACE);
+        let sign = Self::sign(command, scene).filter(|_| stands && scene.is_left_alone(GRACE) && scene.wire.phase == 4);
         self.watched = sign.map(|sign| Movement { command, from: machine.angle, sign });
     }
 }
@@ -125,6 +126,22 @@ mod tests {
                 assert_eq!(fake.broken().is_none(), lawful, "{way:X}H {polarity} {velocity}: {:?}", fake.broken());
                 assert_eq!(fake.armed(), u64::from(lawful));
             }
+        }
+    }
+
+    #[test]
+    fn an_axis_that_a_command_has_just_sent_away_may_still_go_there() {
+        for (cycles, lawful) in [(200, true), (300, false)] {
+            let mut fake = Fake::in_cp4(Directions::default());
+            fake.sight.bridge = true;
+            fake.write(147, &[0x20]);
+            fake.run(300, 0xE000, 0xC008);
+            fake.data[0] = (-1_000_i32).to_le_bytes().to_vec();
+            fake.run(cycles, 0xE000, 0xC008);
+            fake.write(148, &[3]);
+            fake.sight.machine.velocity = -10.0;
+            fake.run(20, 0xE000, 0xC000);
+            assert_eq!(fake.broken().is_none(), lawful, "{cycles}");
         }
     }
 

@@ -126,8 +126,12 @@ impl Fake {
         self.step(Step::open(Idn(number)), data_status, control, status);
     }
 
-    /// A homed axis with S-0-0049 at `high` and S-0-0050 at its opposite.
+    /// A homed axis with S-0-0049 at `high` and S-0-0050 at its opposite, and 100 A to brake with.
     pub(crate) fn settle_limits(&mut self, high: i32) {
+        self.write(92, &[40_000]);
+        for idn in [109, 110] {
+            self.write(idn, &[0x86A0, 1]);
+        }
         self.write(55, &[0x10]);
         for (idn, limit) in [(49, high), (50, -high)] {
             self.write(idn, &[limit as u16, (limit >> 16) as u16]);

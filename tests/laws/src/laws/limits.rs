@@ -8,7 +8,7 @@ use ring::service_client::status;
 
 use crate::lasting::Lasting;
 use crate::law::{Event, Law, Verdict};
-use crate::scene::Scene;
+use crate::scene::{AMPLITUDE, Scene};
 
 /// What the current loop overshoots, of the limit and of the amplifier's peak; it has settled within milliseconds.
 const CURRENT: (f64, f64, Nanoseconds) = (1.1, 0.03, Nanoseconds::from_millis(5));
@@ -18,6 +18,8 @@ const VELOCITY: (f64, f64, Nanoseconds) = (1.05, 1.0, Nanoseconds::from_millis(2
 const GRACE: Nanoseconds = Nanoseconds::from_millis(300);
 /// Beyond a position limit: what is more than the way of the stop, as a share, in seconds of the speed, and in revolutions.
 const POSITION: (f64, f64, f64) = (1.3, 0.015, 0.03);
+/// The share of the torque left that brakes; the loop controls with the rest.
+const CONTROL: f64 = 0.8;
 
 /// S-0-0092, 82, 83, 109 and 110.
 #[derive(Default)]
@@ -45,7 +47,7 @@ impl Law for Current {
             self.0.end();
             return Verdict::Silent;
         };
-        let most = CURRENT.0 * limit + CURRENT.1 * peak as f64 * 1e-3;
+        let most = CURRENT.0 * limit + CURRENT.1 * peak as f64 * AMPLITUDE;
         Verdict::of(!self.0.lasts(q.abs() > most, scene.now, CURRENT.2), || {
             format!("{q:.2} A across the magnet, {limit:.2} A allowed")
         })
@@ -100,8 +102,8 @@ impl Law for Velocity {
 /// S-0-0049 and 50 of an axis that is homed, with bit 4 of S-0-0055.
 #[derive(Default)]
 pub(crate) struct PositionLimits {
-    /// Where the shaft was when it passed the limit, or was found beyond it, and how much further it may go, in revolutions.
-    beyond: Option<(f64, f64)>,
+    /// Where the shaft was when it passed the limit, or was found beyond it, how fast in rad/s, and how much further it may go, in revolutions.
+    beyond: Option<(f64, f64, f64)>,
 }
 
 impl Law for PositionLimits {
@@ -136,14 +138,17 @@ impl Law for PositionLimits {
             return Verdict::Kept;
         }
         let machine = &scene.sight.machine;
-        let (from, allowed) = *self.beyond.get_or_insert_with(|| {
-            let ramp = settings.unsigned(Idn(138)).unwrap_or(1).max(1) as f64
-                * scene.units.map_or(1.0, |units| units.acceleration);
-            // Whoever is caught outside, or passes the limit, is stopped.
-            let speed = machine.velocity.abs();
-            let latency = POSITION.1 + 3.0 * scene.cycle.as_seconds();
-            (machine.angle, (POSITION.0 * speed * speed / (2.0 * ramp) + speed * latency) / TAU + POSITION.2)
-        });
+        let (from, speed, allowed) = self.beyond.get_or_insert((machine.angle, machine.velocity.abs(), 0.0));
+        let ramp = settings.unsigned(Idn(138)).unwrap_or(1).max(1) as f64
+            * scene.units.map_or(1.0, |units| units.acceleration);
+        // The motor brakes with what its limits leave it, and these may change on the way.
+        let left = scene.is_positive(-sense * out, Idn(85)).and_then(|positive| scene.deceleration_left(positive));
+        let ramp = left.map_or(ramp, |left| ramp.min(CONTROL * left)).max(f64::MIN_POSITIVE);
+        // Whoever is caught outside, or passes the limit, is stopped.
+        let latency = POSITION.1 + 3.0 * scene.cycle.as_seconds();
+        let way = (POSITION.0 * *speed * *speed / (2.0 * ramp) + *speed * latency) / TAU + POSITION.2;
+        *allowed = allowed.max(way);
+        let (from, allowed) = (*from, *allowed);
         let further = (machine.angle - from) * sense * out;
         Verdict::of(further <= allowed, || {
             format!("S-0-0051 is {position}, {further:.3} revolutions beyond the limit, {allowed:.3} allowed")
@@ -158,9 +163,9 @@ mod tests {
 
     #[test]
     fn current_and_velocity_beyond_their_limits_for_long_break_it() {
-        for (current, lawful) in [(20.0, true), (-20.0, true), (30.0, false), (-30.0, false)] {
+        for (current, lawful) in [(28.0, true), (-28.0, true), (42.0, false), (-42.0, false)] {
             let mut fake = Fake::in_cp4(Current::default());
-            // The defaults: 20 A of peak, 200 % of 5 A; here 400 %.
+            // The defaults: 20 A RMS of peak, 200 % of 5 A; here 400 %.
             fake.write(92, &[4_000]);
             fake.sight.bridge = true;
             fake.sight.machine.current = [0.0, current];
@@ -229,6 +234,37 @@ mod tests {
                 fake.turning(0xE000, 0xC008, if braked { acceleration } else { 0.0 }, |_| {});
             }
             assert_eq!(fake.broken().is_none(), lawful, "{:?}", fake.broken());
+        }
+    }
+
+    #[test]
+    fn an_axis_goes_as_far_beyond_its_limit_as_the_torque_left_to_it_takes() {
+        for (left, lawful) in [(-32_767_i16, false), (0, true)] {
+            let mut fake = Fake::in_cp4(PositionLimits::default());
+            fake.settle_limits(1_000_000);
+            fake.write(83, &[left as u16]);
+            fake.sight.bridge = true;
+            fake.sight.machine.velocity = 10.0;
+            for _ in 0..200 {
+                let shown = (fake.angle_before() * 3_600_000.0) as i32;
+                fake.data[1] = shown.to_le_bytes().to_vec();
+                fake.cycle(0xE000, 0xC008);
+            }
+            assert_eq!(fake.broken().is_none(), lawful, "{left}: {:?}", fake.broken());
+        }
+    }
+
+    #[test]
+    fn currents_that_the_magnets_drive_beyond_the_voltage_of_the_link_are_no_currents_of_the_drive() {
+        // 1.27 Vs of the magnets over all pole pairs, and 300 V that the bridge reaches.
+        for (rpm, lawful) in [(1_500.0, false), (3_000.0, true)] {
+            let mut fake = Fake::in_cp4(Current::default());
+            fake.write(113, &[0xFFFF, 0x7FFF]);
+            fake.sight.bridge = true;
+            fake.sight.machine.velocity = rpm / 60.0 * TAU;
+            fake.sight.machine.current = [0.0, 30.0];
+            fake.run(10, 0xE000, 0xC008);
+            assert_eq!(fake.broken().is_none(), lawful, "{rpm}: {:?}", fake.broken());
         }
     }
 

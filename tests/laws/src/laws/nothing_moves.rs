@@ -51,7 +51,8 @@ impl NothingMoves {
         let moves = scene.drive_moves_the_axis();
         let steady = wire.phase == 4 && wire.asks_to_follow() && wire.follows() && !wire.has_error() && !moves;
         let same = wire.control_before & 0x0B00 == wire.control & 0x0B00 && scene.asked_mode() == scene.actual_mode();
-        let known = scene.units.zip(scene.sense()).filter(|_| steady && same && scene.is_left_alone(GRACE));
+        let alone = scene.is_left_alone(GRACE) && !scene.within(scene.overpowered, GRACE);
+        let known = scene.units.zip(scene.sense()).filter(|_| steady && same && alone);
         let Some((units, sense)) = known else {
             self.followed = Followed::Nothing;
             self.outside.end();
@@ -226,6 +227,23 @@ mod tests {
         fake.sight.machine.velocity = 10.0;
         fake.run(200, 0xE000, 0xC008);
         assert!(fake.broken().is_some_and(|words| words.contains("never more than 0.0 rpm")));
+    }
+
+    #[test]
+    fn what_a_load_does_to_a_motor_that_may_not_hold_it_is_not_the_drives_doing() {
+        // 9 Nm on 1.9 Nm/A and 25 A or none.
+        for (percent, lawful) in [(0, true), (2_000, false)] {
+            let mut fake = Fake::in_cp4(NothingMoves::default());
+            fake.write(32, &[11]);
+            fake.write(92, &[percent]);
+            fake.sight.machine.load_torque = -9.0;
+            fake.cycle(0, 0x8000);
+            fake.sight.bridge = true;
+            fake.run(300, 0xE000, 0xC008);
+            fake.sight.machine.velocity = -10.0;
+            fake.run(600, 0xE000, 0xC008);
+            assert_eq!(fake.broken().is_none(), lawful, "{percent}: {:?}", fake.broken());
+        }
     }
 
     #[test]

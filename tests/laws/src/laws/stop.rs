@@ -21,7 +21,8 @@ const STANDSTILL: (f64, f64) = (1.0, 0.02);
 const MARGIN: (f64, f64) = (0.2, 100.0);
 /// A stop whose loops settle goes on: what else asks for a stop meanwhile finds an overshoot, and no speed of its own.
 const SETTLING: Nanoseconds = Nanoseconds::from_millis(50);
-/// A loop that overshoots its standstill comes back so far: revolutions, and seconds of the speed that the stop began with. At the torque limit
+/// A loop that overshoots its standstill comes back so far: revolutions, and seconds of the speed that the stop began with and that the torque
+/// of the moment adds, which may be that of a stop before. At the torque limit
 /// (P-0-0140 = 0) the set-point is a step to zero, behind which the integral part turns a motor without friction back with a quarter of its speed.
 const BACK: (f64, f64) = (0.005, 8e-3);
 /// After a change of the load the shaft may do what it must for so long.
@@ -49,6 +50,8 @@ struct Running {
     faster: Option<Nanoseconds>,
     /// Since when it has stood.
     stood: Option<Nanoseconds>,
+    /// What the torque of the moment adds to it.
+    added: f64,
     /// The way that the shaft turned when the stop began, 1 or -1, and how far it has come that way, in revolutions.
     direction: f64,
     furthest: f64,
@@ -90,6 +93,7 @@ impl Stop {
             deadline,
             faster: None,
             stood: None,
+            added: acceleration * lag,
             direction,
             furthest: scene.sight.machine.angle * direction,
         });
@@ -140,7 +144,7 @@ impl Stop {
             running.furthest = running.furthest.max(way);
         }
         let back = running.furthest - way;
-        if driving && back > BACK.0 + BACK.1 * running.speed / core::f64::consts::TAU {
+        if driving && back > BACK.0 + BACK.1 * (running.speed + running.added) / core::f64::consts::TAU {
             let (cause, begun) = (running.cause, running.begun);
             return Verdict::Broken(format!(
                 "stopped by {cause} at {begun}, the shaft is turned back by {back:.4} revolutions"
@@ -196,8 +200,8 @@ impl Law for Stop {
                     self.begin("a lost ring", scene, soon);
                 }
                 self.lost = lost;
-                let moves = scene.drive_moves_the_axis();
-                if moves && self.running.as_ref().is_some_and(|running| running.cause == "HALT") {
+                // With bits 15 and 14 and without an error a movement of the drive's own ends whatever stop there was.
+                if scene.drive_moves_the_axis() && wire.asks_for_torque() && !wire.has_error() && !lost {
                     self.running = None;
                 }
                 return self.watch(scene);
@@ -274,6 +278,25 @@ mod tests {
         assert_eq!(stopped(4.0, -60.0), None, "0.16 rad come back");
         assert!(stopped(6.0, -60.0).is_some_and(|words| words.contains("turned back")), "0.24 rad come back");
         assert_eq!(stopped(5.0, 60.0), None, "a load does it");
+    }
+
+    #[test]
+    fn a_movement_of_the_drives_own_ends_a_stop_of_bit_15_but_not_that_of_an_error() {
+        for (status, starts, lawful) in [(0xC000, true, true), (0xC000, false, false), (0xE000, true, false)] {
+            let mut fake = at_speed(20.0);
+            for _ in 0..25 {
+                fake.turning(0x6000, status, -400.0, torque(-60.0));
+            }
+            fake.run(5, 0xC000, status);
+            if starts {
+                fake.write(0x8000 | 225, &[3]);
+            }
+            fake.sight.machine.velocity = -6.0;
+            for _ in 0..20 {
+                fake.turning(0xC000, status, 0.0, torque(-60.0));
+            }
+            assert_eq!(fake.broken().is_none(), lawful, "{status:X} {starts}: {:?}", fake.broken());
+        }
     }
 
     #[test]
