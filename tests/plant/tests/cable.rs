@@ -152,6 +152,13 @@ fn an_earth_fault_brakes_a_motor_with_an_open_bridge_through_the_lower_diodes() 
         let [a, _, _] = machine.phase_currents(at(turns));
         assert_near(a, 0.0, 1e-4);
     }
+    // Current and heat go past the bus, which nobody feeds: within these turns the fault makes some 50 J of heat, and the bus holds 45 J.
+    machine.set_supply(0.0, at(8.0));
+    let before = machine.bus_voltage(at(8.0));
+    assert_near(machine.bus_voltage(at(40.0)), before, 0.01);
+    // What is behind a broken core does not drain it either.
+    machine.open_phase(0, true, at(40.0));
+    assert_near(machine.bus_voltage(at(80.0)), before, 0.01);
     let mut sound = Machine::new(settings);
     sound.set_velocity(-50.0, 0);
     assert_near(sound.torque(at(5.75)), 0.0, 1e-6);
