@@ -3,6 +3,7 @@
 //! One program, because each would be linked with everything for itself.
 
 mod alignment;
+mod alignment_on_machine;
 mod bench;
 mod brake;
 mod brake_load;

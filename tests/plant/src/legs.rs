@@ -17,9 +17,10 @@ const FOUND: f64 = 1e-9;
 /// Capacitance between the output of each leg and the bus: of both transistors, their module, and the cable.
 ///
 /// In a dead time in which the current commutates from a transistor to the opposite diode, the voltage does not jump but slews with
-/// `dv/dt = i / C` (IEEE papers know it as the zero-current clamping or the parasitic-capacitance effect of the dead time). Within the dead
-/// time `Td` it comes all the way on a bus of `U` when the current is above `i0 = C U / Td`. The other dead time of the period loses all of
-/// `U Td` as ever. What a period loses is the sum of both: `U Td (1 - i0 / 2i)` above `i0` and `U Td i / 2i0` below.
+/// `dv/dt = i / C` (Zhang, Xu, Dead-time compensation of inverters considering snubber and parasitic capacitance, IEEE Trans. Power
+/// Electronics 29, 2014, 3179). Within the dead time `Td` it comes all the way on a bus of `U` when the current is above `i0 = C U / Td`. The
+/// other dead time of the period loses all of `U Td` as ever. So a period loses `U Td (1 - i0 / 2i)` above `i0`, and `U Td i / 2i0` below,
+/// where the other transistor closes on what is left of the voltage.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct LegCapacitance {
     /// In F.

@@ -7,9 +7,9 @@ mod truth;
 
 use core::f64::consts::TAU;
 
-use crate::MachineSettings;
 use crate::brake::Grip;
 use crate::cable::Cable;
+use crate::cogging::EmfHarmonics;
 use crate::encoder::{Counter, Encoder};
 use crate::frame::{Dq, Frame};
 use crate::inverter::Terminal;
@@ -20,6 +20,7 @@ use crate::thermal::Temperatures;
 use crate::timeline::{Stretch, Timeline};
 use crate::turn::Turn;
 use crate::windings::{Flow, Surroundings};
+use crate::{Effects, MachineSettings};
 use outside::{Input, Outside};
 
 /// The integration grid in nanoseconds.
@@ -53,6 +54,8 @@ pub struct Machine {
     /// What acts from outside now.
     outside: Outside,
     cable: Cable,
+    /// There are effects to be looked for.
+    effects: bool,
     /// What will act after all inputs, to drop inputs that change nothing.
     last_outside: Outside,
     last_cable: Cable,
@@ -82,6 +85,8 @@ struct State {
     grip: Grip,
     counter: Counter,
     temperatures: Temperatures,
+    /// What sensors of a limited bandwidth show of the legs' currents, in A.
+    shown: [f64; 3],
 }
 
 impl Machine {
@@ -99,6 +104,7 @@ impl Machine {
             grip: Grip::engaged(),
             counter: Counter::new(),
             temperatures: settings.thermal.cold(),
+            shown: [0.0; 3],
         };
         let outside = Outside::at_start(&settings);
         Self {
@@ -107,6 +113,7 @@ impl Machine {
             timeline: Timeline::new(),
             outside,
             cable: Cable::sound(),
+            effects: settings.effects != Effects::NONE,
             last_outside: outside,
             last_cable: Cable::sound(),
             interventions: [0; 2],
@@ -187,7 +194,7 @@ impl Machine {
             Input::Cable(cable) => self.cable = cable,
             Input::Outside(outside) => {
                 if outside.encoder_frozen != self.outside.encoder_frozen {
-                    let turn = state.shafts.turn;
+                    let turn = self.settings.effects.shown_by_tracks(state.shafts.turn);
                     state.counter = self.settings.encoder.freeze(state.counter, turn, outside.encoder_frozen);
                 }
                 if let Some(brake) = &self.settings.brake {
@@ -211,15 +218,21 @@ impl Machine {
         let flow = self.flow(dt);
         let grip = settings.brake.map_or(old.grip, |brake| brake.step(old.grip, dt));
         let torques = Torques {
-            motor: settings.windings.torque(flow.mean),
+            motor: settings.windings.torque(flow.mean) + self.torque_of_effects(flow.mean, dt),
             load: outside.load_torque,
             brake: settings.brake.map_or(0.0, |brake| {
                 let torque = |grip| brake.torque(grip, outside.brake_failure);
                 0.5 * (torque(old.grip) + torque(grip))
             }),
         };
-        let shafts = settings.mechanics.step(old.shafts, torques, outside.seized, dt);
-        let (from, to) = (old.shafts.turn, shafts.turn);
+        let shafts = settings.mechanics.step(
+            old.shafts,
+            torques,
+            self.effects().and_then(|effects| effects.stiction.as_ref()),
+            outside.seized,
+            dt,
+        );
+        let (from, to) = (self.tracks(old.shafts.turn), self.tracks(shafts.turn));
         State {
             current: flow.end,
             bus: settings.supply.step(old.bus, outside.mains, flow.drawn, dt),
@@ -232,23 +245,71 @@ impl Machine {
                 outside.ambient,
                 dt,
             ),
+            shown: match self.effects() {
+                Some(Effects { sensor_bandwidth: Some(bandwidth), .. }) => {
+                    let before = self.leg_currents(old.current, old.shafts.turn, old.bus.voltage);
+                    let after = self.leg_currents(flow.end, shafts.turn, old.bus.voltage);
+                    core::array::from_fn(|k| bandwidth.follow(old.shown[k], before[k], after[k], dt))
+                }
+                _ => old.shown,
+            },
         }
+    }
+
+    /// The effects, if there are any.
+    fn effects(&self) -> Option<&Effects> {
+        if self.effects { Some(&self.settings.effects) } else { None }
+    }
+
+    /// The angle that the encoder's tracks show.
+    fn tracks(&self, turn: Turn) -> Turn {
+        self.effects().map_or(turn, |effects| effects.shown_by_tracks(turn))
+    }
+
+    /// Torque in Nm of cogging and EMF harmonics in the middle of a step, with its mean current.
+    fn torque_of_effects(&self, current: Dq, dt: f64) -> f64 {
+        let Some(Effects { cogging, emf_harmonics, .. }) = self.effects() else { return 0.0 };
+        let mut torque = 0.0;
+        if let Some(cogging) = cogging {
+            torque += cogging.torque(self.middle(dt));
+        }
+        if let Some(harmonics) = emf_harmonics {
+            torque += self.torque_of_harmonics(harmonics, current, self.middle(dt));
+        }
+        torque
+    }
+
+    fn torque_of_harmonics(&self, harmonics: &EmfHarmonics, current: Dq, angle: f64) -> f64 {
+        let windings = &self.settings.windings;
+        let flux = harmonics.flux(windings.flux, self.electrical(angle));
+        EmfHarmonics::torque(windings.pole_pairs, flux, current)
+    }
+
+    /// Angle of the shaft in the middle of a step, in revolutions.
+    fn middle(&self, dt: f64) -> f64 {
+        let shafts = &self.state.shafts;
+        shafts.turn.part + 0.5 * shafts.velocity * dt / TAU
     }
 
     fn flow(&self, dt: f64) -> Flow {
         let (settings, outside, state) = (&self.settings, &self.outside, &self.state);
-        let velocity = state.shafts.velocity;
+        let middle = self.middle(dt);
         let speed = state.shafts.velocity_ahead(dt) * f64::from(settings.windings.pole_pairs);
-        let surroundings = Surroundings {
+        let mut surroundings = Surroundings {
             resistance: settings.windings.resistance_at(state.temperatures.winding),
             speed,
             emf: Dq { d: 0.0, q: speed * settings.windings.flux },
-            frame: self.frame(state.shafts.turn.part + 0.5 * velocity * dt / TAU),
+            frame: self.frame(middle),
             bus: state.bus.voltage,
             dt,
         };
+        if let Some(Effects { emf_harmonics: Some(harmonics), .. }) = self.effects() {
+            let flux = harmonics.flux(settings.windings.flux, self.electrical(middle));
+            surroundings.emf.d += speed * flux.d;
+            surroundings.emf.q += speed * flux.q;
+        }
         let terminals = settings.inverter.terminals(outside.bridge, &outside.duties);
-        if self.cable.is_sound() && settings.effects.legs_are_plain() {
+        if self.cable.is_sound() && self.effects().is_none_or(Effects::legs_are_plain) {
             return settings.windings.step(state.current, &terminals, &surroundings);
         }
         let mut legs = self.legs(terminals, state.bus.voltage);
@@ -266,7 +327,11 @@ impl Machine {
 
     /// The rotor's frame with the shaft at an angle in revolutions.
     fn frame(&self, angle: f64) -> Frame {
-        let pole_pairs = f64::from(self.settings.windings.pole_pairs);
-        Frame::at(pole_pairs * (angle + self.settings.encoder.electrical_zero))
+        Frame::at(self.electrical(angle))
+    }
+
+    /// The electrical angle in turns, with the shaft at an angle in revolutions.
+    fn electrical(&self, angle: f64) -> f64 {
+        f64::from(self.settings.windings.pole_pairs) * (angle + self.settings.encoder.electrical_zero)
     }
 }

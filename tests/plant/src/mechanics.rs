@@ -3,6 +3,7 @@
 use core::f64::consts::TAU;
 
 use crate::friction::Friction;
+use crate::stiction::Stiction;
 use crate::turn::Turn;
 
 /// What the motor turns, at the motor shaft.
@@ -98,7 +99,14 @@ impl Mechanics {
     }
 
     /// The masses after `dt`; a seized motor shaft stands. First the velocities, then with them the angles: swings keep their energy.
-    pub(crate) fn step(&self, old: Shafts, torques: Torques, seized: bool, dt: f64) -> Shafts {
+    pub(crate) fn step(
+        &self,
+        old: Shafts,
+        torques: Torques,
+        stiction: Option<&Stiction>,
+        seized: bool,
+        dt: f64,
+    ) -> Shafts {
         let outer = torques.load + self.gravity_torque;
         let shaft = self.load.map(|load| load.shaft_torque(old.twist, old.load_velocity - old.velocity));
         let friction = Friction {
@@ -107,7 +115,11 @@ impl Mechanics {
             inertia: self.rotor_inertia,
         };
         let driving = torques.motor + shaft.unwrap_or(outer);
-        let velocity = if seized { 0.0 } else { friction.rub(old.velocity, driving, dt) };
+        let velocity = match stiction {
+            _ if seized => 0.0,
+            None => friction.rub(old.velocity, driving, dt),
+            Some(stiction) => stiction.rub(friction, self.coulomb_friction, old.velocity, driving, dt),
+        };
         let turn = old.turn.after(0.5 * (old.velocity + velocity) * dt / TAU);
         // A shaft that friction has stopped does not go on.
         let acceleration = if velocity == 0.0 { 0.0 } else { (velocity - old.velocity) / dt };

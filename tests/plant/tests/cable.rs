@@ -152,6 +152,13 @@ fn an_earth_fault_brakes_a_motor_with_an_open_bridge_through_the_lower_diodes() 
         let [a, _, _] = machine.phase_currents(at(turns));
         assert_near(a, 0.0, 1e-4);
     }
+    // Current and heat go past the bus, which nobody feeds: within these turns the fault makes some 50 J of heat, and the bus holds 45 J.
+    machine.set_supply(0.0, at(8.0));
+    let before = machine.bus_voltage(at(8.0));
+    assert_near(machine.bus_voltage(at(40.0)), before, 0.01);
+    // What is behind a broken core does not drain it either.
+    machine.open_phase(0, true, at(40.0));
+    assert_near(machine.bus_voltage(at(80.0)), before, 0.01);
     let mut sound = Machine::new(settings);
     sound.set_velocity(-50.0, 0);
     assert_near(sound.torque(at(5.75)), 0.0, 1e-6);
@@ -181,4 +188,17 @@ fn swapped_phases_turn_the_field_the_other_way_and_the_sensors_are_the_legs() {
 #[should_panic(expected = "the resistance of an earth fault must be positive")]
 fn an_earth_fault_without_resistance_makes_no_sense() {
     seized(ideal(), 0.0, 0.0).fail_to_earth(earth(0.0, 0.0), 0);
+}
+
+#[test]
+fn a_glance_tells_of_a_broken_cable() {
+    let mut machine = Machine::new(ideal());
+    machine.open_phase(2, true, MILLISECOND);
+    machine.open_phase(2, false, 2 * MILLISECOND);
+    machine.set_contact_resistances([0.0, 0.1, 0.0], 3 * MILLISECOND);
+    machine.set_contact_resistances([0.0; 3], 4 * MILLISECOND);
+    machine.fail_to_earth(earth(10.0, 0.0), 5 * MILLISECOND);
+    for (at, broken) in [(0, false), (1, true), (2, false), (3, true), (4, false), (5, true)] {
+        assert_eq!(machine.glance(at * MILLISECOND).cable_broken, broken, "{at} ms");
+    }
 }

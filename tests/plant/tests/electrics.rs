@@ -159,6 +159,23 @@ fn a_speed_that_rises_evenly_induces_the_current_of_its_instant() {
 }
 
 #[test]
+fn a_shaft_that_friction_has_stopped_induces_nothing_more() {
+    // 1e6 rad/s²: it stands within the second step of 5 us.
+    let mut settings = ideal();
+    settings.mechanics.coulomb_friction = 1e4;
+    let mut machine = Machine::new(settings);
+    machine.set_bridge(true, 0);
+    machine.set_velocity(7.5, 0);
+    let [_, at_rest] = machine.dq_currents(10 * MICROSECOND);
+    assert_eq!(machine.velocity(10 * MICROSECOND), 0.0);
+    assert!(at_rest < -0.01, "{at_rest}");
+    for after in [5, 50, 500] {
+        let [_, q] = machine.dq_currents((10 + after) * MICROSECOND);
+        assert_near(q / at_rest, (-(after as f64) * 1e-3).exp(), 1e-5);
+    }
+}
+
+#[test]
 fn a_short_circuit_turns_movement_into_heat_and_nothing_is_lost() {
     let mut settings = with_windings(|w| w.inductance_q = 1.5e-3);
     settings.mechanics.rotor_inertia = 0.002;

@@ -1,6 +1,7 @@
 //! What is true of a machine, whatever its sensors show.
 
 use super::{Machine, State};
+use crate::Effects;
 use crate::frame::Dq;
 use crate::glance::Glance;
 
@@ -25,11 +26,28 @@ impl Machine {
         self.state_at(at).shafts.velocity
     }
 
-    /// Torque of the motor in Nm, without friction and brake.
+    /// Torque of the motor's currents in Nm, without cogging, friction and brake.
     #[must_use]
     pub fn torque(&mut self, at: u64) -> f64 {
-        let current = self.state_at(at).current;
-        self.settings.windings.torque(current)
+        let State { current, shafts, .. } = *self.state_at(at);
+        self.torque_of(current, shafts.turn.part)
+    }
+
+    fn torque_of(&self, current: Dq, angle: f64) -> f64 {
+        let torque = self.settings.windings.torque(current);
+        match self.effects() {
+            Some(Effects { emf_harmonics: Some(harmonics), .. }) => {
+                torque + self.torque_of_harmonics(harmonics, current, angle)
+            }
+            _ => torque,
+        }
+    }
+
+    /// Cogging torque in Nm, in counting direction.
+    #[must_use]
+    pub fn cogging_torque(&mut self, at: u64) -> f64 {
+        let angle = self.state_at(at).shafts.turn.part;
+        self.settings.effects.cogging.map_or(0.0, |cogging| cogging.torque(angle))
     }
 
     /// Phase currents in A, positive into the motor.
@@ -85,7 +103,7 @@ impl Machine {
             time: self.timeline.time(),
             angle: state.shafts.turn.since_start(settings.encoder.increments_per_revolution),
             velocity: state.shafts.velocity,
-            torque: settings.windings.torque(state.current),
+            torque: self.torque_of(state.current, state.shafts.turn.part),
             current: [state.current.d, state.current.q],
             bus_voltage: state.bus.voltage,
             temperatures: [state.temperatures.heat_sink, state.temperatures.winding],
@@ -97,6 +115,7 @@ impl Machine {
             feverish: outside.broken_thermometers.iter().any(Option::is_some),
             encoder_frozen: outside.encoder_frozen,
             index_muted: outside.index_muted,
+            cable_broken: !self.cable.is_sound(),
             kicks: self.interventions[0],
             slips: self.interventions[1],
         }
