@@ -478,6 +478,21 @@ mod tests {
     }
 
     #[test]
+    fn the_trip_level_of_a_small_motor_on_a_large_amplifier_is_the_motors() {
+        let protection = |motor: u32, weakening: u16, level: u32| {
+            let mut parameters = with(&[(109, motor), (110, 14_000)]);
+            parameters.set(Idn::product(107), weakening.into()).unwrap();
+            parameters.set(Idn::product(106), level.into()).unwrap();
+            MotionSettings::new(&parameters, &FACTS, source).unwrap().motor.current.protection
+        };
+        // 125 % of 7 A; of 7 A and 80 % of it across, 8.964 A; of the amplifier's 14 A at most.
+        for (motor, weakening, level) in [(7_000, 0, 8_750), (7_000, 800, 11_205), (20_000, 800, 17_500)] {
+            assert_eq!(protection(motor, weakening, 0), protection(motor, weakening, level), "{motor} {weakening}");
+        }
+        assert_ne!(protection(7_000, 0, 0), protection(14_000, 0, 0));
+    }
+
+    #[test]
     fn a_feedrate_override_beyond_100_per_cent_is_more_velocity_within_s_0_0091() {
         let positioning =
             |changes: &[(u16, u32)]| MotionSettings::new(&with(changes), &FACTS, source).unwrap().positioning;
