@@ -39,6 +39,8 @@ pub struct Scene {
     pub troubled: Option<Nanoseconds>,
     /// A sensor of current or position shows, or has shown since the bridge came on, what is not so.
     pub deceived: bool,
+    /// When the encoder last counted what the shaft did not turn.
+    pub slipped: Option<Nanoseconds>,
     /// When a pin of the power stage last changed.
     pub pins_changed: Option<Nanoseconds>,
     /// When the bridge was last switched.
