@@ -23,6 +23,7 @@ use stm32f4xx_hal::{
 
 /// What the filters of both tracks pass, see above.
 pub(crate) const INCREMENTS_PER_SECOND: u32 = 2 * (SAMPLES_PER_SECOND / (SAMPLES + 1));
+const _: () = assert!(INCREMENTS_PER_SECOND / 100_000 == 186, "the text of S-0-0113 says 18.6 million");
 /// Of the timer's clock.
 const SAMPLES_PER_SECOND: u32 = 84_000_000;
 /// Equal ones in a row, as `fck_int_n8` sets them.

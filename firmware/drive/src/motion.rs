@@ -371,16 +371,12 @@ impl<B: Bus + Clone, H: Hardware> Motion<B, H> {
         self.step_state();
     }
 
-    /// As [`Motion::step_state`], without a new command: what begins to follow has its first one already, which is in force, and bit 3 of the
-    /// status word tells the truth. With the next one alone, a step from the one in force would pass for a first command.
+    /// As [`Motion::step_state`], between two commands: where following begins with it, bit 3 of the status word says so before the next one comes.
     fn update_state(&mut self) {
-        let awaited = self.axis.awaits_command();
+        let before = self.axis.mode();
         self.step_state();
-        if self.axis.awaits_command()
-            && !awaited
-            && let Err(jump) = self.axis.command_position(self.ring.commands().position(&self.settings))
-        {
-            self.fail(errors_of(jump));
+        if self.axis.mode() != before {
+            self.axis.note_standing_command(self.ring.commands().position(&self.settings));
         }
     }
 

@@ -469,9 +469,9 @@ mod tests {
     fn a_motor_faster_than_its_encoder_can_be_counted_is_refused_with_both_rates() {
         let with_encoder =
             |lines, rpm: u32| MotionSettings::new(&with(&[(116, lines), (113, rpm * 10_000)]), &FACTS, source);
-        // 2^20 increments at 1 064 rpm are 18.6 million a second.
-        assert!(with_encoder(1 << 18, 1_064).is_ok());
-        let error = with_encoder(1 << 18, 1_065).unwrap_err();
+        // 2^20 increments at a quarter more than 851 rpm are 18.6 million a second.
+        assert!(with_encoder(1 << 18, 851).is_ok());
+        let error = with_encoder(1 << 18, 852).unwrap_err();
         let expected = SettingsError::EncoderRate { actual: 18_612_224, maximum: 18_600_000 };
         assert_eq!((error.idn, error.reason), (Idn::standard(113), Some(expected)));
         assert!(with_encoder(2_500, 60_000).is_ok());
@@ -479,17 +479,56 @@ mod tests {
 
     #[test]
     fn the_trip_level_of_a_small_motor_on_a_large_amplifier_is_the_motors() {
-        let protection = |motor: u32, weakening: u16, level: u32| {
+        let counts = |motor: u32, level: u32| {
             let mut parameters = with(&[(109, motor), (110, 14_000)]);
-            parameters.set(Idn::product(107), weakening.into()).unwrap();
             parameters.set(Idn::product(106), level.into()).unwrap();
-            MotionSettings::new(&parameters, &FACTS, source).unwrap().motor.current.protection
+            let [current, ..] =
+                MotionSettings::new(&parameters, &FACTS, source).unwrap().motor.current.protection.to_words();
+            f64::from(current)
         };
-        // 125 % of 7 A; of 7 A and 80 % of it across, 8.964 A; of the amplifier's 14 A at most.
-        for (motor, weakening, level) in [(7_000, 0, 8_750), (7_000, 800, 11_205), (20_000, 800, 17_500)] {
-            assert_eq!(protection(motor, weakening, 0), protection(motor, weakening, level), "{motor} {weakening}");
+        // Counts 2^-3 of an amplitude, the range of 25 A being 2 048 counts.
+        let of = |amplitude: f64| amplitude / 25.0 * 2_048.0 * 8.0;
+        let rms = core::f64::consts::SQRT_2;
+        // 5 A of the motor and 4.5 A across are 6.73 A; and what is given is the crest of a sine.
+        for (motor, level, amplitude) in [
+            (5_000, 0, 1.25 * 5.0 * 1.81_f64.sqrt() * rms),
+            (100, 0, 0.1 * 1.81_f64.sqrt() * rms + 0.5),
+            (5_000, 8_750, 8.75 * rms),
+            (9_000, 0, 1.25 * 9.0 * 1.81_f64.sqrt() * rms),
+        ] {
+            let actual = counts(motor, level);
+            assert!((actual - of(amplitude)).abs() < 8.0, "{motor} {level}: {actual}, expected {}", of(amplitude));
         }
-        assert_ne!(protection(7_000, 0, 0), protection(14_000, 0, 0));
+        assert_eq!(counts(14_000, 0), counts(20_000, 0), "the amplifier's");
+    }
+
+    #[test]
+    fn shares_of_the_largest_current_are_those_of_the_smaller_of_motor_and_amplifier() {
+        let motor_side = |motor: u32, [weakening, alignment, proof]: [u16; 3]| {
+            let mut parameters = with(&[(109, motor), (110, 14_000)]);
+            for (number, value) in [(107, weakening), (116, alignment), (121, proof), (120, 1)] {
+                parameters.set(Idn::product(number), value.into()).unwrap();
+            }
+            let MotorSettings { weakening, alignment, brake, .. } =
+                MotionSettings::new(&parameters, &FACTS, source).unwrap().motor;
+            (weakening, alignment, brake)
+        };
+        assert_eq!(motor_side(7_000, [800, 500, 200]), motor_side(14_000, [400, 250, 100]));
+        assert_eq!(motor_side(20_000, [800, 500, 200]), motor_side(14_000, [800, 500, 200]));
+        assert_ne!(motor_side(7_000, [800, 500, 200]), motor_side(14_000, [800, 500, 200]));
+    }
+
+    #[test]
+    fn a_proof_of_the_torque_that_sinks_into_the_noise_of_the_sensors_is_refused() {
+        let with_proof = |per_mille: u16, brake: u16| {
+            let mut parameters = with(&[(109, 1_000), (110, 14_000)]);
+            parameters.set(Idn::product(121), per_mille.into()).unwrap();
+            parameters.set(Idn::product(120), brake.into()).unwrap();
+            MotionSettings::new(&parameters, &FACTS, source).map_err(|error| error.idn)
+        };
+        // 16 counts of 2 048 are 0.1953 A of 25 A, 138 mA RMS.
+        assert_eq!(with_proof(137, 1).err(), Some(Idn::product(121)));
+        assert!(with_proof(140, 1).is_ok() && with_proof(10, 0).is_ok());
     }
 
     #[test]

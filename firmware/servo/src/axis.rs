@@ -307,10 +307,13 @@ impl Axis {
         }
     }
 
-    /// [`Mode::Position`] has begun, and its first command has not come yet.
-    #[must_use]
-    pub fn awaits_command(&self) -> bool {
-        self.mode == Mode::Position && self.interpolator.awaits_command()
+    /// Notes the command that is in force where [`Mode::Position`] has begun between two commands: it says that it follows, and what comes next is
+    /// looked at as a step from there, beside its distance from the axis.
+    #[inline]
+    pub fn note_standing_command(&mut self, command: Position) {
+        if self.mode == Mode::Position {
+            self.interpolator.note_standing(&self.settings.interpolator, command);
+        }
     }
 
     /// Whether [`Mode::Position`] would begin with this command, from where the axis is.

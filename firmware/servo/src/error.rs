@@ -38,7 +38,7 @@ pub enum SettingsError {
     MeasuringRange {
         /// In mA.
         actual: u32,
-        /// S-0-0110 in mA.
+        /// Amplitude of S-0-0110 in mA.
         peak: u32,
     },
     /// The current loop gain is too high for the peak current and the integral action time.
@@ -117,7 +117,10 @@ impl fmt::Display for SettingsError {
                 formatter.write_str("torque scaling is not within 10^-9 to 1 of the peak current per increment")
             }
             Self::MeasuringRange { actual, peak } => {
-                write!(formatter, "measuring range of {actual} mA, expected 1 to 8 times the peak current of {peak} mA")
+                write!(
+                    formatter,
+                    "measuring range of {actual} mA, expected 1 to 8 times {peak} mA, the amplitude of S-0-0110"
+                )
             }
             Self::CurrentGain { actual } => write!(formatter, "current loop gain of {actual} mV/A is too high"),
             Self::DeadTime { actual } => write!(formatter, "dead time of {actual} ns, expected at most 10000"),

@@ -299,7 +299,7 @@ impl Tap for Observer {
                 self.record = scene.now;
                 if scene.wire.phase == 4 {
                     for (idn, value) in scene.wire.commands() {
-                        if COMMANDS.contains(&idn.0) && scene.settings.unsigned(*idn) != Some(i64::from(*value)) {
+                        if COMMANDS.contains(&idn.0) && scene.settings.is_led_away(*idn, *value, scene.units.as_ref()) {
                             scene.commanded = Some(scene.now);
                         }
                         scene.settings.note_cyclic(*idn, *value);

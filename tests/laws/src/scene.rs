@@ -227,10 +227,9 @@ impl Scene {
     pub fn outruns_its_motor(&self) -> bool {
         let number = |idn: u16| self.settings.unsigned(Idn(idn)).map(|value| value as f64);
         let beyond = number(113).is_some_and(|most| self.sight.rpm().abs() > 1.2e-4 * most);
-        let weakening = number(109)
-            .zip(number(110))
-            .zip(number(0x8000 | 107))
-            .map_or(0.0, |((motor, amplifier), share)| motor.min(amplifier) * AMPLITUDE * share * 1e-3);
+        let most = number(109).zip(number(110)).map(|(motor, amplifier)| motor.min(amplifier) * AMPLITUDE);
+        // What is not known is no excuse.
+        let weakening = most.zip(number(0x8000 | 107)).map_or(f64::INFINITY, |(most, share)| most * share * 1e-3);
         let windings = &self.machine.windings;
         let speed = self.sight.machine.velocity.abs() * f64::from(windings.pole_pairs);
         let voltage = speed * (windings.flux - windings.inductance_d * weakening);

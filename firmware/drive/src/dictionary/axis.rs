@@ -81,7 +81,7 @@ sercos::data_blocks! {
     S 111 "Motor continuous stall current" ["A"] U32/3 written IN_CP2_CP3 (1 to 500_000) = 3_536 => Parameter, stored, needed_for_cp4;
     /// Current that the bridge carries for ever, RMS of a phase; from it and S-0-0110 the amplifier's thermal model is made.
     S 112 "Amplifier rated current" ["A"] U32/3 written IN_CP2_CP3 (1 to 500_000) = 7_071 => Parameter, stored, needed_for_cp4;
-    /// The drive never commands a higher velocity, and S-0-0128 refuses one at which S-0-0116 makes more than 18.6 million increments a second.
+    /// The drive never commands a higher velocity, and S-0-0128 refuses one at whose overspeed, a quarter above it, the encoder (S-0-0116, S-0-0256) makes more than 18.6 million increments a second.
     S 113 "Maximum motor speed" ["rpm"] U32/4 written IN_CP2_CP3 (1 to 2_147_483_647) = 60_000_000 => Parameter, stored, needed_for_cp4;
     /// Load of the thermal models at which the drive shuts down (C1D bit 0); 100 % is the continuous current for ever.
     S 114 "Load limit of the motor" ["%"] U16/1 written IN_CP2_CP3 (901 to 2_000) = 1_100 => Parameter, stored, needed_for_cp4;
@@ -170,8 +170,8 @@ sercos::data_blocks! {
     S 372 "Drive halt acceleration bipolar" [acceleration] I32 written ALWAYS (0 to 2_147_483_647) = 0 => Parameter, stored, restricted;
     /// Velocity deviation above which C2D bit 11 warns; 0: not monitored.
     S 377 "Velocity feedback monitoring window" [velocity] I32 written ALWAYS (0 to 2_147_483_647) = 0 => Parameter, stored;
-    /// Time constant of the velocity that the velocity loop controls.
-    S 392 "Velocity feedback filter" ["us"] U16/0 written ALWAYS (250 to 65_500) = 500 => Parameter, stored;
+    /// Time constant of the velocity that the velocity loop controls; 0: none, what the encoder moves in a tick.
+    S 392 "Velocity feedback filter" ["us"] U16/0 written ALWAYS (0 to 65_500) = 500 => Parameter, stored;
     /// Bits 1 and 0: a modulo axis goes to a position 0 the shortest way, 1 in positive, 2 in negative direction. Bit 2: a target that was not attained when its mode ended or the torque went is, when it comes back, 0 gone to, 1 dropped.
     S 393 "Command value mode" [""] U16/0 written ALWAYS (0 to 6) = 4 => Parameter, stored, restricted;
     /// A position that lies no further than this behind an axis at rest is gone to backwards, whatever S-0-0393 says.

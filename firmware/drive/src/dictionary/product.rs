@@ -22,7 +22,7 @@ sercos::data_blocks! {
     P 104 "Undervoltage threshold" ["V"] U16/0 written ALWAYS (1 to 4_000) = 150 => Parameter, stored, needed_for_cp4, restricted;
     /// Bus voltage above which the bridge is switched off (C1D bit 8).
     P 105 "Overvoltage threshold" ["V"] U16/0 written ALWAYS (1 to 4_000) = 440 => Parameter, stored, needed_for_cp4, restricted;
-    /// Phase current at which the current loop switches the bridge off (C1D bit 7), at the crest of a sine with this RMS value; 0: 125 % of what S-0-0109 and P-0-0107 make together, of S-0-0110 at most.
+    /// Phase current at which the current loop switches the bridge off (C1D bit 7), at the crest of a sine with this RMS value; 0: 168 % of S-0-0109, which is 125 % of it with the largest P-0-0107 across, and 125 % of S-0-0110 at most.
     P 106 "Trip level of the phase currents" ["A"] U32/3 written IN_CP2_CP3 (0 to 4_000_000) = 0 => Parameter, stored, needed_for_cp4;
     /// Largest current that weakens the field above the speed that the bus voltage reaches, in per cent of the smaller of S-0-0109 and S-0-0110; 0: none, and a speed above it ends in an overcurrent.
     P 107 "Field weakening current" ["%"] U16/1 written ALWAYS (0 to 900) = 500 => Parameter, stored;
@@ -45,7 +45,7 @@ sercos::data_blocks! {
     /// Bit 0: there is a holding brake; bit 1: it has a contact; bit 2: the axis stays where it is with its brake open and without torque, and may be aligned so.
     P 120 "Holding brake" [""] BITS/0 written IN_CP2_CP3 (0 to 7) = 0 => Parameter, stored, needed_for_cp4;
     /// Current of the d axis with which the torque is proven before the brake opens, in per cent of the smaller of S-0-0109 and S-0-0110.
-    P 121 "Test current of the torque proof" ["%"] U16/1 written ALWAYS (10 to 1_000) = 100 => Parameter, stored, needed_for_cp4;
+    P 121 "Test current of the torque proof" ["%"] U16/1 written ALWAYS (10 to 1_000) = 100 => Parameter, stored, needed_for_cp4, restricted;
     /// Movement beyond which a brake does not hold.
     P 122 "Window of the brake test" ["deg"] U16/2 written ALWAYS (1 to 36_000) = 100 => Parameter, stored, needed_for_cp4;
     /// Time in which the torque goes after the brake has closed, and for which the axis is watched then.

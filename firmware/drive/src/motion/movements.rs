@@ -19,8 +19,7 @@ impl<B: Bus + Clone, H: Hardware> Motion<B, H> {
     /// Begins or ends a function, and what follows from it.
     pub(super) fn with_function<T>(&mut self, change: impl FnOnce(&mut Function) -> T) -> T {
         let result = change(&mut self.function);
-        // What is in force then is the place that was held, and no command of the control.
-        self.step_state();
+        self.update_state();
         result
     }
 

@@ -339,7 +339,7 @@ impl<B: Bus + Clone, H: Hardware> Motion<B, H> {
         if !self.may_identify() {
             return Err(Failure::Interrupted);
         }
-        plan.look_at_load(self.output.current)?;
+        plan.look_at_load(self.motor.carried_load())?;
         let position = self.encoder.position();
         // Known, see `may_identify`.
         let angle = self.motor.commutation_angle(position).unwrap_or(0);

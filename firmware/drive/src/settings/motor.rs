@@ -58,10 +58,10 @@ pub(super) fn settings(
     // What the motor and the amplifier bear both.
     let most = long(S(109)).min(long(S(110)));
     let weakening_current = most.saturating_mul(word(P(107)).into()) / 1_000;
-    let trip = amplitude(match long(P(106)) {
-        0 => length(most, weakening_current).min(long(S(110))).saturating_mul(5) / 4,
-        trip => trip,
-    });
+    let trip = match long(P(106)) {
+        0 => default_trip(most, long(S(110)), range),
+        trip => amplitude(trip),
+    };
     let of_peak = |current: u32| share(current, long(S(110)));
     let of_most = |per_mille: u16| of_peak(most.saturating_mul(per_mille.into()) / 1_000);
     let highest_bus = u32::from(word(P(105))).saturating_mul(4_096).checked_div(full_scale.into()).unwrap_or(0);
@@ -72,7 +72,9 @@ pub(super) fn settings(
     let highest_bus = u16::try_from(highest_bus.min(4_095)).unwrap_or(4_095);
     let protection = Protection::new(trip, range, highest_bus, increments_per_cycle).map_err(of(P(100)))?;
 
-    check_encoder_rate(long(S(113)), increments, facts.encoder_rate).map_err(of(S(113)))?;
+    // Overspeed is found a quarter above it.
+    check_encoder_rate(long(S(113)).saturating_add(long(S(113)) / 4), increments, facts.encoder_rate)
+        .map_err(of(S(113)))?;
 
     let pole_pairs = word(P(110));
     let commutation_settings =
@@ -104,6 +106,9 @@ pub(super) fn settings(
         .map_err(of(P(time)))
     };
     let brake_bits = word(P(120));
+    if brake_bits & BRAKE_FITTED != 0 {
+        check_proof(most.saturating_mul(word(P(121)).into()) / 1_000, range).map_err(of(P(121)))?;
+    }
     let millidegrees = |idn: Idn| Position::from_bits((i64::from(word(idn)) << 32) / 36_000);
     Ok(MotorSettings {
         current: CurrentSettings { current_loop, protection },
@@ -198,10 +203,29 @@ fn share(current: u32, peak: u32) -> CurrentFraction {
     CurrentFraction::from_bits(i16::try_from(bits).unwrap_or(i16::MAX))
 }
 
-/// Of the vector with these two components: the torque-producing and the flux-producing current.
-fn length(one: u32, other: u32) -> u32 {
-    let square = |value: u32| u64::from(value).saturating_mul(value.into());
-    u32::try_from(square(one).saturating_add(square(other)).isqrt()).unwrap_or(u32::MAX)
+/// Amplitude at which the bridge is switched off where P-0-0106 does not say it: 125 % of the longest vector, and a fiftieth of the measuring range
+/// above it at least, that noise and ripple of the sensors trip nothing. The vector has S-0-0109 for the torque and 90 % of it, the most of
+/// P-0-0107, across, and is never longer than S-0-0110.
+fn default_trip(most: u32, amplifier: u32, range: u32) -> u32 {
+    // sqrt(1 + 0.9^2).
+    const PER_MILLE: u64 = 1_346;
+    let vector = u64::from(most).saturating_mul(PER_MILLE) / 1_000;
+    let longest = amplitude(u32::try_from(vector).unwrap_or(u32::MAX).min(amplifier));
+    longest.saturating_add((longest / 4).max(range / 50))
+}
+
+/// Smallest test current of the torque proof in counts of the converter: half of it is the tolerance, and a zero may be wrong by four.
+const LEAST_PROOF_COUNTS: u32 = 16;
+
+/// Whether a current that does not flow can be told from one that does.
+fn check_proof(current: u32, range: u32) -> Result<(), SettingsError> {
+    let counts = u64::from(amplitude(current)).saturating_mul(2_048).checked_div(range.into()).unwrap_or(0);
+    let actual = u32::try_from(counts).unwrap_or(u32::MAX);
+    if actual >= LEAST_PROOF_COUNTS {
+        return Ok(());
+    }
+    let parameter = "test current P-0-0121 in counts of the converter";
+    Err(SettingsError::OutOfRange { parameter, actual, minimum: LEAST_PROOF_COUNTS, maximum: 2_047 })
 }
 
 /// P-0-0115 in 0.01 degree; -1: not known.

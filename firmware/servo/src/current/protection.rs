@@ -48,8 +48,8 @@ impl Trip {
 
 /// Zero of the current sensors, in ADC counts 2^-3.
 ///
-/// It is the mean of sixteen blocks of samples that agree. Where one does not, a sensor was disturbed in between: all sixteen are thrown away,
-/// and the zero that is in force stays.
+/// It is the mean of four blocks of samples that agree. Where one does not, a sensor was disturbed in between: all of them are thrown away,
+/// and the zero that is in force stays. A block is a period of mains of 50 Hz long, so that hum disturbs nothing.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub struct Offsets {
@@ -65,10 +65,10 @@ pub struct Offsets {
 
 /// The middle of the converter, in counts.
 const MIDDLE: i32 = 2_048;
-/// Samples without current that make an offset: 64 ms at 16 kHz.
-const CALIBRATION: u32 = 1_024;
-/// Samples of a block: 4 ms at 16 kHz. The noise of its mean is an eighth of a sample's.
-const BLOCK: u32 = 64;
+/// Samples without current that make an offset: 80 ms at 16 kHz.
+const CALIBRATION: u32 = 4 * BLOCK;
+/// Samples of a block: 20 ms at 16 kHz. Of hum of 60 Hz its mean keeps a sixth.
+const BLOCK: u32 = 320;
 /// Blocks agree when their means are within this, in counts: 0.4 % of the range. What is disturbed by less makes the zero wrong by less.
 const AGREEMENT: u32 = 8;
 /// A sensor whose zero is further than this from the middle is broken, in counts: 5 % of the range.
@@ -90,17 +90,18 @@ impl Offsets {
         [without(a, zero_a), without(b, zero_b), without(c, zero_c)]
     }
 
-    /// Takes samples while no current flows: each 1 024 of them make a new zero, if it is believable.
+    /// Takes samples while no current flows: each 1 280 of them make a new zero, if it is believable.
     pub fn calibrate(&mut self, samples: [u32; 3]) {
         for (sum, sample) in self.block.iter_mut().zip(samples) {
             *sum = sum.wrapping_add(sample);
         }
         self.samples = self.samples.wrapping_add(1);
-        if self.samples & (BLOCK - 1) == 0 {
+        if self.samples.is_multiple_of(BLOCK) {
             self.end_block();
         }
     }
 
+    #[cold]
     fn end_block(&mut self) {
         let block = core::mem::take(&mut self.block);
         if self.samples == BLOCK {
@@ -113,8 +114,8 @@ impl Offsets {
             *sum = sum.wrapping_add(block);
         }
         if self.samples == CALIBRATION {
-            // 1 024 samples of 12 bits: the mean in 2^-3 counts is the sum over 128.
-            let phases = self.sums.map(|sum| (sum >> 7).cast_signed());
+            // In 2^-3 counts.
+            let phases = self.sums.map(|sum| (sum.wrapping_add(CALIBRATION / 16) / (CALIBRATION / 8)).cast_signed());
             self.calibrated =
                 phases.iter().all(|zero| zero.wrapping_sub(MIDDLE << 3).wrapping_abs() <= LARGEST_OFFSET << 3);
             if self.calibrated {
@@ -224,7 +225,7 @@ mod tests {
     #[test]
     fn the_zero_is_the_mean_of_a_thousand_samples() {
         let mut offsets = Offsets::default();
-        for n in 0..1_024_u32 {
+        for n in 0..CALIBRATION {
             assert!(!offsets.is_calibrated());
             offsets.calibrate([2_050 + n % 2, 2_040, 2_048]);
         }
@@ -234,8 +235,8 @@ mod tests {
 
     #[test]
     fn a_sensor_that_was_disturbed_for_a_while_moves_no_zero() {
-        // A fifth of the range for 2 ms, wherever in the 64 ms, and 50 counts for half of them.
-        for (begin, span, moved) in [(0, 32, 410), (500, 32, 410), (1_000, 24, 410), (512, 512, 50), (0, 512, -50)] {
+        // A fifth of the range for 2 ms, wherever in the 80 ms, and 50 counts for half of them.
+        for (begin, span, moved) in [(0, 32, 410), (500, 32, 410), (1_200, 24, 410), (640, 640, 50), (0, 640, -50)] {
             let mut offsets = Offsets::default();
             let run = |offsets: &mut Offsets, moved: i32, samples| {
                 for _ in 0..samples {
@@ -247,12 +248,28 @@ mod tests {
             run(&mut offsets, 0, 3 * CALIBRATION);
             assert_eq!(offsets.remove([2_048, 2_040, 2_050]), [0; 3], "{begin} {span} {moved}");
             assert!(offsets.is_calibrated());
-            // Within the 64 ms that it was in, too.
+            // Within the 80 ms that it was in, too.
             let mut offsets = Offsets::default();
             run(&mut offsets, 0, CALIBRATION + begin);
             run(&mut offsets, moved, span);
             run(&mut offsets, 0, CALIBRATION - begin - span);
             assert_eq!(offsets.remove([2_048, 2_040, 2_050]), [0; 3], "{begin} {span} {moved}");
+        }
+    }
+
+    #[test]
+    fn hum_of_the_mains_disturbs_nothing() {
+        // In counts: all there may be before it is no zero any more.
+        for (hertz, amplitude) in [(50.0, 80.0), (60.0, 20.0), (100.0, 80.0), (120.0, 20.0)] {
+            let mut offsets = Offsets::default();
+            for n in 0..CALIBRATION {
+                let angle = core::f64::consts::TAU * hertz * f64::from(n) / 16_000.0;
+                let hum = [0.0, 2.0, 4.0].map(|phase| (2_048.5 + amplitude * (angle + phase).sin()) as u32);
+                offsets.calibrate(hum);
+            }
+            assert!(offsets.is_calibrated(), "{hertz} Hz");
+            let rest = offsets.remove([2_048; 3]);
+            assert!(rest.iter().all(|rest| rest.abs() <= 12), "{hertz} Hz: {rest:?} of 2^-3 counts");
         }
     }
 
@@ -296,7 +313,7 @@ mod tests {
         }
         offsets.interrupt();
         assert!(offsets.is_calibrated(), "the zero that was found stays");
-        for _ in 0..1_024 {
+        for _ in 0..CALIBRATION {
             offsets.calibrate([2_040, 2_048, 2_048]);
         }
         assert_eq!(offsets.remove([2_040, 2_048, 2_048]), [0; 3]);
