@@ -289,11 +289,7 @@ impl<B: Bus + Clone, H: Hardware> Motion<B, H> {
         if self.operation.would_switch_on(|| self.conditions()) {
             self.look_before_switching_on();
         }
-        if fresh {
-            self.step_state();
-        } else {
-            self.update_state();
-        }
+        self.update_state();
         if self.cyclic_limits.is_carried() {
             self.obey_limits();
         }
@@ -368,20 +364,11 @@ impl<B: Bus + Clone, H: Hardware> Motion<B, H> {
     #[inline]
     fn fail(&mut self, findings: Findings) {
         self.take(findings);
-        self.step_state();
-    }
-
-    /// As [`Motion::step_state`], between two commands: where following begins with it, bit 3 of the status word says so before the next one comes.
-    fn update_state(&mut self) {
-        let before = self.axis.mode();
-        self.step_state();
-        if self.axis.mode() != before {
-            self.axis.note_standing_command(self.ring.commands().position(&self.settings));
-        }
+        self.update_state();
     }
 
     /// Steps the state machine and puts its state into axis, bridge and brake.
-    fn step_state(&mut self) {
+    fn update_state(&mut self) {
         let before = self.operation.state();
         let conditions = self.conditions();
         let state = self.operation.step(self.function.holds(), conditions);
@@ -401,6 +388,8 @@ impl<B: Bus + Clone, H: Hardware> Motion<B, H> {
             // An axis that stands although it is to move, because it is blocked, has a ramp before it.
             self.output.standstill &= self.output.velocity_command.abs() <= self.settings.standstill_window;
             self.axis.set_mode(mode);
+            // Between two commands bit 3 of the status word says that the drive follows before the next one comes.
+            self.axis.note_standing_command(self.ring.commands().position(&self.settings));
             self.positioning.begin_again();
         }
         if state != before && !state.has_torque() {

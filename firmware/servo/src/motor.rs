@@ -76,8 +76,10 @@ pub struct Measured {
 #[derive(Debug)]
 pub struct Motor<B: BoardKind> {
     link: &'static CurrentLink,
-    /// Bridge as it was last set.
+    /// The current loop is ordered to regulate, and the bridge follows a step later.
     bridge_on: bool,
+    /// The bridge was closed at the last step of the sequence.
+    closed: bool,
     /// Of positive current in counts, 1 or -1.
     direction: u32,
     /// Currents and angle that the alignment asks for.
@@ -192,6 +194,7 @@ impl<B: BoardKind> Motor<B> {
             limiting: Limiting::empty(),
             watched: Watched::default(),
             bridge_on: false,
+            closed: false,
             direction: 1,
             angle_per_increment,
             board: PhantomData,

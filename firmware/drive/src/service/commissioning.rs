@@ -21,6 +21,7 @@ use crate::dictionary::procedures::Procedure;
 use crate::motion::identification::{Failure, Measurement, Outcome, Plan};
 use crate::settings::current::{amplitude, torque_constant};
 use crate::settings::invalid::InvalidSetting;
+use crate::settings::torque::TorqueScale;
 
 const S: fn(u16) -> Idn = Idn::standard;
 const P: fn(u16) -> Idn = Idn::product;
@@ -136,7 +137,11 @@ pub(crate) fn compute_gains(
 /// [`Finding::Settings`].
 pub(crate) fn plan(procedure: Procedure, parameters: &Parameters, frequency: PwmFrequency) -> Result<Plan, Finding> {
     let peak_current = amplitude(parameters.get(S(110)));
-    let current = amplitude(parameters.get(S(111)).min(parameters.get(S(109)))).min(peak_current);
+    let torque = TorqueScale::new(parameters).map_err(|invalid| Finding::Refused(invalid.idn))?;
+    // An angle that is held makes torque as soon as the rotor is not where it is asked to be.
+    let [bipolar, positive, negative] = [92, 82, 83].map(|number| parameters.get_signed(S(number)).unsigned_abs());
+    let allowed = torque.milliamperes(u16::try_from(bipolar.min(positive).min(negative)).unwrap_or(u16::MAX));
+    let current = amplitude(parameters.get(S(111)).min(parameters.get(S(109))).min(allowed)).min(peak_current);
     const COMMAND_REVERSED: u32 = 1 << 0;
     let velocity = Velocity::from_ten_thousandths_rpm(parameters.get(P(218)).cast_signed());
     let identification = IdentificationParameters {
@@ -251,6 +256,27 @@ mod tests {
         assert_eq!(gains(&parameters), before);
         compute_gains(&mut parameters, PwmFrequency::Khz16, valid).unwrap();
         assert!(gains(&parameters).iter().zip(before).all(|(&after, before)| after != before), "{before:?}");
+    }
+
+    #[test]
+    fn an_identification_stays_within_the_torque_limits_or_is_refused() {
+        let planned = |changes: &[(u16, u32)]| {
+            let mut parameters = Parameters::new(&DICTIONARY);
+            for &(number, value) in changes {
+                parameters.set(S(number), value.into()).unwrap();
+            }
+            plan(Procedure::IdentifyWinding, &parameters, PwmFrequency::Khz16)
+        };
+        let whole = planned(&[]).unwrap();
+        // A half of S-0-0111, whoever says it.
+        let half = planned(&[(111, 1_768), (92, 65_535)]).unwrap();
+        for limit in [(92, 500), (82, 500), (83, 65_036)] {
+            assert_eq!(planned(&[limit]).unwrap(), half, "{limit:?}");
+        }
+        assert_ne!(whole, half);
+        for limit in [(92, 0), (82, 0), (83, 0)] {
+            assert!(matches!(planned(&[limit]), Err(Finding::Settings(_))), "{limit:?}");
+        }
     }
 
     #[test]

@@ -29,7 +29,7 @@ impl TorqueScale {
     /// # Errors
     /// S-0-0086 where it names a scaling that the drive does not have; P-0-0114 of 0, of which nothing makes newton metres;
     /// S-0-0094 (S-0-0111 with per cent) for an increment that the current cannot represent.
-    pub(super) fn new(parameters: &Parameters) -> Result<Self, InvalidSetting> {
+    pub(crate) fn new(parameters: &Parameters) -> Result<Self, InvalidSetting> {
         let (milliamperes, culprit) = milliamperes(parameters)?;
         let reason = Some(SettingsError::TorqueScaleOutOfRange);
         let out_of_range = InvalidSetting { idn: Idn::standard(culprit), reason };
@@ -69,7 +69,7 @@ impl TorqueScale {
     }
 
     /// mA RMS of so many increments. Divides.
-    pub(super) fn milliamperes(&self, increments: u16) -> u32 {
+    pub(crate) fn milliamperes(&self, increments: u16) -> u32 {
         let scaled = u128::from(increments).saturating_mul(self.milliamperes.numerator.into());
         let scaled = scaled.checked_div(self.milliamperes.denominator.into()).unwrap_or(u128::MAX);
         u32::try_from(scaled).unwrap_or(u32::MAX)

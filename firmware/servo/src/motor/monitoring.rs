@@ -40,7 +40,8 @@ impl<B: BoardKind> Motor<B> {
         self.weakening_limit = None;
         self.within_reach = None;
         self.limiting = Limiting::empty();
-        if self.bridge_on {
+        // An open bridge has no current to weaken the field with: what is asked of it winds up in the current loop.
+        if self.bridge_on && self.closed {
             self.weaken(&mut faults);
         } else {
             self.weakening.reset();

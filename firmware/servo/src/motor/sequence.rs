@@ -89,6 +89,7 @@ impl<B: BoardKind> Motor<B> {
                 blocked: inputs.blocked,
             },
         );
+        self.closed = inputs.bridge_on;
         if !inputs.bridge_on {
             // What is asked of an open bridge winds up in the current loop.
             self.brake_output.torque_scale = TorqueScale::ZERO;
