@@ -46,7 +46,8 @@ impl Trip {
     }
 }
 
-/// Zero of the current sensors, in ADC counts 2^-3.
+/// Zero of the current sensors, in ADC counts 2^-6: rounded to the 2^-3 of the currents it would stand in the torque once in an electrical
+/// revolution.
 ///
 /// It is the mean of four blocks of samples that agree. Where one does not, a sensor was disturbed in between: all of them are thrown away,
 /// and the zero that is in force stays. A block is a period of mains of 50 Hz long, so that hum disturbs nothing.
@@ -76,7 +77,7 @@ const LARGEST_OFFSET: i32 = 102;
 
 impl Default for Offsets {
     fn default() -> Self {
-        Self { phases: [MIDDLE << 3; 3], block: [0; 3], first: [0; 3], sums: [0; 3], samples: 0, calibrated: false }
+        Self { phases: [MIDDLE << 6; 3], block: [0; 3], first: [0; 3], sums: [0; 3], samples: 0, calibrated: false }
     }
 }
 
@@ -86,7 +87,7 @@ impl Offsets {
     #[must_use]
     pub fn remove(&self, [a, b, c]: [u32; 3]) -> [i32; 3] {
         let [zero_a, zero_b, zero_c] = self.phases;
-        let without = |sample: u32, zero: i32| sample.wrapping_shl(3).cast_signed().wrapping_sub(zero);
+        let without = |sample: u32, zero: i32| sample.wrapping_shl(6).cast_signed().wrapping_sub(zero) >> 3;
         [without(a, zero_a), without(b, zero_b), without(c, zero_c)]
     }
 
@@ -114,10 +115,9 @@ impl Offsets {
             *sum = sum.wrapping_add(block);
         }
         if self.samples == CALIBRATION {
-            // In 2^-3 counts.
-            let phases = self.sums.map(|sum| (sum.wrapping_add(CALIBRATION / 16) / (CALIBRATION / 8)).cast_signed());
+            let phases = self.sums.map(|sum| (sum.wrapping_add(CALIBRATION / 128) / (CALIBRATION / 64)).cast_signed());
             self.calibrated =
-                phases.iter().all(|zero| zero.wrapping_sub(MIDDLE << 3).wrapping_abs() <= LARGEST_OFFSET << 3);
+                phases.iter().all(|zero| zero.wrapping_sub(MIDDLE << 6).wrapping_abs() <= LARGEST_OFFSET << 6);
             if self.calibrated {
                 self.phases = phases;
             }
