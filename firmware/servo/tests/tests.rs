@@ -9,6 +9,7 @@ mod brake_load;
 mod closed_loop;
 mod current_on_machine;
 mod current_tuning;
+mod feed_forward;
 mod field_weakening;
 mod homing;
 mod identification;

@@ -29,7 +29,7 @@ impl TorqueScale {
     /// # Errors
     /// S-0-0086 where it names a scaling that the drive does not have; P-0-0114 without flux, of which nothing makes newton metres;
     /// S-0-0094 (S-0-0111 with per cent) for an increment that the current cannot represent.
-    pub(super) fn new(parameters: &Parameters) -> Result<Self, InvalidSetting> {
+    pub(crate) fn new(parameters: &Parameters) -> Result<Self, InvalidSetting> {
         let (milliamperes, culprit) = milliamperes(parameters)?;
         let reason = Some(SettingsError::TorqueScaleOutOfRange);
         let out_of_range = InvalidSetting { idn: Idn::standard(culprit), reason };
@@ -66,6 +66,15 @@ impl TorqueScale {
     /// The magnitude of so many increments as a fraction of the peak current (2^-15), also beyond it.
     pub(super) fn threshold(&self, increments: u16) -> u32 {
         u32::try_from(self.to_fraction.apply(increments.into())).unwrap_or(u32::MAX)
+    }
+
+    /// Increments that are nearest to so many mA. Divides.
+    pub(crate) fn increments(&self, milliamperes: u32) -> u32 {
+        let Ratio { numerator, denominator } = self.milliamperes;
+        let scaled =
+            u128::from(milliamperes).saturating_mul(denominator.into()).saturating_add(u128::from(numerator) / 2);
+        let increments = scaled.checked_div(numerator.into()).unwrap_or(u128::MAX);
+        u32::try_from(increments).unwrap_or(u32::MAX)
     }
 
     /// mA of so many increments. Divides.
