@@ -106,13 +106,13 @@ fn gains_come_from_the_data_of_the_motor_all_or_none() {
     assert_eq!(halted.numbers([COMPUTE_GAINS]), [EXECUTED]);
     assert_eq!(halted.bench.text(FINDING), "");
     let [velocity, time, position, current, current_time, feed_forward, smoothing] = halted.numbers(gains);
-    // 2 pi 40 Hz * 0.15 kg m^2 / 2 Nm/A; 4 / (2 pi 40 Hz); a quarter of 2 pi 40 Hz.
-    assert_eq!((velocity, time, position), (18_850, 159, 377));
+    // 2 pi 40 Hz * 0.15 kg m^2 / 2.828 Nm/A (RMS); 4 / (2 pi 40 Hz); a quarter of 2 pi 40 Hz.
+    assert_eq!((velocity, time, position), (13_329, 159, 377));
     // 3.5 mH at 16 kHz, 0.292 of which is 1 100 Hz at -3 dB; 3.5 mH / 0.35 Ohm.
     assert!((16_250..16_350).contains(&current), "{current}");
     assert_eq!(current_time, 100);
-    // 0.15 kg m^2 / 2 Nm/A in 0.1 mA s²/rad; 0.5 ms² / 2 ms.
-    assert_eq!((feed_forward, smoothing), (750, 250));
+    // 0.15 kg m^2 / 2.828 Nm/A in 0.1 mA s²/rad; 0.5 ms² / 2 ms.
+    assert_eq!((feed_forward, smoothing), (530, 250));
     halted.assert_held();
     let before = halted.numbers(gains);
     halted.bench.write(COMPUTE_GAINS, Value::Word(0)).unwrap();
@@ -150,17 +150,39 @@ fn resistance_and_inductances_are_those_of_the_machine() {
 }
 
 #[test]
+fn an_axis_that_holds_a_load_is_not_let_go_for_the_resistance() {
+    // An eighth of 25 A at 2 Nm/A.
+    for (torque, status) in [(5.0, EXECUTING), (7.5, FAILED), (-7.5, FAILED)] {
+        let mut halted = Halted::new();
+        let now = halted.bench.world.now().0;
+        halted.bench.drive.motor_side.borrow_mut().machine().set_load_torque(torque, now);
+        halted.bench.run(Nanoseconds::from_millis(600));
+        let before = halted.revolutions();
+        halted.bench.write(IDENTIFY_WINDING, Value::Word(3)).unwrap();
+        halted.bench.run(Nanoseconds::from_millis(100));
+        assert_eq!(halted.numbers([IDENTIFY_WINDING]), [status], "{torque} Nm");
+        if status == FAILED {
+            assert!(halted.bench.text(FINDING).contains("take the load off"), "{}", halted.bench.text(FINDING));
+            halted.assert_held();
+            let moved = halted.revolutions() - before;
+            assert!(moved.abs() < 1e-4, "{torque} Nm: {moved} revolutions");
+        }
+    }
+}
+
+#[test]
 fn the_flux_linkage_is_that_of_the_machine_and_the_motor_stands_afterwards() {
     let mut halted = Halted::new();
     let start = halted.revolutions();
-    halted.bench.write(P | 114, Value::Long(250_000)).unwrap();
+    halted.bench.write(P | 114, Value::Long(2_100_000)).unwrap();
     halted.bench.write(P | 218, Value::Long((-3_000_000_i32).cast_unsigned())).unwrap();
     halted.bench.write(IDENTIFY_FLUX, Value::Word(3)).unwrap();
     halted.bench.run(Nanoseconds::from_millis(1_200));
     assert!((-310.0..-290.0).contains(&halted.bench.rpm()), "{}", halted.bench.rpm());
     assert_eq!(halted.end_of(IDENTIFY_FLUX), EXECUTED, "{}", halted.bench.text(FINDING));
-    let [flux] = halted.numbers([P | 114]);
-    assert_near(flux, 333_333.0);
+    // The machine's 2 Nm per ampere of amplitude, as a name plate has it.
+    let [torque_constant] = halted.numbers([P | 114]);
+    assert_near(torque_constant, 2e6 * core::f64::consts::SQRT_2);
     halted.assert_held();
     let turned = halted.revolutions() - start;
     assert!((-8.0..-4.0).contains(&turned), "{turned} revolutions");
@@ -175,10 +197,10 @@ fn the_inertia_and_the_friction_are_those_of_the_machine() {
     assert_eq!(halted.end_of(IDENTIFY_INERTIA), EXECUTED, "{}", halted.bench.text(FINDING));
     let [inertia] = halted.numbers([P | 221]);
     assert_near(inertia, 1_500_000.0);
-    // 6 Nm at 2 Nm/A are 12 % of 25 A; 0.05 Nm s/rad are 2.618 mA/rpm.
+    // 6 Nm at 2 Nm/A are 12 % of 25 A; 0.05 Nm s/rad are 1.851 mA/rpm (RMS).
     let [coulomb, viscous] = halted.numbers([155, P | 142]);
     assert_near(coulomb, 120.0);
-    assert_near(viscous, 2_618.0);
+    assert_near(viscous, 1_851.0);
     halted.assert_held();
 }
 

@@ -232,7 +232,7 @@ fn a_limit_in_the_mdt_reads_as_it_came_last_cannot_be_written_and_ends_with_cp4(
     assert_eq!(bench.number(92), 360);
     assert_eq!(bench.write(92, Value::Word(100)), Err(0x700A));
     // Another parameter of the loops leaves the limit in force.
-    bench.write(100, Value::Word(3_000)).unwrap();
+    bench.write(100, Value::Word(2_121)).unwrap();
     bench.run(Nanoseconds::from_millis(10));
     assert_eq!(bench.number(92), 360);
     assert_eq!(bench.run_up_and_read(&[92]), [1_200], "the stored one, when CP4 is left");

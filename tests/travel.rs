@@ -248,6 +248,28 @@ fn a_probe_takes_the_position_of_its_edge_once_for_each_arming() {
 }
 
 #[test]
+fn edges_of_a_probe_that_are_selected_while_the_command_runs_are_taken() {
+    let mut bench = in_operation(0x1B, &[Idn::VELOCITY_COMMAND], vec![(Idn(169), Value::Word(0))]);
+    bench.write(170, Value::Word(3)).unwrap();
+    bench.write(405, Value::Word(1)).unwrap();
+    let pulse = |bench: &mut Bench| {
+        for level in [true, false] {
+            bench.drive.motor_side.borrow_mut().change_inputs(|inputs| inputs.probe_1 = level);
+            bench.run(Nanoseconds::from_millis(3));
+        }
+        bench.number(179)
+    };
+    assert_eq!(pulse(&mut bench), 0);
+    bench.write(169, Value::Word(2)).unwrap();
+    assert_eq!(pulse(&mut bench), 2);
+    bench.write(169, Value::Word(1)).unwrap();
+    assert_eq!(pulse(&mut bench), 3, "what was taken stays until the probe is armed anew");
+    bench.write(405, Value::Word(0)).unwrap();
+    bench.write(405, Value::Word(1)).unwrap();
+    assert_eq!(pulse(&mut bench), 1);
+}
+
+#[test]
 fn a_homed_axis_stops_when_it_leaves_its_range() {
     // 100 degrees both ways, switched on by bit 4 of S-0-0055.
     let parameters = vec![

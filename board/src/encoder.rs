@@ -11,14 +11,23 @@
 //!
 //! All four inputs have the same filter, 8 equal samples at 84 MHz (95 ns): A and B then reach the counter, and INT0/INT1 the latch,
 //! with the same delay, so that the latched count is the one that belongs to the edge on the pin. The filter keeps out ringing of
-//! the line receivers and still passes encoder edges 95 ns apart: 10 million increments a second, 60 times what a motor with 2500 lines makes at
-//! 1000 revolutions a minute.
+//! the line receivers. A track has to keep a level for nine samples, one more than the filter wants, to be seen for certain, and a level is
+//! two increments long: [`INCREMENTS_PER_SECOND`], a hundred times what a motor with 2500 lines makes at 1000 revolutions a minute. S-0-0128 holds S-0-0113
+//! and S-0-0116 against it.
 
 use drive::InterruptLine;
 use stm32f4xx_hal::{
     pac,
     rcc::{Enable, Rcc},
 };
+
+/// What the filters of both tracks pass, see above.
+pub(crate) const INCREMENTS_PER_SECOND: u32 = 2 * (SAMPLES_PER_SECOND / (SAMPLES + 1));
+const _: () = assert!(INCREMENTS_PER_SECOND / 100_000 == 186, "the text of S-0-0113 says 18.6 million");
+/// Of the timer's clock.
+const SAMPLES_PER_SECOND: u32 = 84_000_000;
+/// Equal ones in a row, as `fck_int_n8` sets them.
+const SAMPLES: u32 = 8;
 
 /// Position now, as [`Encoder::count`]: for the counters that stand beside this one, see [`crate::edge_latches`].
 #[inline(always)]

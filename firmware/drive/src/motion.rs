@@ -289,7 +289,11 @@ impl<B: Bus + Clone, H: Hardware> Motion<B, H> {
         if self.operation.would_switch_on(|| self.conditions()) {
             self.look_before_switching_on();
         }
-        self.step_state();
+        if fresh {
+            self.step_state();
+        } else {
+            self.update_state();
+        }
         if self.cyclic_limits.is_carried() {
             self.obey_limits();
         }
@@ -367,14 +371,12 @@ impl<B: Bus + Clone, H: Hardware> Motion<B, H> {
         self.step_state();
     }
 
-    /// As [`Motion::step_state`], between two t3: what begins to follow has its first command already, the one that is in force, and bit 3 of
-    /// the status word tells the truth. With the next one alone, a step from the one in force would pass for a first command.
+    /// As [`Motion::step_state`], between two commands: where following begins with it, bit 3 of the status word says so before the next one comes.
     fn update_state(&mut self) {
+        let before = self.axis.mode();
         self.step_state();
-        if self.axis.awaits_command()
-            && let Err(jump) = self.axis.command_position(self.ring.commands().position(&self.settings))
-        {
-            self.fail(errors_of(jump));
+        if self.axis.mode() != before {
+            self.axis.note_standing_command(self.ring.commands().position(&self.settings));
         }
     }
 

@@ -15,6 +15,7 @@ use servo::motor::{Facts, MotorSettings};
 use servo::path::{Interpolation, MotionLimits};
 use servo::units::{Position, PositionScale, SUPERVISION_PERIOD_MICROSECONDS, Velocity, VelocityScale};
 
+pub(crate) mod current;
 pub(crate) mod increments;
 pub(crate) mod invalid;
 pub(crate) mod limit_values;
@@ -481,6 +482,72 @@ mod tests {
     }
 
     #[test]
+    fn a_motor_faster_than_its_encoder_can_be_counted_is_refused_with_both_rates() {
+        let with_encoder =
+            |lines, rpm: u32| MotionSettings::new(&with(&[(116, lines), (113, rpm * 10_000)]), &FACTS, source);
+        // 2^20 increments at a quarter more than 851 rpm are 18.6 million a second.
+        assert!(with_encoder(1 << 18, 851).is_ok());
+        let error = with_encoder(1 << 18, 852).unwrap_err();
+        let expected = SettingsError::EncoderRate { actual: 18_612_224, maximum: 18_600_000 };
+        assert_eq!((error.idn, error.reason), (Idn::standard(113), Some(expected)));
+        assert!(with_encoder(2_500, 60_000).is_ok());
+    }
+
+    #[test]
+    fn the_trip_level_of_a_small_motor_on_a_large_amplifier_is_the_motors() {
+        let counts = |motor: u32, level: u32| {
+            let mut parameters = with(&[(109, motor), (110, 14_000)]);
+            parameters.set(Idn::product(106), level.into()).unwrap();
+            let [current, ..] =
+                MotionSettings::new(&parameters, &FACTS, source).unwrap().motor.current.protection.to_words();
+            f64::from(current)
+        };
+        // Counts 2^-3 of an amplitude, the range of 25 A being 2 048 counts.
+        let of = |amplitude: f64| amplitude / 25.0 * 2_048.0 * 8.0;
+        let rms = core::f64::consts::SQRT_2;
+        // 5 A of the motor and 4.5 A across are 6.73 A; and what is given is the crest of a sine.
+        for (motor, level, amplitude) in [
+            (5_000, 0, 1.25 * 5.0 * 1.81_f64.sqrt() * rms),
+            (100, 0, 0.1 * 1.81_f64.sqrt() * rms + 0.5),
+            (5_000, 8_750, 8.75 * rms),
+            (9_000, 0, 1.25 * 9.0 * 1.81_f64.sqrt() * rms),
+        ] {
+            let actual = counts(motor, level);
+            assert!((actual - of(amplitude)).abs() < 8.0, "{motor} {level}: {actual}, expected {}", of(amplitude));
+        }
+        assert_eq!(counts(14_000, 0), counts(20_000, 0), "the amplifier's");
+    }
+
+    #[test]
+    fn shares_of_the_largest_current_are_those_of_the_smaller_of_motor_and_amplifier() {
+        let motor_side = |motor: u32, [weakening, alignment, proof]: [u16; 3]| {
+            let mut parameters = with(&[(109, motor), (110, 14_000)]);
+            for (number, value) in [(107, weakening), (116, alignment), (121, proof), (120, 1)] {
+                parameters.set(Idn::product(number), value.into()).unwrap();
+            }
+            let MotorSettings { weakening, alignment, brake, .. } =
+                MotionSettings::new(&parameters, &FACTS, source).unwrap().motor;
+            (weakening, alignment, brake)
+        };
+        assert_eq!(motor_side(7_000, [800, 500, 200]), motor_side(14_000, [400, 250, 100]));
+        assert_eq!(motor_side(20_000, [800, 500, 200]), motor_side(14_000, [800, 500, 200]));
+        assert_ne!(motor_side(7_000, [800, 500, 200]), motor_side(14_000, [800, 500, 200]));
+    }
+
+    #[test]
+    fn a_proof_of_the_torque_that_sinks_into_the_noise_of_the_sensors_is_refused() {
+        let with_proof = |per_mille: u16, brake: u16| {
+            let mut parameters = with(&[(109, 1_000), (110, 14_000)]);
+            parameters.set(Idn::product(121), per_mille.into()).unwrap();
+            parameters.set(Idn::product(120), brake.into()).unwrap();
+            MotionSettings::new(&parameters, &FACTS, source).map_err(|error| error.idn)
+        };
+        // 16 counts of 2 048 are 0.1953 A of 25 A, 138 mA RMS.
+        assert_eq!(with_proof(137, 1).err(), Some(Idn::product(121)));
+        assert!(with_proof(140, 1).is_ok() && with_proof(10, 0).is_ok());
+    }
+
+    #[test]
     fn a_feedrate_override_beyond_100_per_cent_is_more_velocity_within_s_0_0091() {
         let positioning =
             |changes: &[(u16, u32)]| MotionSettings::new(&with(changes), &FACTS, source).unwrap().positioning;
@@ -541,18 +608,18 @@ mod tests {
 
     #[test]
     fn a_torque_command_is_the_inverse_of_the_torque_feedback() {
-        let settings = MotionSettings::new(&Parameters::new(&DICTIONARY), &FACTS, source).unwrap();
+        let settings = MotionSettings::new(&with(&[(110, 14_000), (111, 3_500)]), &FACTS, source).unwrap();
         for command in [-4_000_i64, -1, 0, 1, 1_000, 4_000] {
             let current = settings.torque.current_of(command);
             assert!((settings.torque.increments_of(current) - command).abs() <= 1, "{command}");
         }
-        assert_eq!(settings.torque.current_of(1_000).to_bits(), 1 << 13, "100 % of 5 A is a quarter of 20 A");
+        assert_eq!(settings.torque.current_of(1_000).to_bits(), 1 << 13, "100 % of 3.5 A is a quarter of 14 A");
     }
 
     #[test]
     fn torque_feedback_is_in_tenths_of_a_per_cent_of_the_stall_current() {
-        // Full peak current 20 A is 400.0 % of 5 A.
-        let settings = MotionSettings::new(&Parameters::new(&DICTIONARY), &FACTS, source).unwrap();
+        // Full peak current 14 A is 400.0 % of 3.5 A.
+        let settings = MotionSettings::new(&with(&[(110, 14_000), (111, 3_500)]), &FACTS, source).unwrap();
         assert_eq!(settings.torque.increments_of(CurrentFraction::MAX), 4_000);
         assert_eq!(settings.torque.increments_of(CurrentFraction::from_bits(-(1 << 14))), -2_000);
     }

@@ -169,6 +169,9 @@ impl StateMachine {
     }
 }
 
+/// Bit 13 of the status word: C1D holds an error.
+pub(crate) const ERROR_BIT: u16 = 0x2000;
+
 /// Bits 15, 14, 13 and 3 of the status word (sercos2.md 1.7) for a state.
 #[must_use]
 pub const fn status_bits(state: DriveState, conditions: Conditions) -> u16 {
@@ -178,7 +181,7 @@ pub const fn status_bits(state: DriveState, conditions: Conditions) -> u16 {
         _ if conditions.power || (state.has_torque() && conditions.sustained) => 0x8000,
         _ => 0x4000,
     };
-    let error = if conditions.fault { 0x2000 } else { 0 };
+    let error = if conditions.fault { ERROR_BIT } else { 0 };
     let following = if matches!(state, DriveState::Following) { 0x0008 } else { 0 };
     ready | error | following
 }

@@ -89,7 +89,12 @@ impl<B: Bus> FeedbackPort<B> {
         self.set(&Block::CYCLIC, status);
     }
 
-    /// CP1 and CP2: the same for the AT of these phases.
+    /// CP3 and CP4: the status word as it stands in the record of the next AT, or of the one that is on its way. One access.
+    pub fn status(&mut self) -> u16 {
+        self.bus.read_ram(Block::CYCLIC.at_data)
+    }
+
+    /// CP1 and CP2: what [`FeedbackPort::set_status`] does, for the AT of these phases.
     pub fn set_initial_status(&mut self, status: u16) {
         self.set(&Block::INITIAL, status);
     }
@@ -163,7 +168,7 @@ mod tests {
         let mut port = FeedbackPort::new(bus.clone());
         bus.set_ram(0x035, 0x5825);
         port.set_status(0x98DA);
-        assert_eq!(bus.ram(0x035), 0x98FD);
+        assert_eq!((bus.ram(0x035), port.status()), (0x98FD, 0x98FD));
         bus.set_ram(0x015, 0x002F);
         port.set_initial_status(0x4000);
         assert_eq!(bus.ram(0x015), 0x4027);

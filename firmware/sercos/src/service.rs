@@ -234,7 +234,10 @@ impl Server {
     ) -> Result<Reply, ServiceError> {
         let block = self.open.ok_or(ServiceError::ChannelNotOpen)?;
         let running = self.transfer.take().filter(|running| {
-            running.element == element && running.state.is_write() == step.write && !step.new_transfer
+            // The controller takes what follows a refused step for a new transfer. A master that goes on writing regardless does not begin one:
+            // what is left of its words is no value.
+            let is_rest = matches!(running.state, State::Failed { write: true, .. });
+            running.element == element && running.state.is_write() == step.write && (!step.new_transfer || is_rest)
         });
         let result = match (running.map(|running| running.state), step.write) {
             (Some(State::Failed { error, .. }), _) => Err(error),

@@ -388,6 +388,24 @@ fn after_an_error_the_rest_of_the_transfer_is_refused_alike_and_the_next_one_is_
 }
 
 #[test]
+fn the_last_words_of_a_write_that_is_too_long_are_no_write_of_their_own() {
+    let mut slave = Slave::in_cp2();
+    slave.open(s(2)).unwrap();
+    let mut word = |new_transfer, end, info| {
+        let step = Step { element: 7, write: true, end, info, new_transfer, position: ReadPosition::Within };
+        match slave.server.step(step, &mut slave.parameters, &mut slave.drive) {
+            Reply::Error(error) => Err(error.code()),
+            _ => Ok(slave.parameters.get(s(2))),
+        }
+    };
+    let before = word(true, false, 3_000).unwrap();
+    assert_eq!(word(false, false, 0), Err(0x7003));
+    // The controller calls each step behind a refused one a new transfer.
+    assert_eq!([word(true, false, 0), word(true, false, 0), word(true, true, 1_000)], [Err(0x7003); 3]);
+    assert_eq!(word(true, false, 0), Ok(before), "nothing was written, and the next transfer begins");
+}
+
+#[test]
 fn a_slow_command_shows_7_until_the_drive_tells_its_end() {
     let mut slave = Slave::in_cp2();
     slave.drive.slow = true;

@@ -321,10 +321,13 @@ impl Axis {
         Ok(())
     }
 
-    /// [`Mode::Position`] has begun, and its first command has not come yet.
-    #[must_use]
-    pub fn awaits_command(&self) -> bool {
-        self.mode == Mode::Position && self.interpolator.awaits_command()
+    /// Notes the command that is in force where [`Mode::Position`] has begun between two commands: it says that it follows, and what comes next is
+    /// looked at as a step from there, beside its distance from the axis.
+    #[inline]
+    pub fn note_standing_command(&mut self, command: Position) {
+        if self.mode == Mode::Position {
+            self.interpolator.note_standing(&self.settings.interpolator, command);
+        }
     }
 
     /// Whether [`Mode::Position`] would begin with this command, from where the axis is.
@@ -362,6 +365,19 @@ impl Axis {
         if self.mode == Mode::Travel {
             self.travel = travel;
             self.travel_limits = limits;
+        }
+    }
+
+    /// Where the set-point of [`Mode::Position`] or [`Mode::Travel`] is led to, unbounded; `None` while nothing leads it: it comes to rest, or no
+    /// command has come yet.
+    #[must_use]
+    pub fn aim(&self) -> Option<Position> {
+        match (self.mode, self.travel) {
+            (Mode::Position, _) => self.interpolator.aim(),
+            (Mode::Travel, Travel::To(place)) => Some(place),
+            (Mode::Travel, Travel::AtVelocity(velocity)) if velocity > Velocity::ZERO => Some(self.measured + FAR),
+            (Mode::Travel, Travel::AtVelocity(velocity)) if velocity < Velocity::ZERO => Some(self.measured - FAR),
+            _ => None,
         }
     }
 
@@ -610,6 +626,9 @@ impl Axis {
         self.position_loop.shift(difference);
     }
 }
+
+/// Where an axis goes that only has a velocity: 2^16 revolutions, further than any set-point is from its axis.
+const FAR: Position = Position::from_bits(1 << 48);
 
 /// A velocity of [`Mode::Torque`] is followed within 2^5 ticks, 4 ms.
 const SLOW_SHIFT: u32 = 5;

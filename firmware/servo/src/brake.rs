@@ -201,7 +201,7 @@ impl BrakeSequencer {
             BrakeRequest::Engage | BrakeRequest::Immediate => State::Off,
         };
         let proving = state == State::Proving && settings.fitted;
-        let load = CurrentFraction::from_bits((self.load >> 16) as i16);
+        let load = self.load();
         // At most 2^15.
         let scale = TorqueScale::from_bits((self.scale >> 16) as u16);
         BrakeOutput {
@@ -377,6 +377,11 @@ impl BrakeSequencer {
             self.release(inputs);
         }
         None
+    }
+
+    /// The current that carries the load while the brake is open, or carried it before it closed.
+    pub(crate) const fn load(&self) -> CurrentFraction {
+        CurrentFraction::from_bits((self.load >> 16) as i16)
     }
 
     /// The current that carries the load: what is left of the command when it is smoothed.

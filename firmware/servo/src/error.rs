@@ -38,7 +38,7 @@ pub enum SettingsError {
     MeasuringRange {
         /// In mA.
         actual: u32,
-        /// S-0-0110 in mA.
+        /// Amplitude of S-0-0110 in mA.
         peak: u32,
     },
     /// The current loop gain is too high for the peak current and the integral action time.
@@ -79,6 +79,13 @@ pub enum SettingsError {
         /// The jerk in 2^-48 revolution per tick cubed, or a quarter of the acceleration.
         actual: u64,
     },
+    /// The encoder must not make more increments a second than its inputs count.
+    EncoderRate {
+        /// Increments a second at S-0-0113.
+        actual: u32,
+        /// What the board counts for certain.
+        maximum: u32,
+    },
     /// The feedrate override must not exceed 100 % (10 000).
     FeedrateOverride {
         /// In 0.01 %.
@@ -110,7 +117,10 @@ impl fmt::Display for SettingsError {
                 formatter.write_str("torque scaling is not within 10^-9 to 1 of the peak current per increment")
             }
             Self::MeasuringRange { actual, peak } => {
-                write!(formatter, "measuring range of {actual} mA, expected 1 to 8 times the peak current of {peak} mA")
+                write!(
+                    formatter,
+                    "measuring range of {actual} mA, expected 1 to 8 times {peak} mA, the amplitude of S-0-0110"
+                )
             }
             Self::CurrentGain { actual } => write!(formatter, "current loop gain of {actual} mV/A is too high"),
             Self::DeadTime { actual } => write!(formatter, "dead time of {actual} ns, expected at most 10000"),
@@ -128,6 +138,9 @@ impl fmt::Display for SettingsError {
             }
             Self::TooSmooth { actual } => {
                 write!(formatter, "jerk of {actual} in 2^-48 revolution per tick cubed, expected at least 64")
+            }
+            Self::EncoderRate { actual, maximum } => {
+                write!(formatter, "{actual} increments of the encoder a second, expected at most {maximum}")
             }
             Self::FeedrateOverride { actual } => {
                 write!(formatter, "feedrate override of {actual} in 0.01 %, expected at most 10000")

@@ -157,7 +157,7 @@ pub struct IdentificationOutput<R, M> {
 /// How hard and how far the motor may be driven for its identification.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct IdentificationParameters {
-    /// Amplifier peak current S-0-0110 in mA: the unit of all current data.
+    /// Amplitude of the amplifier peak current S-0-0110 in mA: the unit of all current data.
     pub peak_current: u32,
     /// Highest standing d current in mA, from 1/32 of peak. Every phase should carry more than the band of the dead-time compensation at half
     /// of it; the continuous current of the motor is a good value.

@@ -119,6 +119,8 @@ pub struct Motor<B: BoardKind> {
     brake: BrakeSequencer,
     /// Ticks of the supervision for which the current has not followed.
     blind: u16,
+    /// Ticks of the supervision for which switching on has waited for the zero of the current sensors.
+    uncalibrated: u16,
     weakening: FieldWeakening,
     /// Limits of the torque before the thermal models and the field weakening: those of the settings, or of the MDT.
     torque_limits: TorqueLimitSettings,
@@ -178,6 +180,7 @@ impl<B: BoardKind> Motor<B> {
             commanded: CurrentFraction::ZERO,
             induced: 0,
             blind: 0,
+            uncalibrated: 0,
             weakening: FieldWeakening::new(),
             weakened: CurrentFraction::ZERO,
             bus_scale: BusScale::default(),
@@ -283,6 +286,11 @@ impl<B: BoardKind> Motor<B> {
     #[inline]
     pub const fn torque_limits(&self) -> &TorqueLimits {
         &self.limits
+    }
+
+    /// The current that carries the load of an axis whose brake is open, smoothed over 8 ms.
+    pub fn carried_load(&self) -> CurrentFraction {
+        self.brake.load()
     }
 
     /// What limits the motor side, apart from the loops.

@@ -1,8 +1,9 @@
 //! Probing cycle S-0-0170: positions at the edges of two probe inputs, latched in hardware.
 //!
-//! The command enables the function. A rising enable bit (S-0-0405, S-0-0406) arms the selected edges (S-0-0169) of its probe; each of them
-//! latches the position of its first occurrence (S-0-0130 to S-0-0133) and sets its bits in S-0-0179 and S-0-0409 to S-0-0412. Later
-//! edges change nothing until the enable bit has been 0 and 1 again. The command has no end of its own: it runs until it is cancelled.
+//! The command enables the function. A rising enable bit (S-0-0405, S-0-0406) arms its probe; each selected edge (S-0-0169) latches the
+//! position of its first occurrence (S-0-0130 to S-0-0133) and sets its bits in S-0-0179 and S-0-0409 to S-0-0412. Later edges change nothing
+//! until the enable bit has been 0 and 1 again. The command has no end of its own: it runs until it is cancelled, and edges that are selected
+//! meanwhile count from then on.
 
 use core::fmt;
 
@@ -195,7 +196,7 @@ impl<T: Copy> Pair<T> {
 struct Channel {
     level: bool,
     enable: bool,
-    armed: Pair<bool>,
+    armed: bool,
     latched: Pair<bool>,
     values: Pair<Position>,
 }
@@ -203,21 +204,21 @@ struct Channel {
 impl Channel {
     #[inline]
     fn tick(&mut self, selected: Pair<bool>, active: bool, input: &ProbeInput) {
-        if let (true, Some(position)) = (self.armed.positive, input.positive) {
-            self.values.positive = position;
-            self.latched.positive = true;
-            self.armed.positive = false;
-        }
-        if let (true, Some(position)) = (self.armed.negative, input.negative) {
-            self.values.negative = position;
-            self.latched.negative = true;
-            self.armed.negative = false;
+        if self.armed {
+            if let (true, false, Some(position)) = (selected.positive, self.latched.positive, input.positive) {
+                self.values.positive = position;
+                self.latched.positive = true;
+            }
+            if let (true, false, Some(position)) = (selected.negative, self.latched.negative, input.negative) {
+                self.values.negative = position;
+                self.latched.negative = true;
+            }
         }
         // The edges above came before this enable bit was read: a falling one does not take them away, a rising one does not give them.
         if !active || !input.enable {
-            self.armed = Pair::default();
+            self.armed = false;
         } else if !self.enable {
-            self.armed = selected;
+            self.armed = true;
             self.latched = Pair::default();
         }
         self.enable = input.enable;
@@ -323,6 +324,23 @@ mod tests {
         assert_eq!(values(&cycle), [200, 201, 0, 0]);
         cycle.tick(&settings, &with_edges(inputs, 300));
         assert_eq!(values(&cycle), [200, 201, 0, 0]);
+    }
+
+    #[test]
+    fn edges_that_are_selected_while_the_command_runs_count_from_then_on() {
+        for at_first in 0..16 {
+            for then in 0..16 {
+                let (_, mut cycle, inputs) = armed(at_first);
+                let settings = ProbeSettings::new(then).unwrap();
+                cycle.tick(&settings, &with_edges(inputs, 100));
+                assert_eq!(cycle.measurement_value_status(), then, "{at_first:04b}, then {then:04b}");
+            }
+        }
+        // What was latched before stays, and a second edge is none.
+        let (settings, mut cycle, inputs) = armed(0b0001);
+        cycle.tick(&settings, &with_edges(inputs, 100));
+        cycle.tick(&ProbeSettings::new(0b0011).unwrap(), &with_edges(inputs, 200));
+        assert_eq!((cycle.measurement_value_status(), values(&cycle)), (0b0011, [100, 201, 0, 0]));
     }
 
     #[test]

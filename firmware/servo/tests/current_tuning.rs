@@ -2,7 +2,7 @@
 
 use std::f64::consts::TAU;
 
-use crate::inverter::{Drive, MotorData};
+use crate::current_bench::{Drive, MotorData};
 use servo::axis::current_gains;
 use servo::current::PwmFrequency;
 

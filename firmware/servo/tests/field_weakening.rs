@@ -1,6 +1,6 @@
 //! Field weakening with the real current loop and a permanent magnet motor in f64 whose speed is ramped over its base speed and back.
 
-use crate::inverter::{Drive, MotorData};
+use crate::current_bench::{Drive, MotorData};
 use servo::axis::current_gains;
 use servo::current::{
     CurrentReadings, FieldWeakening, FieldWeakeningParameters, FieldWeakeningSettings, PwmFrequency, WeakeningOutput,
@@ -51,7 +51,7 @@ impl Run {
     /// A tick of two cycles.
     fn tick(&mut self, quadrature: f64, speed: f64) -> Seen {
         let bus = self.drive.bus();
-        let readings: CurrentReadings = self.drive.readings.readings();
+        let readings: CurrentReadings = self.drive.readings().readings();
         if self.ticks.is_multiple_of(LOOP_TICKS_PER_SUPERVISION) {
             self.output = self.weakening.tick(&self.settings, &readings, &bus);
         }

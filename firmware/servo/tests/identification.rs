@@ -1,6 +1,6 @@
 //! Identification of simulated motors through the real current loop.
 
-use crate::pmsm::{Bench, Fault, Machine};
+use crate::identification_bench::{Bench, Fault, Machine};
 use servo::current::PwmFrequency;
 use servo::identification::{
     FluxIdentification, FluxMeasurement, FluxSettings, IdentificationError, IdentificationInputs, IdentificationOutput,
@@ -130,7 +130,7 @@ fn run<R: Default + PartialEq + core::fmt::Debug, M: Copy>(
     mut tick: impl FnMut(&IdentificationInputs) -> IdentificationOutput<R, M>,
     mut apply: impl FnMut(&mut Bench, R),
 ) -> End<M> {
-    let start = bench.angle;
+    let start = bench.turns();
     let (mut moved, mut last) = (0.0_f64, 0);
     for ticks in 1..400_000 {
         let inputs = bench.begin_tick();
@@ -140,7 +140,7 @@ fn run<R: Default + PartialEq + core::fmt::Debug, M: Copy>(
                 assert!((last..100).contains(&percent), "{percent} after {last}");
                 last = percent;
                 apply(bench, output.request);
-                moved = moved.max((bench.angle - start).abs() / std::f64::consts::TAU);
+                moved = moved.max((bench.turns() - start).abs());
                 continue;
             }
             IdentificationState::Done(measurement) => {
@@ -258,12 +258,13 @@ fn the_inductances_of_both_axes_are_found_while_the_rotor_shivers_or_is_held() {
 }
 
 #[test]
-fn the_late_compensation_of_a_phase_that_crosses_zero_makes_the_quadrature_inductance_a_tenth_too_high() {
+fn the_late_compensation_of_a_phase_that_crosses_zero_makes_the_quadrature_inductance_an_eighth_too_high() {
     let end = inductance(&mut held(SPINDLE, 37.0, 0.0));
     let inductances = end.result.unwrap().inductances().unwrap();
     close("Ld", &SPINDLE, f64::from(inductances.direct) / 1e6, SPINDLE.direct_inductance, 0.05);
     let error = f64::from(inductances.quadrature) / 1e6 / SPINDLE.quadrature_inductance - 1.0;
-    assert!((0.05..0.11).contains(&error), "{error}");
+    // The inverter turns within 0.05 A, the compensation within 0.08 A.
+    assert!((0.11..0.15).contains(&error), "{error}");
 }
 
 #[test]
@@ -333,8 +334,9 @@ fn a_resistance_that_cannot_be_measured_is_refused_with_its_cause() {
     let expected = 11_184_810;
     assert_eq!(error(&resistance(&mut bench)), IdentificationError::CurrentNotReached { actual: 0, expected });
 
-    for volts in [2.5, 3.0] {
-        let mut bench = with_fault(held(AXIS, 0.0, 0.0), Fault::LooseConnection(volts));
+    // Two thirds of it along the axis: 2.5 and 3 V at 5 A.
+    for ohm in [0.75, 0.9] {
+        let mut bench = with_fault(held(AXIS, 0.0, 0.0), Fault::LooseContact(ohm));
         assert_eq!(error(&resistance(&mut bench)), IdentificationError::Unstable);
     }
 

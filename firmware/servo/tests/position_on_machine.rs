@@ -98,7 +98,7 @@ fn the_compensation_of_the_dead_time_is_needed_for_it() {
     };
     let (with, without) = (rms(1_000), rms(0));
     within("rms without in counts", without, 0.22..0.4);
-    within("ratio", without / with, 1.15..2.0);
+    within("ratio", without / with, 1.15..2.2);
 }
 
 #[test]
@@ -416,7 +416,7 @@ fn modes_change_at_speed_without_a_bump_of_the_current() {
     within("largest bump as share of peak", highest(into_loops), 0.001..0.005_5);
     // A movement begins with the velocity as it was measured.
     within("mean bump into a movement", mean(&into_travel), 0.003..0.006);
-    within("largest bump into a movement", highest(into_travel), 0.006..0.012);
+    within("largest bump into a movement", highest(into_travel), 0.006..0.014);
 }
 
 #[test]

@@ -3,23 +3,24 @@
 //! One program, because each would be linked with everything for itself.
 
 mod alignment;
+mod alignment_on_machine;
 mod bench;
 mod brake;
 mod brake_load;
 mod closed_loop;
+mod current_bench;
 mod current_on_machine;
 mod current_tuning;
 mod feed_forward;
 mod field_weakening;
 mod homing;
 mod identification;
+mod identification_bench;
 mod interpolation;
-mod inverter;
 mod loop_clock;
 mod loop_clock_endurance;
 mod loop_clock_wide;
 mod machine_bench;
-mod pmsm;
 mod position_on_machine;
 mod stops;
 mod torque;

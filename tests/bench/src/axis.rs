@@ -16,17 +16,20 @@ pub fn parameters_of(axis: &ReferenceAxis) -> Vec<(Idn, Value)> {
     let word = |value: f64| Value::Word(value.round() as u16);
     let long = |value: f64| Value::Long(value.round() as u32);
     let supply = axis.machine.supply.voltage;
+    // Currents of the data blocks are RMS values.
+    let rms = |amplitude: f64| amplitude * core::f64::consts::FRAC_1_SQRT_2;
+    let current = |milliamperes: u32| long(rms(milliamperes.into()));
     vec![
-        (Idn(100), Value::Word(gains.velocity_gain * 100)),
+        (Idn(100), word(rms(f64::from(gains.velocity_gain) * 100.0))),
         (Idn(101), Value::Word(gains.integral_time)),
         (Idn(104), Value::Word(gains.position_gain)),
         (Idn(106), word(CURRENT_CROSSING * windings.inductance_q * 1_000.0)),
         (Idn(107), word(windings.inductance_q / windings.resistance * 10_000.0)),
-        (Idn(109), Value::Long(axis.peak_current)),
-        (Idn(110), Value::Long(axis.peak_current)),
-        (Idn(111), Value::Long(axis.standstill_current)),
-        (Idn(112), Value::Long(axis.peak_current / 2)),
-        (Idn(113), Value::Long(axis.maximum_speed * 10_000)),
+        (Idn(109), current(axis.peak_current)),
+        (Idn(110), current(axis.peak_current)),
+        (Idn(111), current(axis.standstill_current)),
+        (Idn(112), current(axis.peak_current / 2)),
+        (Idn(113), Value::Long((axis.maximum_speed * 10_000).min(countable(&axis.machine.encoder)))),
         (Idn(116), Value::Long(axis.machine.encoder.increments_per_revolution / 4)),
         (Idn(138), Value::Long(gains.acceleration_limit)),
         (Idn(392), Value::Word(gains.velocity_filter)),
@@ -38,11 +41,18 @@ pub fn parameters_of(axis: &ReferenceAxis) -> Vec<(Idn, Value)> {
         (product(111), long(windings.resistance * 1_000.0)),
         (product(112), long(windings.inductance_d * 1e6)),
         (product(113), long(windings.inductance_q * 1e6)),
-        (product(114), long(windings.flux * 1e6)),
+        (product(114), long(axis.machine.torque_constant() * core::f64::consts::SQRT_2 * 1e6)),
         (product(120), Value::Word(u16::from(axis.machine.brake.is_some()))),
         // kg m2 in 0.001 kg cm2.
         (product(221), long(inertia * 1e7)),
     ]
+}
+
+/// The speed in 10^-4 rpm that the board's inputs count: each track keeps its level, two increments, for nine samples of 84 MHz.
+fn countable(encoder: &plant::Encoder) -> u32 {
+    let rate = 2.0 * 84e6 / 9.0;
+    // Overspeed is a quarter above S-0-0113.
+    (rate / 1.25 / f64::from(encoder.increments_per_revolution) * 60.0 * 1e4) as u32 - 20_000
 }
 
 /// P-0-nnnn.

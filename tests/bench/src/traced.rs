@@ -178,14 +178,14 @@ fn world(elves: &Elves) -> Result<(World<ScriptedMaster>, Rc<RefCell<QemuDrive>>
     Ok((world, drive))
 }
 
-/// Cubic, acceleration feed-forward with its smoothing, friction of 3 A and 2.6 mA/rpm; S-0-0296 is on by default.
+/// Cubic, acceleration feed-forward with its smoothing, friction of 2.1 A and 1.85 mA/rpm; S-0-0296 is on by default.
 fn everything_fed_forward() -> Vec<(Idn, Value)> {
     vec![
         (product(141), Value::Word(1)),
-        (Idn(348), Value::Word(750)),
+        (Idn(348), Value::Word(530)),
         (product(231), Value::Word(500)),
         (Idn(155), Value::Word(120)),
-        (product(142), Value::Word(2_618)),
+        (product(142), Value::Word(1_851)),
     ]
 }
 

@@ -32,6 +32,8 @@ const CHANGERS: [(u16, &[u16]); 4] = [
     (0x8000 | 226, &[0x8000 | 221]),
 ];
 
+/// A count that has slipped is found so late: in four loop ticks, and what is between them.
+const SLIP: Nanoseconds = Nanoseconds::from_millis(1);
 /// An MST that comes so much too early or too late is not in time.
 const JITTER: Nanoseconds = Nanoseconds::from_microseconds(1);
 /// Nor is a record so long after a cycle.
@@ -85,6 +87,7 @@ impl Observer {
             written: None,
             troubled: None,
             deceived: false,
+            slipped: None,
             pins_changed: None,
             bridge_changed: None,
             command: None,
@@ -161,9 +164,13 @@ impl Observer {
             scene.troubled = Some(sight.time);
         }
         let lies = |sight: &Sight| sight.machine.blind || sight.machine.encoder_frozen;
-        scene.deceived |= lies(&sight) || before.machine.slips != sight.machine.slips;
-        // What is switched on now has looked for its angle again, and is told the truth.
-        scene.deceived &= before.bridge || !sight.bridge || lies(&sight);
+        if before.machine.slips != sight.machine.slips {
+            scene.slipped = Some(sight.time);
+        }
+        let slips = scene.slipped.is_some_and(|then| sight.time.saturating_sub(then) <= SLIP);
+        scene.deceived |= lies(&sight) || slips;
+        // What is switched on now has looked for its angle again, and is told the truth, unless the count has slipped while it was.
+        scene.deceived &= before.bridge || !sight.bridge || lies(&sight) || slips;
         let pins = |sight: &Sight| (sight.main_power, sight.bridge_ready, sight.safe_torque);
         if pins(&before) != pins(&sight) {
             scene.pins_changed = Some(sight.time);
@@ -292,7 +299,7 @@ impl Tap for Observer {
                 self.record = scene.now;
                 if scene.wire.phase == 4 {
                     for (idn, value) in scene.wire.commands() {
-                        if COMMANDS.contains(&idn.0) && scene.settings.unsigned(*idn) != Some(i64::from(*value)) {
+                        if COMMANDS.contains(&idn.0) && scene.settings.is_led_away(*idn, *value, scene.units.as_ref()) {
                             scene.commanded = Some(scene.now);
                         }
                         scene.settings.note_cyclic(*idn, *value);

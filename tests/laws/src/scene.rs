@@ -39,6 +39,8 @@ pub struct Scene {
     pub troubled: Option<Nanoseconds>,
     /// A sensor of current or position shows, or has shown since the bridge came on, what is not so.
     pub deceived: bool,
+    /// When the encoder last counted what the shaft did not turn.
+    pub slipped: Option<Nanoseconds>,
     /// When a pin of the power stage last changed.
     pub pins_changed: Option<Nanoseconds>,
     /// When the bridge was last switched.
@@ -69,6 +71,9 @@ const SENSOR: f64 = 5.0;
 
 /// Operation modes 3, 4, 11 and 12: S-0-0047 is followed.
 const POSITION_MODES: [u16; 4] = [3, 4, 11, 12];
+
+/// Amplitude in A of 1 mA RMS.
+pub(crate) const AMPLITUDE: f64 = 1e-3 * core::f64::consts::SQRT_2;
 
 /// A bridge reaches this share of its longest vector; the rest is what a current is controlled with.
 const REACH: f64 = 0.93;
@@ -222,7 +227,9 @@ impl Scene {
     pub fn outruns_its_motor(&self) -> bool {
         let number = |idn: u16| self.settings.unsigned(Idn(idn)).map(|value| value as f64);
         let beyond = number(113).is_some_and(|most| self.sight.rpm().abs() > 1.2e-4 * most);
-        let weakening = number(110).zip(number(0x8000 | 107)).map_or(0.0, |(peak, share)| peak * 1e-3 * share * 1e-3);
+        let most = number(109).zip(number(110)).map(|(motor, amplifier)| motor.min(amplifier) * AMPLITUDE);
+        // What is not known is no excuse.
+        let weakening = most.zip(number(0x8000 | 107)).map_or(f64::INFINITY, |(most, share)| most * share * 1e-3);
         let windings = &self.machine.windings;
         let speed = self.sight.machine.velocity.abs() * f64::from(windings.pole_pairs);
         let voltage = speed * (windings.flux - windings.inductance_d * weakening);
@@ -255,13 +262,13 @@ impl Scene {
         self.machine.mechanics.rotor_inertia + self.machine.mechanics.load.map_or(0.0, |load| load.inertia)
     }
 
-    /// The current in A that S-0-0082, 83, 92, 109 and 110 leave to a torque of this sign; `None` while one is not known.
+    /// The amplitude of the current in A that S-0-0082, 83, 92, 109 and 110 leave to a torque of this sign; `None` while one is not known.
     #[must_use]
     pub fn current_limit(&self, positive: bool) -> Option<f64> {
         let number = |idn: u16| self.settings.unsigned(Idn(idn)).map(|value| value as f64);
         let side = if positive { self.settings.signed(Idn(82))? } else { -self.settings.signed(Idn(83))? } as f64;
         let torque = side.min(number(92)?) * self.units?.torque;
-        Some(torque.min(number(109)? * 1e-3).min(number(110)? * 1e-3))
+        Some(torque.min(number(109)? * AMPLITUDE).min(number(110)? * AMPLITUDE))
     }
 
     /// Heat sink or motor are as hot as S-0-0203 or S-0-0204 allow, or the DC link is near P-0-0104 or P-0-0105, whatever these are set to:

@@ -8,7 +8,7 @@ use crate::blocks::Blocks;
 use crate::units::Units;
 
 /// Settings of a new drive that the laws ask for, as docs/idn.md has them: number and value of the operation data.
-const DEFAULTS: [(u16, i64); 66] = [
+const DEFAULTS: [(u16, i64); 67] = [
     (1, 2_000),
     (2, 2_000),
     (9, 1),
@@ -41,9 +41,9 @@ const DEFAULTS: [(u16, i64); 66] = [
     (92, 2_000),
     (103, 3_600_000),
     (104, 100),
-    (109, 20_000),
-    (110, 20_000),
-    (111, 5_000),
+    (109, 14_142),
+    (110, 14_142),
+    (111, 3_536),
     (113, 60_000_000),
     (116, 2_500),
     (121, 1),
@@ -71,6 +71,7 @@ const DEFAULTS: [(u16, i64); 66] = [
     (372, 0),
     (0x8000 | 104, 150),
     (0x8000 | 105, 440),
+    (0x8000 | 107, 500),
     (0x8000 | 110, 4),
     (0x8000 | 120, 0),
     (0x8000 | 123, 20),
@@ -78,10 +79,10 @@ const DEFAULTS: [(u16, i64); 66] = [
 ];
 
 /// Data blocks of two bytes among those that can be configured in AT and MDT, or have a default here.
-const WORDS: [u16; 56] = [
+const WORDS: [u16; 57] = [
     1, 2, 9, 11, 12, 13, 14, 15, 32, 33, 34, 35, 43, 44, 45, 46, 55, 76, 77, 78, 80, 81, 82, 83, 84, 85, 92, 104, 129,
     134, 135, 144, 145, 147, 160, 161, 162, 179, 181, 182, 206, 207, 277, 336, 338, 341, 342, 343, 346, 380, 383, 384,
-    390, 403, 0x8013, 0x80A0,
+    390, 403, 0x8013, 0x806B, 0x80A0,
 ];
 /// The same of four bytes.
 const LONGS: [u16; 50] = [
@@ -98,7 +99,7 @@ const SCALING: [u16; 10] = [44, 45, 46, 76, 77, 78, 79, 160, 161, 162];
 /// Settings of four bytes that are counted in such a scaling.
 const OF_VELOCITY: [u16; 8] = [38, 39, 41, 91, 124, 125, 157, 259];
 const OF_ACCELERATION: [u16; 8] = [42, 136, 137, 138, 193, 260, 349, 372];
-const OF_POSITION: [u16; 3] = [57, 159, 261];
+const OF_POSITION: [u16; 8] = [49, 50, 52, 57, 150, 159, 261, 278];
 
 /// What is known of a drive's settings.
 #[derive(Clone, Debug)]
@@ -230,6 +231,20 @@ impl Settings {
         words.push(value as u16);
         if Self::bytes_of(idn) == Some(4) {
             words.push((value >> 16) as u16);
+        }
+    }
+
+    /// This command value of the MDT leads the axis somewhere else than the one before: further than the noise of a feedback that a control sends
+    /// back, 1e-4 revolutions or 1 rpm.
+    #[must_use]
+    pub fn is_led_away(&self, idn: Idn, value: u32, units: Option<&Units>) -> bool {
+        const SWING: (f64, f64) = (1e-4, 0.1);
+        let (Some(before), Some(units)) = (self.signed(idn), units) else { return true };
+        let raw = if Self::bytes_of(idn) == Some(4) { i64::from(value.cast_signed()) } else { i64::from(value as i16) };
+        match idn.0 {
+            47 | 48 | 258 | 282 => units.way(before as f64, raw as f64).abs() > SWING.0 * units.increments,
+            36 | 37 => (raw - before).unsigned_abs() as f64 * units.velocity > SWING.1,
+            _ => raw != before,
         }
     }
 
@@ -370,6 +385,24 @@ mod tests {
         }
         settings.begin_set();
         assert_eq!(settings.word(Idn::CONTROL_UNIT_CYCLE), Some(1_000));
+    }
+
+    #[test]
+    fn limits_and_references_count_in_the_new_scaling_unless_they_were_written_in_it() {
+        let mut settings = Settings::default();
+        settings.note(Idn(122), vec![6, 0]);
+        for (number, value) in [(50_u16, -1_000_i32), (52, 70), (150, -7)] {
+            settings.note(Idn(number), vec![value as u16, (value >> 16) as u16]);
+        }
+        settings.end_set();
+        settings.begin_set();
+        // Of the load, which makes six revolutions for one of the motor.
+        settings.note(Idn(76), vec![0x42]);
+        settings.note(Idn(150), vec![7, 0]);
+        settings.note_written(Idn(150));
+        settings.end_set();
+        let known = [49, 50, 52, 150].map(|number| settings.signed(Idn(number)));
+        assert_eq!(known, [Some(0x7FFF_FFFF), Some(-6_000), Some(420), Some(7)]);
     }
 
     #[test]

@@ -1,6 +1,6 @@
 //! What an increment of position, velocity, acceleration and torque is at the motor's shaft (sercos2.md 6.5).
 
-use core::f64::consts::TAU;
+use core::f64::consts::{SQRT_2, TAU};
 
 use ring::ident::Idn;
 
@@ -74,7 +74,7 @@ impl Units {
 
         let is_modulo = position & 0x80 != 0;
         let modulo = if is_modulo { number(103)? } else { 4_294_967_296.0 };
-        Some(Self { increments, velocity, acceleration, torque: number(111)? * 1e-6, modulo, is_modulo })
+        Some(Self { increments, velocity, acceleration, torque: number(111)? * 1e-6 * SQRT_2, modulo, is_modulo })
     }
 
     /// The shortest way from one position to another, in increments.
@@ -96,8 +96,8 @@ mod tests {
         // 10 000 increments are 1 rpm.
         assert!((units.velocity * 10_000.0 - TAU / 60.0).abs() < 1e-12);
         assert!((units.acceleration - 1e-3).abs() < 1e-15);
-        // 1000 increments are S-0-0111: 5 A.
-        assert!((units.torque * 1_000.0 - 5.0).abs() < 1e-12);
+        // 1000 increments are S-0-0111: 3.536 A RMS.
+        assert!((units.torque * 1_000.0 - 3.536 * SQRT_2).abs() < 1e-12);
     }
 
     #[test]

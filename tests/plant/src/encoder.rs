@@ -61,11 +61,15 @@ impl Encoder {
     /// The counter after a movement without reversal.
     pub(crate) fn pass(&self, counter: Counter, from: Turn, to: Turn, muted: bool) -> Counter {
         let resolution = f64::from(self.increments_per_revolution);
+        let pulse = [self.index_at, self.index_at + 1.0 / resolution];
+        if stays_beside(pulse, from, to) {
+            return counter;
+        }
+        let [_, end] = pulse;
         let begin = self.index_at * resolution;
         // In positive direction the pulse rises at its begin, in negative direction at its end. The count at an edge of the tracks that
         // coincides with it is the one after the edge.
         let forward = last_passed(to, self.index_at);
-        let end = self.index_at + 1.0 / resolution;
         let backward = last_passed(from, end);
         let (revolution, increment) = if forward > last_passed(from, self.index_at) {
             (forward, begin + ON_THE_EDGE)
@@ -105,7 +109,38 @@ impl Encoder {
     }
 }
 
+/// Neither end of the pulse is passed, as nearly always: what [`last_passed`] would say of a movement within a revolution.
+fn stays_beside(pulse: [f64; 2], from: Turn, to: Turn) -> bool {
+    let within = from.whole == to.whole && from.part < 1.0 && to.part < 1.0 && pulse[1] < 1.0;
+    within && pulse.iter().all(|end| (from.part >= *end) == (to.part >= *end))
+}
+
 /// The revolution in which the angle `at`, given in a revolution, was passed last on the way from far below.
 fn last_passed(turn: Turn, at: f64) -> i64 {
     turn.whole + floor(turn.part - at)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_movement_beside_the_pulse_passes_neither_of_its_ends() {
+        let parts = [0.0, 0.1, 0.25_f64.next_down(), 0.25, 0.26, 0.5, 0.999, 1.0_f64.next_down(), 1.0];
+        let (mut beside, mut passed) = (0, 0);
+        for begin in [0.0, 0.25, 0.999] {
+            let pulse = [begin, begin + 0.01];
+            for (from, to) in parts.iter().flat_map(|from| parts.map(|to| (*from, to))) {
+                for whole in [-1, 0] {
+                    let (from, to) = (Turn { whole: 0, part: from }, Turn { whole, part: to });
+                    let same = pulse.iter().all(|end| last_passed(from, *end) == last_passed(to, *end));
+                    let quick = stays_beside(pulse, from, to);
+                    assert!(same || !quick, "{pulse:?} {from:?} {to:?}");
+                    beside += u32::from(quick);
+                    passed += u32::from(!same);
+                }
+            }
+        }
+        assert!(beside > 70 && passed > 200, "{beside} {passed}");
+    }
 }

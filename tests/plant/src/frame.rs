@@ -63,7 +63,7 @@ impl Frame {
 
 /// Sine and cosine of an angle in turns, from additions and multiplications alone: the C library's differ in the last bit between machines.
 /// The error is below 1e-15.
-fn sine_and_cosine(turns: f64) -> (f64, f64) {
+pub(crate) fn sine_and_cosine(turns: f64) -> (f64, f64) {
     let quarter = floor(4.0 * turns + 0.5);
     let x = (turns - 0.25 * quarter as f64) * core::f64::consts::TAU;
     let sine = x * series(x * x, &SINE_FACTORS);

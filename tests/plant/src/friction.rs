@@ -3,7 +3,7 @@
 /// Coulomb and viscous friction of a mass.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct Friction {
-    /// In Nm; holds the shaft at standstill against any smaller torque.
+    /// In Nm, while the mass moves.
     pub(crate) coulomb: f64,
     /// In Nm s/rad.
     pub(crate) viscous: f64,
@@ -12,10 +12,17 @@ pub(crate) struct Friction {
 }
 
 impl Friction {
-    /// The velocity after `dt` under an outside torque; friction slows down and holds, it never drives.
+    /// The velocity after `dt` under an outside torque; friction slows down and holds, it never drives. At standstill it holds against any
+    /// smaller torque than it has.
     pub(crate) fn rub(&self, velocity: f64, outside: f64, dt: f64) -> f64 {
+        self.rub_or_stick(velocity, outside, self.coulomb, dt)
+    }
+
+    /// The same of a mass that sticks against any torque in Nm that is smaller than `holding`.
+    #[inline(always)]
+    pub(crate) fn rub_or_stick(&self, velocity: f64, outside: f64, holding: f64, dt: f64) -> f64 {
         let direction = if velocity != 0.0 { velocity.signum() } else { outside.signum() };
-        if velocity == 0.0 && outside.abs() <= self.coulomb {
+        if velocity == 0.0 && outside.abs() <= holding {
             return 0.0;
         }
         let torque = outside - direction * self.coulomb;
@@ -23,6 +30,6 @@ impl Friction {
         let half = 0.5 * self.viscous * dt / self.inertia;
         let next = (velocity * (1.0 - half) + torque / self.inertia * dt) / (1.0 + half);
         let reversed = next * direction < 0.0;
-        if reversed && outside.abs() <= self.coulomb { 0.0 } else { next }
+        if reversed && outside.abs() <= holding { 0.0 } else { next }
     }
 }

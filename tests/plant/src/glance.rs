@@ -33,6 +33,8 @@ pub struct Glance {
     pub encoder_frozen: bool,
     /// The index does not come.
     pub index_muted: bool,
+    /// The motor cable has a bad contact, an open core or an earth fault.
+    pub cable_broken: bool,
     /// How often so far the shaft was given a velocity.
     pub kicks: u32,
     /// How often so far the encoder was given counts that no movement had caused.

@@ -3,6 +3,7 @@
 use core::f64::consts::TAU;
 
 use crate::friction::Friction;
+use crate::stiction::Stiction;
 use crate::turn::Turn;
 
 /// What the motor turns, at the motor shaft.
@@ -40,6 +41,8 @@ pub(crate) struct Shafts {
     pub(crate) turn: Turn,
     /// Velocity of the motor shaft in rad/s.
     pub(crate) velocity: f64,
+    /// How it changed in the last step, in rad/s².
+    acceleration: f64,
     /// How far the load leads the motor, in rad.
     twist: f64,
     /// In rad/s.
@@ -92,11 +95,18 @@ impl Mechanics {
     /// Masses that move together, the shaft wound up by gravity alone.
     pub(crate) fn together(&self, turn: Turn, velocity: f64) -> Shafts {
         let twist = self.load.map_or(0.0, |load| load.twist_under(self.gravity_torque));
-        Shafts { turn, velocity, twist, load_velocity: velocity }
+        Shafts { turn, velocity, acceleration: 0.0, twist, load_velocity: velocity }
     }
 
     /// The masses after `dt`; a seized motor shaft stands. First the velocities, then with them the angles: swings keep their energy.
-    pub(crate) fn step(&self, old: Shafts, torques: Torques, seized: bool, dt: f64) -> Shafts {
+    pub(crate) fn step(
+        &self,
+        old: Shafts,
+        torques: Torques,
+        stiction: Option<&Stiction>,
+        seized: bool,
+        dt: f64,
+    ) -> Shafts {
         let outer = torques.load + self.gravity_torque;
         let shaft = self.load.map(|load| load.shaft_torque(old.twist, old.load_velocity - old.velocity));
         let friction = Friction {
@@ -105,19 +115,36 @@ impl Mechanics {
             inertia: self.rotor_inertia,
         };
         let driving = torques.motor + shaft.unwrap_or(outer);
-        let velocity = if seized { 0.0 } else { friction.rub(old.velocity, driving, dt) };
+        let velocity = match stiction {
+            _ if seized => 0.0,
+            None => friction.rub(old.velocity, driving, dt),
+            Some(stiction) => stiction.rub(friction, self.coulomb_friction, old.velocity, driving, dt),
+        };
         let turn = old.turn.after(0.5 * (old.velocity + velocity) * dt / TAU);
+        // A shaft that friction has stopped does not go on.
+        let acceleration = if velocity == 0.0 { 0.0 } else { (velocity - old.velocity) / dt };
         match (self.load, shaft) {
             (Some(load), Some(shaft)) => {
                 let load_velocity = old.load_velocity + (outer - shaft) / load.inertia * dt;
-                Shafts { turn, velocity, twist: old.twist + (load_velocity - velocity) * dt, load_velocity }
+                let twist = old.twist + (load_velocity - velocity) * dt;
+                Shafts { turn, velocity, acceleration, twist, load_velocity }
             }
-            _ => Shafts { turn, velocity, twist: 0.0, load_velocity: velocity },
+            _ => Shafts { turn, velocity, acceleration, twist: 0.0, load_velocity: velocity },
         }
     }
 }
 
 impl Shafts {
+    /// The velocity in the middle of the next step of `dt`, if it goes on changing as in the last one.
+    pub(crate) fn velocity_ahead(&self, dt: f64) -> f64 {
+        self.velocity + 0.5 * dt * self.acceleration
+    }
+
+    /// The motor shaft stops at once.
+    pub(crate) fn stop(&mut self) {
+        (self.velocity, self.acceleration) = (0.0, 0.0);
+    }
+
     /// Revolutions by which the load leads the motor.
     pub(crate) fn lead_of_load(&self) -> f64 {
         self.twist / TAU

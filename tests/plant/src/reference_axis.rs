@@ -4,8 +4,8 @@
 //! chosen by us, and the derived figures are written beside them.
 
 use crate::{
-    Chopper, Coupling, CurrentSensors, Encoder, HeatedBody, HoldingBrake, Inverter, Load, Machine, MachineSettings,
-    Mechanics, Motor, MotorSettings, Saturation, Supply, Thermal, Windings,
+    Chopper, Coupling, CurrentSensors, Effects, Encoder, HeatedBody, HoldingBrake, Inverter, Load, Machine,
+    MachineSettings, Mechanics, Motor, MotorSettings, Saturation, Supply, Thermal, Windings,
 };
 
 /// A complete axis: the plant, its amplifier, and parameters that suit it.
@@ -17,9 +17,9 @@ pub struct ReferenceAxis {
     pub motor: MotorSettings,
     /// The same axis with all of its power stage and sensors.
     pub machine: MachineSettings,
-    /// Amplifier peak current S-0-0110 in mA; gives `motor.peak_torque`.
+    /// Largest current of the amplifier in mA, amplitude; gives `motor.peak_torque`.
     pub peak_current: u32,
-    /// Motor continuous current at standstill S-0-0111 in mA.
+    /// Motor continuous current at standstill in mA, amplitude.
     pub standstill_current: u32,
     /// Maximum speed S-0-0113 in rpm.
     pub maximum_speed: u32,
@@ -32,7 +32,7 @@ pub struct ReferenceAxis {
 /// Loop parameters in the units of their IDNs (sercos2.md 4.2 and appendix A).
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct SuggestedGains {
-    /// S-0-0100 velocity loop proportional gain, in 0.1 A s/rad.
+    /// Velocity loop proportional gain, in 0.1 A s/rad, amplitude.
     pub velocity_gain: u16,
     /// S-0-0101 velocity loop integral action time, in 0.1 ms.
     pub integral_time: u16,
@@ -103,6 +103,7 @@ impl ReferenceAxis {
                     heat_sink: HeatedBody { capacity: 2_000.0, resistance: 0.25 },
                     ambient: AMBIENT,
                 },
+                effects: Effects::NONE,
                 seed: 1,
             },
             peak_current: 60_000,
@@ -125,7 +126,7 @@ impl ReferenceAxis {
     ///   peak.
     /// * Friction 0.15 Nm + 0.0002 Nm s/rad.
     /// * Encoder 10 000 increments (2 500 lines): 0.036 degree.
-    /// * Gains: S-0-0100 has steps of 0.1 A s/rad; 0.1 gives a crossing at 0.1 * 0.48 / 0.0001 = 480 rad/s; Tn = 8.3 ms; Kv = 120 1/s =
+    /// * Gains: steps of 0.1 A s/rad; 0.1 gives a crossing at 0.1 * 0.48 / 0.0001 = 480 rad/s; Tn = 8.3 ms; Kv = 120 1/s =
     ///   7.20 * 1000/min.
     /// * Windings: 4 pole pairs, so flux 0.48 / (1.5 * 4) = 0.08 Vs. 1.3 Nm at standstill (2.7 A) leave 1.5 * 2.4 * 2.7² = 26 W in 2.4
     ///   ohm. 6.5 mH give 2.7 ms with it. EMF 0.32 V s/rad: 168 V at 5 000 rpm, of the 185 V that a bus of 320 V gives a phase.
@@ -165,6 +166,7 @@ impl ReferenceAxis {
                     heat_sink: HeatedBody { capacity: 300.0, resistance: 1.5 },
                     ambient: AMBIENT,
                 },
+                effects: Effects::NONE,
                 seed: 2,
             },
             peak_current: 8_000,
@@ -230,6 +232,7 @@ impl ReferenceAxis {
                     heat_sink: HeatedBody { capacity: 600.0, resistance: 1.0 },
                     ambient: AMBIENT,
                 },
+                effects: Effects::NONE,
                 seed: 3,
             },
             peak_current: 20_000,
@@ -298,6 +301,7 @@ impl ReferenceAxis {
                     heat_sink: HeatedBody { capacity: 600.0, resistance: 1.0 },
                     ambient: AMBIENT,
                 },
+                effects: Effects::NONE,
                 seed: 4,
             },
             peak_current: 15_000,
@@ -356,6 +360,7 @@ impl ReferenceAxis {
                     heat_sink: HeatedBody { capacity: 600.0, resistance: 1.0 },
                     ambient: AMBIENT,
                 },
+                effects: Effects::NONE,
                 seed: 5,
             },
             peak_current: 20_000,

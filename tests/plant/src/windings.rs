@@ -40,9 +40,10 @@ pub(crate) struct Surroundings {
     pub(crate) resistance: f64,
     /// Electrical angular velocity in rad/s.
     pub(crate) speed: f64,
+    /// What the magnet induces, in V.
+    pub(crate) emf: Dq,
     /// The rotor's frame in the middle of the step.
     pub(crate) frame: Frame,
-    pub(crate) terminals: [Terminal; 3],
     /// Bus voltage in V.
     pub(crate) bus: f64,
     /// Length of the step in seconds.
@@ -66,14 +67,14 @@ pub(crate) struct Flow {
 
 /// The direction of a phase's current.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-enum Direction {
+pub(crate) enum Direction {
     OutOfMotor,
     AroundZero,
     IntoMotor,
 }
 
 impl Direction {
-    fn of(current: f64, knee: f64) -> Self {
+    pub(crate) fn of(current: f64, knee: f64) -> Self {
         if current > knee {
             Self::IntoMotor
         } else if current < -knee {
@@ -84,11 +85,40 @@ impl Direction {
     }
 
     /// The next direction to try. Between opposite ones lies zero, where a diode stops the current: to leap over it would find it never.
-    fn towards(self, found: Self) -> Self {
+    pub(crate) fn towards(self, found: Self) -> Self {
         match (self, found) {
             (Self::IntoMotor, Self::OutOfMotor) | (Self::OutOfMotor, Self::IntoMotor) => Self::AroundZero,
             _ => found,
         }
+    }
+}
+
+/// Phases' voltages, and the slopes with which a current after the step lowers its own, along the axes: resistors that are different in the
+/// three phases.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Drive {
+    voltages: [f64; 3],
+    along_d: f64,
+    across: f64,
+    along_q: f64,
+}
+
+impl Drive {
+    pub(crate) fn new() -> Self {
+        Self { voltages: [0.0; 3], along_d: 0.0, across: 0.0, along_q: 0.0 }
+    }
+
+    /// A voltage in V of a phase.
+    pub(crate) fn add_voltage(&mut self, phase: usize, voltage: f64) {
+        self.voltages[phase] += voltage;
+    }
+
+    /// The slope of a phase: two thirds of what is in series with it, in ohm.
+    pub(crate) fn add_slope(&mut self, phase: usize, frame: &Frame, slope: f64) {
+        let (cosine, sine) = (frame.cosines[phase], frame.sines[phase]);
+        self.along_d += slope * cosine * cosine;
+        self.across -= slope * cosine * sine;
+        self.along_q += slope * sine * sine;
     }
 }
 
@@ -139,65 +169,52 @@ impl Windings {
     ///
     /// Resistance and rotation enter with the mean of the currents before and after (trapezoidal, keeps the energy), the direction of the
     /// current with the one after: a diode is too steep for anything else.
-    pub(crate) fn step(&self, start: Dq, surroundings: &Surroundings) -> Flow {
-        let Surroundings { frame, terminals, .. } = surroundings;
+    pub(crate) fn step(&self, start: Dq, terminals: &[Terminal; 3], surroundings: &Surroundings) -> Flow {
+        let frame = &surroundings.frame;
         let directions_of = |current: Dq| {
             let phases = frame.phases(current);
             core::array::from_fn(|k| Direction::of(phases[k], terminals[k].knee))
         };
         let mut directions: [Direction; 3] = directions_of(start);
         let mut end = start;
-        // The inductances in the middle of the step are known when its end is.
-        let least = if self.saturation.is_some() { 2 } else { 1 };
         for attempt in 1..=ATTEMPTS {
-            end = self.solve(start, start.mean(end), surroundings, directions);
+            let drive = drive(terminals, directions, surroundings);
+            end = self.solve(start, start.mean(end), surroundings, &drive);
             let found = directions_of(end);
             let next = core::array::from_fn(|k| directions[k].towards(found[k]));
-            if next == directions && attempt >= least {
+            if next == directions && attempt >= self.least_attempts() {
                 break;
             }
             directions = next;
         }
-        self.flow(start, end, surroundings)
+        self.flow(start, end, terminals, surroundings)
     }
 
-    /// The currents after a step if they have these directions, with the inductances at a current: two linear equations.
-    fn solve(&self, start: Dq, middle: Dq, surroundings: &Surroundings, directions: [Direction; 3]) -> Dq {
-        let Surroundings { resistance, speed, frame, terminals, bus, dt } = surroundings;
-        let mut voltages = [0.0; 3];
-        // Currents around zero see resistors, which are different in the three phases.
-        let (mut along_d, mut across, mut along_q) = (0.0, 0.0, 0.0);
-        for (k, terminal) in terminals.iter().enumerate() {
-            let swing = terminal.deviation * bus + terminal.drop;
-            voltages[k] = terminal.share * bus;
-            match directions[k] {
-                Direction::IntoMotor => voltages[k] -= swing,
-                Direction::OutOfMotor => voltages[k] += swing,
-                Direction::AroundZero => {
-                    let (cosine, sine) = (frame.cosines[k], frame.sines[k]);
-                    let slope = 2.0 / 3.0 * swing / terminal.knee;
-                    along_d += slope * cosine * cosine;
-                    across -= slope * cosine * sine;
-                    along_q += slope * sine * sine;
-                }
-            }
-        }
-        let voltage = frame.dq(voltages);
+    /// The inductances in the middle of the step are known when its end is.
+    pub(crate) fn least_attempts(&self) -> usize {
+        if self.saturation.is_some() { 2 } else { 1 }
+    }
+
+    /// The currents after a step, with the inductances at a current: two linear equations.
+    #[inline(always)]
+    pub(crate) fn solve(&self, start: Dq, middle: Dq, surroundings: &Surroundings, drive: &Drive) -> Dq {
+        let Surroundings { resistance, speed, emf, frame, dt, .. } = surroundings;
+        let voltage = frame.dq(drive.voltages);
         let (d, q) = (self.inductance(self.inductance_d, middle.d), self.inductance(self.inductance_q, middle.q));
         let (change_d, change_q) = (d.differential / dt, q.differential / dt);
         let half = 0.5 * resistance;
         let (turn_d, turn_q) = (0.5 * speed * d.apparent, 0.5 * speed * q.apparent);
 
-        let right_d = voltage.d + (change_d - half) * start.d + turn_q * start.q;
-        let right_q = voltage.q + (change_q - half) * start.q - turn_d * start.d - speed * self.flux;
-        let (dd, dq) = (change_d + half + along_d, across - turn_q);
-        let (qd, qq) = (across + turn_d, change_q + half + along_q);
+        let right_d = voltage.d + (change_d - half) * start.d + turn_q * start.q - emf.d;
+        let right_q = voltage.q + (change_q - half) * start.q - turn_d * start.d - emf.q;
+        let (dd, dq) = (change_d + half + drive.along_d, drive.across - turn_q);
+        let (qd, qq) = (drive.across + turn_d, change_q + half + drive.along_q);
         let scale = 1.0 / (dd * qq - dq * qd);
         Dq { d: (right_d * qq - dq * right_q) * scale, q: (dd * right_q - right_d * qd) * scale }
     }
 
-    fn flow(&self, start: Dq, end: Dq, surroundings: &Surroundings) -> Flow {
-        let Surroundings { resistance, frame, terminals, .. } = surroundings;
+    fn flow(&self, start: Dq, end: Dq, terminals: &[Terminal; 3], surroundings: &Surroundings) -> Flow {
+        let Surroundings { resistance, frame, .. } = surroundings;
         let mean = start.mean(end);
         let (after, during) = (frame.phases(end), frame.phases(mean));
         let (mut drawn, mut inverter_loss) = (0.0, 0.0);
@@ -208,4 +225,20 @@ impl Windings {
         }
         Flow { end, mean, drawn, winding_loss: 1.5 * resistance * mean.square(), inverter_loss }
     }
+}
+
+/// What drives currents of these directions.
+fn drive(terminals: &[Terminal; 3], directions: [Direction; 3], surroundings: &Surroundings) -> Drive {
+    let Surroundings { frame, bus, .. } = surroundings;
+    let mut drive = Drive::new();
+    for (k, terminal) in terminals.iter().enumerate() {
+        let swing = terminal.deviation * bus + terminal.drop;
+        drive.voltages[k] = terminal.share * bus;
+        match directions[k] {
+            Direction::IntoMotor => drive.voltages[k] -= swing,
+            Direction::OutOfMotor => drive.voltages[k] += swing,
+            Direction::AroundZero => drive.add_slope(k, frame, 2.0 / 3.0 * swing / terminal.knee),
+        }
+    }
+    drive
 }

@@ -1,13 +1,39 @@
 //! Time: what the state depends on, and what it does not.
 
-use crate::common::{MICROSECOND, MILLISECOND, SECOND, assert_near, duties, ideal};
-use plant::{Load, Machine, MachineSettings, ReferenceAxis};
+use crate::common::{BUS, MICROSECOND, MILLISECOND, SECOND, assert_near, duties, ideal};
+use plant::{
+    Cogging, EarthFault, Eccentricity, Effects, EmfHarmonics, LegCapacitance, Load, LowSideShunts, Machine,
+    MachineSettings, QuadratureError, ReferenceAxis, SensorBandwidth, Stiction, Windings, Wiring,
+};
 
 /// A machine with every imperfection at once.
 fn imperfect() -> MachineSettings {
     let load = Load { inertia: 0.000_5, stiffness: 8_000.0, damping: 0.2, backlash: 0.001 };
     let mut settings = ReferenceAxis::vertical().machine;
     settings.mechanics.load = Some(load);
+    settings
+}
+
+/// The same with every effect, and what inputs can break.
+fn with_all_effects() -> MachineSettings {
+    let mut settings = imperfect();
+    settings.mechanics.coulomb_friction = 0.2;
+    settings.effects = Effects {
+        shunts: Some(LowSideShunts { settling_time: 3e-6, sampling_time: 0.7e-6 }),
+        sensor_bandwidth: Some(SensorBandwidth { hertz: 50_000.0 }),
+        leg_capacitance: Some(LegCapacitance { farads: 2e-9 }),
+        wiring: Some(Wiring::turned_on()),
+        cogging: Some(Cogging::of(12, 10, 0.1)),
+        emf_harmonics: Some(EmfHarmonics { fifth: 0.02, seventh: 0.01 }),
+        stiction: Some(Stiction { static_torque: 0.3, stribeck_velocity: 0.5 }),
+        eccentricity: Some(Eccentricity { radians: 0.001, phase: 0.1 }),
+        quadrature: Some(QuadratureError {
+            periods_per_revolution: 512,
+            amplitude: 0.02,
+            phase: 0.01,
+            offset: [0.01; 2],
+        }),
+    };
     settings
 }
 
@@ -34,16 +60,24 @@ fn bits(machine: &mut Machine, at: u64) -> Vec<u64> {
 
 #[test]
 fn the_result_does_not_depend_on_how_often_it_is_asked() {
-    let run = |step: u64| {
-        let mut machine = Machine::new(imperfect());
+    let run = |step: u64, broken: bool| {
+        let mut machine = Machine::new(if broken { with_all_effects() } else { imperfect() });
         machine.set_bridge(true, 0);
         machine.set_brake(true, 0);
-        machine.set_velocity(50.0, 70 * MILLISECOND);
-        machine.set_bridge(false, 90 * MILLISECOND + 17);
         for n in 0..1_600_u64 {
             let at = n * 62_500 + 3_333;
             let duties = duties(30.0, n as f64 * 0.013);
             machine.set_duties(duties, at);
+            match n {
+                320 if broken => machine.set_contact_resistances([0.3, 0.0, 0.1], at + 77),
+                640 if broken => {
+                    machine.fail_to_earth(Some((1, EarthFault { resistance: 100.0, inductance: 1e-3 })), at + 77);
+                }
+                960 if broken => machine.open_phase(2, true, at + 77),
+                1_120 => machine.set_velocity(50.0, at),
+                1_440 => machine.set_bridge(false, at + 17),
+                _ => {}
+            }
             let mut asked = at;
             while asked < at + 62_500 {
                 let _ = bits(&mut machine, asked);
@@ -54,9 +88,11 @@ fn the_result_does_not_depend_on_how_often_it_is_asked() {
         }
         bits(&mut machine, 101 * MILLISECOND)
     };
-    let reference = run(62_500);
-    for step in [2_777, 4_999, 5_000, 31_250] {
-        assert_eq!(run(step), reference, "asked every {step} ns");
+    for broken in [false, true] {
+        let reference = run(62_500, broken);
+        for step in [2_777, 4_999, 5_000, 31_250] {
+            assert_eq!(run(step, broken), reference, "asked every {step} ns");
+        }
     }
 }
 
@@ -88,16 +124,18 @@ fn an_input_that_comes_late_holds_from_the_last_one_on() {
 
 #[test]
 fn queries_leave_no_trace_in_a_copy() {
-    let mut asked = Machine::new(imperfect());
-    asked.set_bridge(true, 0);
-    asked.set_duties(duties(20.0, 0.1), 0);
-    let mut silent = asked.clone();
-    for at in (0..MILLISECOND).step_by(1_111) {
-        let _ = bits(&mut asked, at);
+    for settings in [imperfect(), with_all_effects()] {
+        let mut asked = Machine::new(settings);
+        asked.set_bridge(true, 0);
+        asked.set_duties(duties(20.0, 0.1), 0);
+        let mut silent = asked.clone();
+        for at in (0..MILLISECOND).step_by(1_111) {
+            let _ = bits(&mut asked, at);
+        }
+        asked.advance(MILLISECOND);
+        silent.advance(MILLISECOND);
+        assert_eq!(asked, silent);
     }
-    asked.advance(MILLISECOND);
-    silent.advance(MILLISECOND);
-    assert_eq!(asked, silent);
 }
 
 #[test]
@@ -110,7 +148,14 @@ fn a_machine_without_inertia_makes_no_sense() {
 
 #[test]
 fn a_look_ahead_is_what_will_be_and_changes_nothing() {
-    let mut machine = Machine::new(imperfect());
+    look_ahead(Machine::new(imperfect()));
+    let mut broken = Machine::new(with_all_effects());
+    // At instants that the looks pass.
+    broken.set_contact_resistances([0.3, 0.0, 0.1], 20_000);
+    look_ahead(broken);
+}
+
+fn look_ahead(mut machine: Machine) {
     machine.set_bridge(true, 0);
     machine.set_brake(true, 0);
     let mut moved = 0;
@@ -131,4 +176,34 @@ fn a_look_ahead_is_what_will_be_and_changes_nothing() {
         assert!(machine == before, "the look at {at} left a trace");
     }
     assert!(moved > 400, "the shaft hardly moves: {moved}");
+}
+
+#[test]
+fn the_textbook_s_machine_shows_what_flows_and_nothing_gives_way() {
+    let windings = Windings {
+        pole_pairs: 3,
+        resistance: 2.0,
+        inductance_d: 1e-3,
+        inductance_q: 1e-3,
+        flux: 0.1,
+        saturation: None,
+    };
+    let settings = MachineSettings::textbook(windings, BUS, 20.0);
+    let mut machine = Machine::new(settings);
+    machine.block(true, 0);
+    machine.set_bridge(true, 0);
+    machine.set_duties(duties(20.0, 0.0), 0);
+    let at = 50 * MILLISECOND;
+    let [d, q] = machine.dq_currents(at);
+    assert_near(d, 10.0, 1e-7);
+    // The d axis is that of the first phase to the last bit.
+    assert_near(q, 0.0, 1e-9);
+    assert_eq!(machine.current_samples(at), [3_072, 1_536, 1_536]);
+    assert_eq!(machine.bus_sample(at), 2_048);
+    assert_near(machine.bus_voltage(at), BUS, 1e-6);
+    assert_eq!(machine.encoder_count(at), 0);
+    machine.block(false, at);
+    machine.set_velocity(1.0, at);
+    machine.set_bridge(false, at);
+    assert_near(machine.velocity(at + SECOND), 1.0, 1e-3);
 }

@@ -2,10 +2,16 @@
 //!
 //! One program, because each would be linked with everything for itself.
 
+mod cable;
+mod cogging;
 mod common;
 mod contract;
 mod electrics;
+mod encoder_errors;
+mod legs;
 mod measurement;
 mod mechanics;
 mod reference_axes;
+mod shunts;
+mod stiction;
 mod supply;

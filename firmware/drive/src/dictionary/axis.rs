@@ -49,7 +49,7 @@ sercos::data_blocks! {
     /// Bit 0 inverts the torque command, bit 1 the additive one, bit 2 the torque feedback.
     S 85 "Torque polarity parameter" [""] BITS/0 written IN_CP2_CP3 () = 0 => Parameter, stored, needed_for_cp4;
     /// 0: per cent of S-0-0111, 0.1 % an increment. Bits 2 to 0: 1 linear, 2 rotary; bit 3: by S-0-0093 and S-0-0094 instead of 1 N or
-    /// 0.01 Nm; bit 6: of the load. Newton metres are made of P-0-0110 and P-0-0114.
+    /// 0.01 Nm; bit 6: of the load. Newton metres are made of P-0-0114.
     S 86 "Torque data scaling type" [""] BITS/0 written IN_CP2_CP3 () = 0 => Parameter, stored, needed_for_cp4;
     /// Weight of one torque increment in N or Nm, with the exponent of S-0-0094.
     S 93 "Torque data scaling factor" [""] U16/0 written IN_CP2_CP3 (1 to 65_535) = 1 => Parameter, stored, needed_for_cp4;
@@ -60,7 +60,7 @@ sercos::data_blocks! {
     /// Bits of S-0-0013 that set the change bit 11 of the status word.
     S 98 "Mask class 3 diagnostic" [""] BITS/0 written ALWAYS () = 0xFFFF => Parameter, stored;
     /// Current for one unit of velocity difference at the motor; one increment is 1 mA s/rad.
-    S 100 "Velocity loop proportional gain" ["As/rad"] U16/3 written ALWAYS (0 to 65_535) = 100 => Parameter, stored, restricted;
+    S 100 "Velocity loop proportional gain" ["As/rad"] U16/3 written ALWAYS (0 to 65_535) = 71 => Parameter, stored, restricted;
     /// Time in which the integral part reaches the proportional part; 0 switches the integral part off.
     S 101 "Velocity loop integral action time" ["ms"] U16/1 written ALWAYS (0 to 65_535) = 100 => Parameter, stored, restricted;
     /// Position range if bit 7 of S-0-0076 is set.
@@ -73,15 +73,15 @@ sercos::data_blocks! {
     S 107 "Current loop integral action time 1" ["ms"] U16/1 written ALWAYS (0 to 65_535) = 50 => Parameter, stored, needed_for_cp4, restricted;
     /// Share of S-0-0259 that positioning may use, within S-0-0091 whatever it is.
     S 108 "Feedrate override" ["%"] U16/2 written ALWAYS (0 to 32_767) = 10_000 => Parameter, stored;
-    /// Largest current of the motor.
-    S 109 "Motor peak current" ["A"] U32/3 written IN_CP2_CP3 (1 to 500_000) = 20_000 => Parameter, stored, needed_for_cp4;
-    /// Current at full scale of the amplifier's command input; writable, because the amplifier is chosen by the builder.
-    S 110 "Amplifier peak current" ["A"] U32/3 written IN_CP2_CP3 (1 to 500_000) = 20_000 => Parameter, stored, needed_for_cp4;
-    /// Current of the motor at its continuous stall torque: 100 % of torque data, see S-0-0086.
-    S 111 "Motor continuous stall current" ["A"] U32/3 written IN_CP2_CP3 (1 to 500_000) = 5_000 => Parameter, stored, needed_for_cp4;
-    /// Current that the bridge carries for ever; from it and S-0-0110 the amplifier's thermal model is made.
-    S 112 "Amplifier rated current" ["A"] U32/3 written IN_CP2_CP3 (1 to 500_000) = 10_000 => Parameter, stored, needed_for_cp4;
-    /// The drive never commands a higher velocity.
+    /// Largest current of the motor, RMS of a phase, as the name plate has it. All currents and gains per ampere are RMS where nothing else is said.
+    S 109 "Motor peak current" ["A"] U32/3 written IN_CP2_CP3 (1 to 500_000) = 14_142 => Parameter, stored, needed_for_cp4;
+    /// Current at full scale of the amplifier's command input, RMS of a phase; writable, because the amplifier is chosen by the builder.
+    S 110 "Amplifier peak current" ["A"] U32/3 written IN_CP2_CP3 (1 to 500_000) = 14_142 => Parameter, stored, needed_for_cp4;
+    /// Current of the motor at its continuous stall torque, RMS of a phase: 100 % of torque data, see S-0-0086.
+    S 111 "Motor continuous stall current" ["A"] U32/3 written IN_CP2_CP3 (1 to 500_000) = 3_536 => Parameter, stored, needed_for_cp4;
+    /// Current that the bridge carries for ever, RMS of a phase; from it and S-0-0110 the amplifier's thermal model is made.
+    S 112 "Amplifier rated current" ["A"] U32/3 written IN_CP2_CP3 (1 to 500_000) = 7_071 => Parameter, stored, needed_for_cp4;
+    /// The drive never commands a higher velocity, and S-0-0128 refuses one at whose overspeed, a quarter above it, the encoder (S-0-0116, S-0-0256) makes more than 18.6 million increments a second.
     S 113 "Maximum motor speed" ["rpm"] U32/4 written IN_CP2_CP3 (1 to 2_147_483_647) = 60_000_000 => Parameter, stored, needed_for_cp4;
     /// Load of the thermal models at which the drive shuts down (C1D bit 0); 100 % is the continuous current for ever.
     S 114 "Load limit of the motor" ["%"] U16/1 written IN_CP2_CP3 (901 to 2_000) = 1_100 => Parameter, stored, needed_for_cp4;
@@ -120,7 +120,7 @@ sercos::data_blocks! {
     S 161 "Acceleration data scaling factor" [""] U16/0 written IN_CP2_CP3 (1 to 65_535) = 1 => Parameter, stored, needed_for_cp4;
     /// Power of ten of S-0-0161.
     S 162 "Acceleration data scaling exponent" [""] I16/0 written IN_CP2_CP3 (-32 to 32) = -3 => Parameter, stored, needed_for_cp4;
-    /// Bit 0: positive edge of probe 1; bit 1: negative edge; bits 2 and 3: those of probe 2.
+    /// Bit 0: positive edge of probe 1; bit 1: negative edge; bits 2 and 3: those of probe 2. While S-0-0170 runs they count from the write on.
     S 169 "Probe control" [""] BITS/0 written ALWAYS (0 to 15) = 0 => Parameter, stored;
     /// Heat sink temperature from which C2D bit 1 warns.
     S 200 "Amplifier warning temperature" ["C"] U16/1 written ALWAYS (1 to 2_000) = 800 => Parameter, stored, needed_for_cp4, restricted;
@@ -170,8 +170,8 @@ sercos::data_blocks! {
     S 372 "Drive halt acceleration bipolar" [acceleration] I32 written ALWAYS (0 to 2_147_483_647) = 0 => Parameter, stored, restricted;
     /// Velocity deviation above which C2D bit 11 warns; 0: not monitored.
     S 377 "Velocity feedback monitoring window" [velocity] I32 written ALWAYS (0 to 2_147_483_647) = 0 => Parameter, stored;
-    /// Time constant of the velocity that the velocity loop controls.
-    S 392 "Velocity feedback filter" ["us"] U16/0 written ALWAYS (250 to 65_500) = 500 => Parameter, stored;
+    /// Time constant of the velocity that the velocity loop controls; 0: none, what the encoder moves in a tick.
+    S 392 "Velocity feedback filter" ["us"] U16/0 written ALWAYS (0 to 65_500) = 500 => Parameter, stored;
     /// Bits 1 and 0: a modulo axis goes to a position 0 the shortest way, 1 in positive, 2 in negative direction. Bit 2: a target that was not attained when its mode ended or the torque went is, when it comes back, 0 gone to, 1 dropped.
     S 393 "Command value mode" [""] U16/0 written ALWAYS (0 to 6) = 4 => Parameter, stored, restricted;
     /// A position that lies no further than this behind an axis at rest is gone to backwards, whatever S-0-0393 says.

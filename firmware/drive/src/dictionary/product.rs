@@ -10,21 +10,21 @@ sercos::data_blocks! {
     P 7 "Application data" [""] LONGS/0 written ALWAYS () = 0 => Parameter, stored;
     /// A text of the control's own choice, as the serial number of the machine; up to 40 characters.
     P 8 "Application identifier" [""] TEXT/0 written ALWAYS () = 0 => Parameter, stored;
-    /// Phase current at full deflection of the current sensors, 1 to 8 times S-0-0110.
+    /// Phase current at full deflection of the current sensors, an instantaneous value: 1 to 8 times the amplitude of S-0-0110, which is 1.414 times it.
     P 100 "Measuring range of the phase currents" ["A"] U32/3 written IN_CP2_CP3 (1 to 4_000_000) = 25_000 => Parameter, stored, needed_for_cp4;
     /// Bus voltage at the end of the converter's range.
     P 101 "Measuring range of the bus voltage" ["V"] U16/0 written IN_CP2_CP3 (50 to 4_000) = 500 => Parameter, stored, needed_for_cp4;
     /// Time for which both transistors of a phase are off at a change, set in the bridge's timer.
     P 102 "Dead time of the bridge" ["ns"] U16/0 written NEVER () = 1_000 => Parameter;
-    /// Phase current up to which the dead time is compensated in proportion, 0.2 % of S-0-0110 at least; 0: no compensation.
+    /// Phase current, an instantaneous value, up to which the dead time is compensated in proportion, 0.2 % of the amplitude of S-0-0110 at least; 0: no compensation.
     P 103 "Band of the dead-time compensation" ["A"] U16/3 written ALWAYS (0 to 65_535) = 200 => Parameter, stored;
     /// Bus voltage below which the torque goes (C1D bit 9). An eighth above it main power is there; below a sixteenth above it, it is gone, and an axis in operation is stopped out of the rest.
     P 104 "Undervoltage threshold" ["V"] U16/0 written ALWAYS (1 to 4_000) = 150 => Parameter, stored, needed_for_cp4, restricted;
     /// Bus voltage above which the bridge is switched off (C1D bit 8).
     P 105 "Overvoltage threshold" ["V"] U16/0 written ALWAYS (1 to 4_000) = 440 => Parameter, stored, needed_for_cp4, restricted;
-    /// Phase current at which the current loop switches the bridge off (C1D bit 7); 0: 125 % of S-0-0110.
+    /// Phase current at which the current loop switches the bridge off (C1D bit 7), at the crest of a sine with this RMS value; 0: 168 % of S-0-0109, which is 125 % of it with the largest P-0-0107 across, and 125 % of S-0-0110 at most.
     P 106 "Trip level of the phase currents" ["A"] U32/3 written IN_CP2_CP3 (0 to 4_000_000) = 0 => Parameter, stored, needed_for_cp4;
-    /// Largest current that weakens the field above the speed that the bus voltage reaches, in per cent of S-0-0110; 0: none, and a speed above it ends in an overcurrent.
+    /// Largest current that weakens the field above the speed that the bus voltage reaches, in per cent of the smaller of S-0-0109 and S-0-0110; 0: none, and a speed above it ends in an overcurrent.
     P 107 "Field weakening current" ["%"] U16/1 written ALWAYS (0 to 900) = 500 => Parameter, stored;
     /// Pole pairs of the motor; another number makes the commutation angle unknown.
     P 110 "Pole pairs" [""] U16/0 written IN_CP2_CP3 (1 to 64) = 4 => Parameter, stored, needed_for_cp4;
@@ -34,18 +34,18 @@ sercos::data_blocks! {
     P 112 "Direct inductance" ["mH"] U32/3 written ALWAYS (0 to 1_000_000) = 6_000 => Parameter, stored, needed_for_cp4, restricted;
     /// Inductance of a phase in the q axis; for the decoupling.
     P 113 "Quadrature inductance" ["mH"] U32/3 written ALWAYS (0 to 1_000_000) = 6_000 => Parameter, stored, needed_for_cp4, restricted;
-    /// Flux linkage of the magnets with a phase, peak value: the torque constant over 1.5 times P-0-0110.
-    P 114 "Flux linkage" ["mVs"] U32/3 written ALWAYS (0 to 2_499_999) = 133_333 => Parameter, stored, needed_for_cp4;
+    /// Torque per ampere RMS, as the name plate has it: 0.01654 times the voltage constant in V RMS between two phases at 1000 rpm. Flux of the magnets follows from it and P-0-0110.
+    P 114 "Torque constant" ["Nm/A"] U32/6 written ALWAYS (0 to 500_000_000) = 1_131_371 => Parameter, stored, needed_for_cp4, restricted;
     /// Electrical angle at the encoder's index; -1: not known, the angle is then only that of the alignment.
     P 115 "Commutation angle at the index" ["deg"] I32/2 written ALWAYS (-1 to 35_999) = -1 => Parameter, stored;
-    /// Largest current of the search for the commutation angle, in per cent of S-0-0110; ten times the friction.
+    /// Largest current of the search for the commutation angle, in per cent of the smaller of S-0-0109 and S-0-0110; ten times the friction.
     P 116 "Alignment current" ["%"] U16/1 written ALWAYS (1 to 1_000) = 500 => Parameter, stored, needed_for_cp4;
     /// 1: the encoder's index is connected, and lost or added increments are found by it.
     P 117 "Encoder index" [""] BITS/0 written IN_CP2_CP3 (0 to 1) = 1 => Parameter, stored, needed_for_cp4;
     /// Bit 0: there is a holding brake; bit 1: it has a contact; bit 2: the axis stays where it is with its brake open and without torque, and may be aligned so.
     P 120 "Holding brake" [""] BITS/0 written IN_CP2_CP3 (0 to 7) = 0 => Parameter, stored, needed_for_cp4;
-    /// Current of the d axis with which the torque is proven before the brake opens, in per cent of S-0-0110.
-    P 121 "Test current of the torque proof" ["%"] U16/1 written ALWAYS (10 to 1_000) = 100 => Parameter, stored, needed_for_cp4;
+    /// Current of the d axis with which the torque is proven before the brake opens, in per cent of the smaller of S-0-0109 and S-0-0110.
+    P 121 "Test current of the torque proof" ["%"] U16/1 written ALWAYS (10 to 1_000) = 100 => Parameter, stored, needed_for_cp4, restricted;
     /// Movement beyond which a brake does not hold.
     P 122 "Window of the brake test" ["deg"] U16/2 written ALWAYS (1 to 36_000) = 100 => Parameter, stored, needed_for_cp4;
     /// Time in which the torque goes after the brake has closed, and for which the axis is watched then.

@@ -9,7 +9,7 @@ use servo::identification::{
     InertiaIdentification, InertiaMeasurement, InertiaSettings, ResistanceIdentification, ResistanceMeasurement,
     ResistanceSettings,
 };
-use servo::units::{Position, Velocity};
+use servo::units::{CurrentFraction, Position, Velocity};
 
 /// What is to be measured, and how.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -20,6 +20,25 @@ pub(crate) enum Plan {
     Flux(FluxSettings),
     /// P-0-0226.
     Inertia(InertiaSettings),
+}
+
+impl Plan {
+    /// What may be needed to hold the axis at its start; `None`: the loops hold it all the while.
+    fn largest_load(&self) -> Option<CurrentFraction> {
+        match self {
+            Self::Winding(resistance, _) => Some(resistance.largest_load()),
+            Self::Flux(_) | Self::Inertia(_) => None,
+        }
+    }
+
+    /// Whether an axis that is held with `current` may be let go for it.
+    ///
+    /// # Errors
+    /// [`Failure::Loaded`].
+    pub(super) fn look_at_load(&self, current: CurrentFraction) -> Result<(), Failure> {
+        let fits = self.largest_load().is_none_or(|largest| current.abs() <= largest);
+        if fits { Ok(()) } else { Err(Failure::Loaded) }
+    }
 }
 
 /// What was measured.
@@ -40,6 +59,8 @@ pub(crate) enum Failure {
     Sequence(IdentificationError),
     /// HALT has ended, or torque or operation have: by the control unit or by an error.
     Interrupted,
+    /// It would have let a load go that the axis holds.
+    Loaded,
 }
 
 /// How an identification has ended.

@@ -25,6 +25,13 @@ impl Probing {
         self.settings = settings;
     }
 
+    /// Another S-0-0169: its edges count from now on if S-0-0170 is active, else it is for the next start.
+    pub(super) const fn select(&mut self, settings: ProbeSettings) {
+        if self.settings.is_some() {
+            self.settings = Some(settings);
+        }
+    }
+
     /// One look at the probes, whose edges the hardware has latched; what they are is asked for only while S-0-0170 is active.
     #[inline]
     pub(super) fn look(&mut self, inputs: impl FnOnce() -> ProbeInputs) {

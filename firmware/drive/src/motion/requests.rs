@@ -15,7 +15,7 @@ use servo::units::SUPERVISION_PERIOD_MICROSECONDS;
 use super::Motion;
 use super::function::Function;
 use super::homing::HomingFailure;
-use super::identification::{Outcome, Plan};
+use super::identification::{Failure, Outcome, Plan};
 use super::ring_clock::{ClockMonitor, PHASE_ERROR_CLASSES};
 use crate::diagnosis::faults::Findings;
 use crate::diagnosis::words::Circumstances;
@@ -118,12 +118,14 @@ impl<B: Bus + Clone, H: Hardware> Motion<B, H> {
         self.status.set_diagnostics(interface_status, diagnostic_number);
     }
 
-    /// S-0-0099: clears C1D unless a cause is still there or the error reaction still runs.
+    /// S-0-0099: clears C1D unless a cause is still there, the error reaction still runs, or an error has come while the command was on its way:
+    /// one that no AT has told of would be gone without a word, and the torque with it.
     ///
     /// Returns whether the drive is free of errors now.
     pub fn reset_class_1(&mut self) -> bool {
-        let reacting = self.operation.state().has_torque() && self.status.has_error();
-        if reacting || !self.inputs.bridge_ready {
+        let has_error = self.status.has_error();
+        let reacting = self.operation.state().has_torque() && has_error;
+        if reacting || !self.inputs.bridge_ready || (has_error && !self.ring.shows_error()) {
             return false;
         }
         self.status.clear_errors();
@@ -275,6 +277,11 @@ impl<B: Bus + Clone, H: Hardware> Motion<B, H> {
         self.probing.set(settings, &mut self.hardware);
     }
 
+    /// S-0-0169 was written.
+    pub(crate) const fn select_probe_edges(&mut self, edges: ProbeSettings) {
+        self.probing.select(edges);
+    }
+
     /// Starts S-0-0148 with a movement. The old reference is gone from now on. `false`: the drive is not in operation.
     pub(crate) fn start_homing(&mut self, settings: HomingSettings, limits: MotionLimits) -> bool {
         if !matches!(self.operation.state(), DriveState::Following | DriveState::Halted) {
@@ -324,15 +331,20 @@ impl<B: Bus + Clone, H: Hardware> Motion<B, H> {
             && self.motor.commutates()
     }
 
-    /// Starts an identification; `false` if it may not.
-    pub(crate) fn start_identification(&mut self, plan: &Plan) -> bool {
+    /// Starts an identification.
+    ///
+    /// # Errors
+    /// Why it may not.
+    pub(crate) fn start_identification(&mut self, plan: &Plan) -> Result<(), Failure> {
         if !self.may_identify() {
-            return false;
+            return Err(Failure::Interrupted);
         }
+        plan.look_at_load(self.motor.carried_load())?;
         let position = self.encoder.position();
         // Known, see `may_identify`.
         let angle = self.motor.commutation_angle(position).unwrap_or(0);
-        self.with_function(|function| function.start_identification(plan, position, angle))
+        let started = self.with_function(|function| function.start_identification(plan, position, angle));
+        if started { Ok(()) } else { Err(Failure::Interrupted) }
     }
 
     /// Gives up an identification. Nobody is told of it.

@@ -13,6 +13,7 @@ use crate::settings::MotionSettings;
 use crate::signal::command::{Command, CommandValue, CommandValues};
 use crate::signal::feedback::Feedback;
 use crate::signal::record::{Datum, Records};
+use crate::state::ERROR_BIT;
 
 /// So long a lost telegram is a warning, in ticks of the supervision: one second.
 const LOSS_SHOWN_TICKS: u16 = 2_000;
@@ -180,6 +181,11 @@ impl<B: Bus + Clone> RingSide<B> {
     #[inline]
     pub(super) fn show_status(&mut self, status: u16) {
         self.feedback_port.set_status(status);
+    }
+
+    /// Whether the master sees, or has seen, an error that there is now: in CP3 and CP4 the AT tells it from the next t4 on. One bus access.
+    pub(super) fn shows_error(&mut self) -> bool {
+        !matches!(self.phase, Phase::Cp3 | Phase::Cp4) || self.feedback_port.status() & ERROR_BIT != 0
     }
 
     /// One value of the AT, from this word on and so many long; returns the word after it.

@@ -124,7 +124,11 @@ impl<B: Bus + Clone, H: Hardware> Motion<B, H> {
                 _ if !in_operation => Commanded::Nothing,
                 // A stop leads nowhere, and a place is held where the axis has come to.
                 Mode::Off | Mode::Stopping | Mode::Braking | Mode::Halt => Commanded::Nothing,
-                Mode::Position | Mode::Travel => Commanded::At(measured + (output.position_command - position)),
+                Mode::Position | Mode::Travel => {
+                    let near = |place: Position| measured + (place - position);
+                    let setpoint = near(output.position_command);
+                    axis.aim().map_or(Commanded::Rest(setpoint), |aim| Commanded::At { setpoint, aim: near(aim) })
+                }
                 Mode::Velocity => Commanded::Turn(output.velocity_command),
                 // No velocity is commanded, and the measured one of a standing axis is noise.
                 Mode::Torque if output.standstill => Commanded::Turn(Velocity::ZERO),

@@ -19,6 +19,7 @@ use servo::units::{Acceleration, Position, Velocity};
 
 use crate::dictionary::procedures::Procedure;
 use crate::motion::identification::{Failure, Measurement, Outcome, Plan};
+use crate::settings::current::{amplitude, rms, torque_constant};
 use crate::settings::invalid::InvalidSetting;
 use crate::settings::torque::TorqueScale;
 
@@ -47,11 +48,23 @@ pub(crate) enum Finding {
     Identification(IdentificationError),
     /// HALT has ended before the measurement, or torque or operation have.
     Interrupted,
+    /// P-0-0224 would have let a load go.
+    Loaded,
 }
 
 impl From<SettingsError> for Finding {
     fn from(error: SettingsError) -> Self {
         Self::Settings(error)
+    }
+}
+
+impl From<Failure> for Finding {
+    fn from(failure: Failure) -> Self {
+        match failure {
+            Failure::Sequence(error) => Self::Identification(error),
+            Failure::Interrupted => Self::Interrupted,
+            Failure::Loaded => Self::Loaded,
+        }
     }
 }
 
@@ -75,6 +88,7 @@ impl fmt::Display for Finding {
             }
             Self::Identification(error) => error.fmt(formatter),
             Self::Interrupted => formatter.write_str("interrupted: HALT, torque or operation have ended"),
+            Self::Loaded => formatter.write_str("the axis holds a load that P-0-0224 would let go: take the load off"),
         }
     }
 }
@@ -101,9 +115,10 @@ pub(crate) fn compute_gains(
         .saturating_add(current_loop.unwrap_or(0));
     let bandwidth = data.get(P(223));
     let small_times = u32::try_from(small_times).unwrap_or(u32::MAX);
-    let velocity = velocity_gains(data.get(P(221)), torque_constant(data), bandwidth, small_times)?;
+    // Per ampere RMS, as S-0-0100 counts them.
+    let velocity = velocity_gains(data.get(P(221)), data.get(P(114)), bandwidth, small_times)?;
     let position = position_gain(bandwidth)?;
-    let feed_forward = acceleration_feed_forward(data.get(P(221)), torque_constant(data))?;
+    let feed_forward = acceleration_feed_forward(data.get(P(221)), data.get(P(114)))?;
     let smoothing = acceleration_smoothing(data.get_word(S(1)));
     // Less than half a step would switch the integral part off.
     let current_time = (current.integral_time.saturating_add(50) / 100).max(1);
@@ -127,8 +142,8 @@ pub(crate) fn compute_gains(
 /// # Errors
 /// [`Finding::Settings`].
 pub(crate) fn plan(procedure: Procedure, parameters: &Parameters, frequency: PwmFrequency) -> Result<Plan, Finding> {
-    let peak_current = parameters.get(S(110));
-    let current = parameters.get(S(111)).min(parameters.get(S(109))).min(peak_current);
+    let peak_current = amplitude(parameters.get(S(110)));
+    let current = amplitude(parameters.get(S(111)).min(parameters.get(S(109)))).min(peak_current);
     const COMMAND_REVERSED: u32 = 1 << 0;
     let velocity = Velocity::from_ten_thousandths_rpm(parameters.get(P(218)).cast_signed());
     let identification = IdentificationParameters {
@@ -164,22 +179,18 @@ pub(crate) fn take_over(
     parameters: &mut Parameters,
     check: impl Fn(&Parameters) -> Result<(), InvalidSetting>,
 ) -> Result<(), Finding> {
-    let measurement = outcome.map_err(|failure| match failure {
-        Failure::Sequence(error) => Finding::Identification(error),
-        Failure::Interrupted => Finding::Interrupted,
-    })?;
-    match measurement {
+    match outcome? {
         Measurement::Winding(resistance, inductance) => {
             let inductances = inductance.inductances()?;
             let values =
                 [(P(111), resistance.resistance()?), (P(112), inductances.direct), (P(113), inductances.quadrature)];
             put(parameters, values, check)
         }
-        Measurement::Flux(flux) => put(parameters, [(P(114), flux.flux()?.linkage)], check),
+        Measurement::Flux(flux) => put(parameters, [(P(114), amplitude(flux.flux()?.torque_constant))], check),
         Measurement::Inertia(inertia) => {
             let Inertia { inertia, coulomb_friction, viscous_friction } = inertia.inertia()?;
             // Friction never drives: below zero it is noise.
-            let resisting = |current: i32| current.max(0).unsigned_abs();
+            let resisting = |amplitude: i32| rms(amplitude.max(0).unsigned_abs());
             let scale = TorqueScale::new(parameters).map_err(|invalid| Finding::Refused(invalid.idn))?;
             let coulomb = scale.increments(resisting(coulomb_friction));
             // Of 1000 rpm in uA to uA/rpm.
@@ -211,11 +222,6 @@ fn put<const N: usize>(
         }
     }
     result
-}
-
-/// In uNm/A.
-fn torque_constant(parameters: &Parameters) -> u32 {
-    parameters.get(P(114)).saturating_mul(parameters.get(P(110))).saturating_mul(3) / 2
 }
 
 /// By how many microseconds a filter of the current command delays what is slow against it; `first` is its first parameter.
@@ -266,11 +272,11 @@ mod tests {
     #[test]
     fn a_gain_beyond_its_limits_is_named_and_none_is_changed() {
         let mut parameters = Parameters::new(&DICTIONARY);
-        // 1 kg m^2 at 0.8 Nm/A and 40 Hz: 314 A s/rad.
+        // 1 kg m^2 at 1.131 Nm/A and 40 Hz: 222 A s/rad.
         parameters.set(P(221), 10_000_000).unwrap();
         let before = gains(&parameters);
         let finding = compute_gains(&mut parameters, PwmFrequency::Khz16, valid).unwrap_err();
-        assert!(matches!(finding, Finding::Limits { idn, actual: 314_000..314_300 } if idn == S(100)), "{finding}");
+        assert!(matches!(finding, Finding::Limits { idn, actual: 222_000..222_300 } if idn == S(100)), "{finding}");
         assert_eq!(gains(&parameters), before);
     }
 

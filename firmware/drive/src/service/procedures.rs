@@ -143,9 +143,7 @@ where
         parameters: &Parameters,
     ) -> Result<(), CommissioningFinding> {
         let plan = commissioning::plan(procedure, parameters, <H::Board>::FACTS.frequency)?;
-        if !self.motion.lock(|motion| motion.start_identification(&plan)) {
-            return Err(CommissioningFinding::Interrupted);
-        }
+        self.motion.lock(|motion| motion.start_identification(&plan))?;
         self.commissioning.identifying = Some(procedure);
         Ok(())
     }

@@ -24,15 +24,9 @@ use crate::settings::scaling::Ratio;
 
 /// Scaling types, factors and exponents.
 const SCALING: [u16; 13] = [44, 45, 46, 76, 77, 78, 79, 86, 93, 94, 160, 161, 162];
-/// Gear, feed constant, stall current, pole pairs and flux linkage.
-const MECHANICS: [Idn; 6] = [
-    Idn::standard(111),
-    Idn::standard(121),
-    Idn::standard(122),
-    Idn::standard(123),
-    Idn::product(110),
-    Idn::product(114),
-];
+/// Gear, feed constant, stall current and torque constant.
+const MECHANICS: [Idn; 5] =
+    [Idn::standard(111), Idn::standard(121), Idn::standard(122), Idn::standard(123), Idn::product(114)];
 /// What lies between numbers and motion.
 const DIMENSIONS: [Dimension; 5] =
     [Dimension::Position, Dimension::Velocity, Dimension::Acceleration, Dimension::Jerk, Dimension::Torque];
@@ -276,7 +270,7 @@ mod tests {
     #[test]
     fn torques_keep_their_current() {
         let (mut rescaling, mut parameters) = new();
-        // 0.01 Nm at 1.5 * 4 * 0.133333 Vs = 0.8 Nm/A: 100 % of 5 A are 4 Nm.
+        // 0.01 Nm at 1.131 Nm/A: 100 % of 3.536 A are 4 Nm.
         write_all(&mut rescaling, &mut parameters, &[(86, 2)]);
         assert_eq!((parameters.get(S(126)), parameters.get(S(92))), (400, 800));
         assert_eq!(parameters.get(S(82)), 32_767, "no limit");

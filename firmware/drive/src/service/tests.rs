@@ -235,7 +235,7 @@ fn no_command_changes_in_cp4_what_cp4_protects() {
     };
     for block in DICTIONARY.blocks().iter().filter(|block| block.attribute.command()) {
         // A value of its own wherever a default could come back.
-        let mut rig = Rig::in_cp4(&[(S(79), &[0, 16]), (S(76), &[0x0A]), (S(110), &[25_000, 0]), (S(33), &[2])]);
+        let mut rig = Rig::in_cp4(&[(S(79), &[0, 16]), (S(76), &[0x0A]), (S(110), &[17_000, 0]), (S(33), &[2])]);
         rig.write(S(104), &[250]).unwrap();
         let before = (protected(&rig), *rig.motion.settings());
         let answer = rig.write(block.idn, &[3]);
@@ -270,6 +270,28 @@ fn defaults_are_loaded_in_cp2_and_cp3_and_not_in_cp4() {
     assert_eq!(loaded(rig), (Ok(()), 100));
     assert_eq!(loaded(Rig::in_cp3(other)), (Ok(()), 100));
     assert_eq!(loaded(Rig::in_cp4(other)), (Err(0x7012), 250));
+}
+
+#[test]
+fn an_error_that_no_at_has_told_of_is_not_reset() {
+    let errors = |rig: &mut Rig| rig.motion.snapshot().class_1.bits();
+    let reset = |rig: &mut Rig| {
+        rig.write(S(99), &[3]).unwrap();
+        let left = errors(rig);
+        rig.write(S(99), &[0]).unwrap();
+        left
+    };
+    for mut rig in [Rig::in_cp3(&[]), Rig::in_cp4(&[])] {
+        rig.motion.capture_feedback();
+        rig.motion.communication_fault();
+        assert_eq!([reset(&mut rig), reset(&mut rig)], [1 << 12; 2], "the record of the AT is from before the error");
+        rig.motion.capture_feedback();
+        assert_eq!(reset(&mut rig), 0);
+    }
+    // Before CP3 there is no t4; whoever asks reads S-0-0011.
+    let mut rig = Rig::new();
+    rig.motion.communication_fault();
+    assert_eq!(reset(&mut rig), 0);
 }
 
 #[test]

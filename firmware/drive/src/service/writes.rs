@@ -6,10 +6,11 @@ use sercos::data_block::{DataBlock, Location, NeededFor};
 use sercos::error::ServiceError;
 use sercos::parameters::Parameters;
 use sercos::{Idn, Phase};
+use servo::probe::ProbeSettings;
 
 use super::context::Context;
 use super::finding::Finding;
-use super::procedures::{HOMING_PARAMETER, REFERENCE_DISTANCE};
+use super::procedures::{HOMING_PARAMETER, PROBE_CONTROL, REFERENCE_DISTANCE};
 use super::{loops, scope};
 use crate::dictionary::access::Access;
 use crate::dictionary::access_of;
@@ -97,6 +98,11 @@ where
                 }
             };
             self.motion.lock(|motion| motion.apply_settings(settings));
+        }
+        if block.idn == PROBE_CONTROL {
+            // S-0-0170 has no end of its own after which it could be taken over.
+            let edges = ProbeSettings::new(parameters.get_word(block.idn)).map_err(|_| ServiceError::InvalidData)?;
+            self.motion.lock(|motion| motion.select_probe_edges(edges));
         }
         if self.checks.finding.is_some_and(|finding| finding.is_of_a_write()) {
             self.checks.finding = None;

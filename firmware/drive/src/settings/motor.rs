@@ -18,6 +18,7 @@ use servo::monitor::{
 use servo::motor::{CurrentSettings, Facts, MotorSettings};
 use servo::units::{CurrentFraction, Position, Velocity};
 
+use super::current::{amplitude, flux_linkage};
 use super::invalid::InvalidSetting;
 
 const S: fn(u16) -> Idn = Idn::standard;
@@ -36,7 +37,9 @@ pub(super) fn settings(
 ) -> Result<MotorSettings, InvalidSetting> {
     let long = |idn: Idn| parameters.get(idn);
     let word = |idn: Idn| parameters.get_word(idn);
-    let peak = long(S(110));
+    // In amplitudes, as the measuring range.
+    let peak = amplitude(long(S(110)));
+    let flux = flux_linkage(parameters);
     let range = long(P(100));
     let full_scale = word(P(101));
     let of = |idn: Idn| move |reason: SettingsError| InvalidSetting { idn, reason: Some(reason) };
@@ -52,10 +55,15 @@ pub(super) fn settings(
         dead_time_band: u32::from(word(P(103))).max(1),
     })
     .map_err(|reason| InvalidSetting { idn: blamed(&reason), reason: Some(reason) })?;
+    // What the motor and the amplifier bear both.
+    let most = long(S(109)).min(long(S(110)));
+    let weakening_current = most.saturating_mul(word(P(107)).into()) / 1_000;
     let trip = match long(P(106)) {
-        0 => peak.saturating_add(peak / 4),
-        trip => trip,
+        0 => default_trip(most, long(S(110)), range),
+        trip => amplitude(trip),
     };
+    let of_peak = |current: u32| share(current, long(S(110)));
+    let of_most = |per_mille: u16| of_peak(most.saturating_mul(per_mille.into()) / 1_000);
     let highest_bus = u32::from(word(P(105))).saturating_mul(4_096).checked_div(full_scale.into()).unwrap_or(0);
     // One and a half times the highest speed, in a cycle, and two increments that a standing encoder may swing.
     let turned = u64::from(maximum_velocity.abs().to_bits().unsigned_abs()).saturating_mul(increments.into());
@@ -63,6 +71,10 @@ pub(super) fn settings(
     let increments_per_cycle = u32::try_from(per_cycle).unwrap_or(u32::MAX).saturating_add(3);
     let highest_bus = u16::try_from(highest_bus.min(4_095)).unwrap_or(4_095);
     let protection = Protection::new(trip, range, highest_bus, increments_per_cycle).map_err(of(P(100)))?;
+
+    // Overspeed is found a quarter above it.
+    check_encoder_rate(long(S(113)).saturating_add(long(S(113)) / 4), increments, facts.encoder_rate)
+        .map_err(of(S(113)))?;
 
     let pole_pairs = word(P(110));
     let commutation_settings =
@@ -86,7 +98,7 @@ pub(super) fn settings(
         LoadSettings::new(&LoadParameters {
             continuous_current: long(S(continuous)),
             peak_current: long(S(peak_current)),
-            amplifier_peak_current: peak,
+            amplifier_peak_current: long(S(110)),
             time_constant: long(P(time)),
             warning_level: WARNING_LEVEL,
             shutdown_level: word(S(114)).max(WARNING_LEVEL.saturating_add(1)),
@@ -94,15 +106,18 @@ pub(super) fn settings(
         .map_err(of(P(time)))
     };
     let brake_bits = word(P(120));
+    if brake_bits & BRAKE_FITTED != 0 {
+        check_proof(most.saturating_mul(word(P(121)).into()) / 1_000, range).map_err(of(P(121)))?;
+    }
     let millidegrees = |idn: Idn| Position::from_bits((i64::from(word(idn)) << 32) / 36_000);
     Ok(MotorSettings {
         current: CurrentSettings { current_loop, protection },
-        model: MotorModel::new(long(P(112)), long(P(113)), long(P(114)), peak).map_err(of(P(114)))?,
+        model: MotorModel::new(long(P(112)), long(P(113)), flux, peak).map_err(of(P(114)))?,
         commutation: commutation_settings,
         // Whole electrical revolutions are cut on purpose.
         angle_per_increment: angle.checked_div(u64::from(increments)).unwrap_or(0) as u32,
         pole_pairs: pole_pairs.into(),
-        alignment: AlignmentSettings::new(commutation_settings, share(word(P(116)))).map_err(commutation(P(116)))?,
+        alignment: AlignmentSettings::new(commutation_settings, of_most(word(P(116)))).map_err(commutation(P(116)))?,
         index_angle: index_angle(parameters),
         voltage: VoltageSettings::new(&VoltageParameters {
             full_scale,
@@ -124,7 +139,7 @@ pub(super) fn settings(
             increments_per_revolution: increments,
             maximum_velocity,
             pole_pairs: pole_pairs.into(),
-            flux: long(P(114)),
+            flux,
             dead_time_compensated: word(P(103)) != 0,
             index_width: (word(P(117)) != 0).then_some(1),
         })
@@ -135,8 +150,8 @@ pub(super) fn settings(
             drive_on_delay: word(S(206)),
             drive_off_delay: word(S(207)),
             maximum_drive_off_delay: word(S(273)),
-            proof_current: share(word(P(121))),
-            proof_tolerance: share(word(P(121)) / 2),
+            proof_current: of_most(word(P(121))),
+            proof_tolerance: of_most(word(P(121)) / 2),
             proof_time: 2,
             proof_limit: 100,
             hold_test_time: word(P(123)),
@@ -149,11 +164,12 @@ pub(super) fn settings(
         torque_limits: TorqueLimitSettings::new(&TorqueLimitParameters {
             commanded: *limits,
             motor_peak: long(S(109)),
-            amplifier_peak: peak,
+            amplifier_peak: long(S(110)),
         })
         .map_err(of(S(110)))?,
         weakening: FieldWeakeningSettings::new(&FieldWeakeningParameters {
-            limit: word(P(107)).saturating_mul(10),
+            limit: u16::try_from(u64::from(weakening_current).saturating_mul(10_000) / u64::from(long(S(110)).max(1)))
+                .unwrap_or(u16::MAX),
             voltage: 9_300,
             integral_time: 100,
         })
@@ -166,6 +182,14 @@ pub(super) fn settings(
     })
 }
 
+/// Whether the board counts so many increments of a revolution at `speed`, in 10^-4 rpm.
+fn check_encoder_rate(speed: u32, increments: u32, maximum: u32) -> Result<(), SettingsError> {
+    const MINUTE: u64 = 60 * 10_000;
+    let rate = u64::from(speed).saturating_mul(increments.into()).div_ceil(MINUTE);
+    let actual = u32::try_from(rate).unwrap_or(u32::MAX);
+    if actual <= maximum { Ok(()) } else { Err(SettingsError::EncoderRate { actual, maximum }) }
+}
+
 const BRAKE_FITTED: u16 = 1 << 0;
 const BRAKE_CONTACT: u16 = 1 << 1;
 const BRAKE_MAY_OPEN: u16 = 1 << 2;
@@ -173,10 +197,35 @@ const BRAKE_MAY_OPEN: u16 = 1 << 2;
 /// Load from which the thermal models warn and limit, in 0.1 %.
 const WARNING_LEVEL: u16 = 900;
 
-/// A share of the peak current, from 0.1 %.
-fn share(per_mille: u16) -> CurrentFraction {
-    let bits = (u32::from(per_mille) << 15) / 1_000;
+/// A current as a share of the peak current, both RMS.
+fn share(current: u32, peak: u32) -> CurrentFraction {
+    let bits = (u64::from(current) << 15).checked_div(peak.into()).unwrap_or(0);
     CurrentFraction::from_bits(i16::try_from(bits).unwrap_or(i16::MAX))
+}
+
+/// Amplitude at which the bridge is switched off where P-0-0106 does not say it: 125 % of the longest vector, and a fiftieth of the measuring range
+/// above it at least, that noise and ripple of the sensors trip nothing. The vector has S-0-0109 for the torque and 90 % of it, the most of
+/// P-0-0107, across, and is never longer than S-0-0110.
+fn default_trip(most: u32, amplifier: u32, range: u32) -> u32 {
+    // sqrt(1 + 0.9^2).
+    const PER_MILLE: u64 = 1_346;
+    let vector = u64::from(most).saturating_mul(PER_MILLE) / 1_000;
+    let longest = amplitude(u32::try_from(vector).unwrap_or(u32::MAX).min(amplifier));
+    longest.saturating_add((longest / 4).max(range / 50))
+}
+
+/// Smallest test current of the torque proof in counts of the converter: half of it is the tolerance, and a zero may be wrong by four.
+const LEAST_PROOF_COUNTS: u32 = 16;
+
+/// Whether a current that does not flow can be told from one that does.
+fn check_proof(current: u32, range: u32) -> Result<(), SettingsError> {
+    let counts = u64::from(amplitude(current)).saturating_mul(2_048).checked_div(range.into()).unwrap_or(0);
+    let actual = u32::try_from(counts).unwrap_or(u32::MAX);
+    if actual >= LEAST_PROOF_COUNTS {
+        return Ok(());
+    }
+    let parameter = "test current P-0-0121 in counts of the converter";
+    Err(SettingsError::OutOfRange { parameter, actual, minimum: LEAST_PROOF_COUNTS, maximum: 2_047 })
 }
 
 /// P-0-0115 in 0.01 degree; -1: not known.

@@ -19,7 +19,7 @@ pub struct TorqueScale {
     to_fraction: Gain,
     /// From a fraction of the peak current (2^-15) to increments.
     from_fraction: Gain,
-    /// mA in an increment.
+    /// mA RMS in an increment.
     milliamperes: Ratio,
 }
 
@@ -27,7 +27,7 @@ impl TorqueScale {
     /// Divides.
     ///
     /// # Errors
-    /// S-0-0086 where it names a scaling that the drive does not have; P-0-0114 without flux, of which nothing makes newton metres;
+    /// S-0-0086 where it names a scaling that the drive does not have; P-0-0114 of 0, of which nothing makes newton metres;
     /// S-0-0094 (S-0-0111 with per cent) for an increment that the current cannot represent.
     pub(crate) fn new(parameters: &Parameters) -> Result<Self, InvalidSetting> {
         let (milliamperes, culprit) = milliamperes(parameters)?;
@@ -68,7 +68,7 @@ impl TorqueScale {
         u32::try_from(self.to_fraction.apply(increments.into())).unwrap_or(u32::MAX)
     }
 
-    /// Increments that are nearest to so many mA. Divides.
+    /// Increments that are nearest to so many mA RMS. Divides.
     pub(crate) fn increments(&self, milliamperes: u32) -> u32 {
         let Ratio { numerator, denominator } = self.milliamperes;
         let scaled =
@@ -77,7 +77,7 @@ impl TorqueScale {
         u32::try_from(increments).unwrap_or(u32::MAX)
     }
 
-    /// mA of so many increments. Divides.
+    /// mA RMS of so many increments. Divides.
     pub(super) fn milliamperes(&self, increments: u16) -> u32 {
         let scaled = u128::from(increments).saturating_mul(self.milliamperes.numerator.into());
         let scaled = scaled.checked_div(self.milliamperes.denominator.into()).unwrap_or(u128::MAX);
@@ -88,7 +88,7 @@ impl TorqueScale {
 /// Largest current fraction, in 2^-15.
 const MOST_CURRENT: i64 = i16::MAX as i64;
 
-/// mA in an increment, and the parameter to blame if they are too many or too few.
+/// mA RMS in an increment, and the parameter to blame if they are too many or too few.
 pub(super) fn milliamperes(parameters: &Parameters) -> Result<(Option<Ratio>, u16), InvalidSetting> {
     let weighting = weighting(Dimension::Torque, parameters)?;
     let (factor, exponent) = decimal(&weighting, 86)?;
@@ -110,17 +110,13 @@ pub(super) fn milliamperes(parameters: &Parameters) -> Result<(Option<Ratio>, u1
         true => ratio.times(gear(parameters, 122))?.over(gear(parameters, 121)),
         false => Some(ratio),
     });
-    // Torque = 1.5 * pole pairs * flux linkage * current, with the flux in 10^-6 Vs and the current in 10^-3 A.
-    let flux: u64 = parameters.get(Idn::product(114)).into();
-    if flux == 0 {
-        let reason = Some(SettingsError::Zero { parameter: "flux linkage P-0-0114" });
+    // In 10^-6 Nm/A, and the current in 10^-3 A; both RMS, as S-0-0110 and S-0-0111 are.
+    let torque_constant: u64 = parameters.get(Idn::product(114)).into();
+    if torque_constant == 0 {
+        let reason = Some(SettingsError::Zero { parameter: "torque constant P-0-0114" });
         return Err(InvalidSetting { idn: Idn::product(114), reason });
     }
-    let pole_pairs: u64 = parameters.get(Idn::product(110)).into();
-    let current = at_motor
-        .and_then(|ratio| ratio.times_ten_to(9))
-        .and_then(|ratio| ratio.times(2)?.over(3))
-        .and_then(|ratio| ratio.over(pole_pairs)?.over(flux));
+    let current = at_motor.and_then(|ratio| ratio.times_ten_to(9)?.over(torque_constant));
     Ok((current, 94))
 }
 
@@ -140,7 +136,7 @@ mod tests {
     const S: fn(u16) -> Idn = Idn::standard;
     const P: fn(u16) -> Idn = Idn::product;
 
-    /// mA for a thousand increments, of the default motor: 4 pole pairs and 0.133333 Vs are 0.8 Nm/A.
+    /// mA for a thousand increments, of the default motor: 1.131371 Nm/A.
     fn current(changes: &[(Idn, i32)]) -> f64 {
         f64::from(TorqueScale::new(&with(changes)).unwrap().milliamperes(1_000))
     }
@@ -152,15 +148,15 @@ mod tests {
 
     #[test]
     fn a_thousand_increments_are_the_current_that_makes_their_torque() {
-        let constant = 1.5 * 4.0 * 0.133_333;
-        // 100 % of 5 A.
-        near(current(&[]), 5_000.0);
+        let constant = 1.131_371;
+        // 100 % of 3.536 A.
+        near(current(&[]), 3_536.0);
         near(current(&[(S(111), 7_321)]), 7_321.0);
         // 10 Nm, 1 Nm, and 0.5 Nm of a weaker motor.
         near(current(&[(S(86), 2)]), 10.0 / constant * 1_000.0);
         near(current(&[(S(86), 0x0A), (S(93), 1), (S(94), -3)]), 1.0 / constant * 1_000.0);
-        let weak = 1.5 * 3.0 * 0.02;
-        near(current(&[(S(86), 0x0A), (S(93), 5), (S(94), -4), (P(110), 3), (P(114), 20_000)]), 0.5 / weak * 1_000.0);
+        let weak = 0.09;
+        near(current(&[(S(86), 0x0A), (S(93), 5), (S(94), -4), (P(114), 90_000)]), 0.5 / weak * 1_000.0);
         // 1 kN with 10 mm a revolution is 1.59 Nm.
         let newton_metres = 1_000.0 * 0.01 / core::f64::consts::TAU;
         near(current(&[(S(86), 1)]), newton_metres / constant * 1_000.0);
@@ -187,7 +183,7 @@ mod tests {
     fn torques_beyond_the_peak_current_are_the_peak_current() {
         let scale = TorqueScale::new(&with(&[(S(86), 0x0A), (S(94), -1)])).unwrap();
         assert_eq!([65_535, -65_535].map(|limit| scale.current_of(limit).to_bits()), [i16::MAX, -i16::MAX]);
-        // 4 Nm are 5 A, a quarter of 20 A.
+        // 4 Nm are 3.536 A, a quarter of 14.142 A.
         let negative = scale.current_of(-40).to_num::<f64>();
         assert!((negative + 0.25).abs() < 5e-5, "{negative}");
     }
@@ -201,7 +197,7 @@ mod tests {
         for pounds_or_reserved in [0x12, 0x22, 0x82, 3, 8, 0x40, 0x0102] {
             assert_eq!(refused(&[(S(86), pounds_or_reserved)]), (S(86), None), "{pounds_or_reserved:X}");
         }
-        let flux = SettingsError::Zero { parameter: "flux linkage P-0-0114" };
+        let flux = SettingsError::Zero { parameter: "torque constant P-0-0114" };
         assert_eq!(refused(&[(S(86), 2), (P(114), 0)]), (P(114), Some(flux)));
         // 32 767 increments of 10^-12 Nm are nothing; one of 100 Nm is beyond the peak current; the rest is beyond all numbers.
         for exponent in [-32, -12, 2, 32] {

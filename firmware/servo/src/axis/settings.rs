@@ -28,7 +28,7 @@ pub struct AxisParameters {
     pub position_gain: u16,
     /// Velocity feed-forward in 0.01 %, 0 ..= 10 000 (10 000: without lag).
     pub feed_forward: u16,
-    /// Velocity loop proportional gain S-0-0100 in mA s/rad at the motor (one increment of the IDN, 0.1 A s/rad, is 100).
+    /// Velocity loop proportional gain S-0-0100 in mA s/rad at the motor (an increment of the IDN), RMS as `peak_current` is.
     pub velocity_gain: u32,
     /// Velocity loop integral action time S-0-0101 in 0.1 ms, 0: no integral part.
     pub integral_time: u16,

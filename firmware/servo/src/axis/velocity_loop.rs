@@ -31,7 +31,7 @@ pub struct VelocityLoopSettings {
 }
 
 impl VelocityLoopSettings {
-    /// * `gain`: S-0-0100 in mA s/rad (an increment of 0.1 A s/rad is 100).
+    /// * `gain`: S-0-0100 in mA s/rad (an increment of the IDN), RMS as the peak current is.
     /// * `integral_time`: S-0-0101 in 0.1 ms; 0 switches the integral part off.
     /// * `acceleration_gain`: S-0-0348 in uA s²/rad, 0: no feed-forward.
     /// * `peak_current`: of the amplifier, S-0-0110, in mA.

@@ -57,7 +57,7 @@ impl PwmFrequency {
 /// Parameters of the current loop in physical units.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct CurrentLoopParameters {
-    /// Amplifier peak current S-0-0110 in mA: the unit of all current data.
+    /// Amplitude of the amplifier peak current S-0-0110 in mA: the unit of all current data.
     pub peak_current: u32,
     /// Phase current at full deflection of the sensor (2 048 counts), in mA.
     pub measuring_range: u32,

@@ -39,13 +39,13 @@ impl HiddenMotionSettings {
     /// Change of the flux that may be, in 0.1 % of the magnets'.
     pub(crate) const ALLOWED: u32 = 1_000 / SHARE as u32;
 
-    /// Flux linkage of the magnets in uVs (P-0-0114), at most 2.5 Vs; 0: not known, nothing is found. The current loop makes up for the dead time of the
+    /// Flux linkage of the magnets in uVs (from the torque constant P-0-0114), at most 2.5 Vs; 0: not known, nothing is found. The current loop makes up for the dead time of the
     /// bridge, or not. Divides.
     ///
     /// # Errors
     /// [`SettingsError::OutOfRange`] for more.
     pub(crate) fn new(flux: u32, compensated: bool) -> Result<Self, SettingsError> {
-        let flux = u64::from(in_range("flux linkage P-0-0114", flux, 0, 2_500_000)?);
+        let flux = u64::from(in_range("flux linkage in uVs (P-0-0114 and P-0-0110)", flux, 0, 2_500_000)?);
         // At most 8.2e7: 2.5 Vs in ticks of 500 us.
         let whole = (flux << 14).checked_div(SUPERVISION_PERIOD_MICROSECONDS.into()).unwrap_or(0);
         Ok(Self {

@@ -18,7 +18,7 @@ pub struct EncoderMonitorParameters {
     pub maximum_velocity: Velocity,
     /// Pole pairs of the motor, from 1.
     pub pole_pairs: u32,
-    /// Flux linkage of the magnets in uVs (P-0-0114); 0: not known, a lost signal is not found at standstill.
+    /// Flux linkage of the magnets in uVs (from the torque constant P-0-0114); 0: not known, a lost signal is not found at standstill.
     pub flux: u32,
     /// The current loop makes up for the dead time of the bridge.
     pub dead_time_compensated: bool,

@@ -47,6 +47,13 @@ impl ResistanceSettings {
         })
     }
 
+    /// A load that takes more than this to be held turns the rotor away from the standing current, which begins at zero: an eighth of the
+    /// highest one. Friction and the noise of the loops take less.
+    #[must_use]
+    pub fn largest_load(&self) -> CurrentFraction {
+        CurrentReadings::fraction(self.quarter / 2)
+    }
+
     /// Current of a level.
     #[inline]
     const fn current(&self, level: Level) -> i32 {

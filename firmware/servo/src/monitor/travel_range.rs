@@ -3,6 +3,9 @@
 //! Only a command that leads further out is an error. An axis that was outside when it was switched on, homed there, or given a narrower range,
 //! may be held where it is and may go back; on its way back the range closes behind it. What takes the axis over has read its position a while ago:
 //! a load that sags inwards when its brake opens, or is halted while it turns, may be held where it was then.
+//!
+//! What takes over an axis that moves begins with a set-point that moves with it, and ahead of it by its lag: a load that sags outwards is not
+//! commanded to. Where a set-point is led to counts as well as where it is, and one that is led nowhere brakes.
 
 use crate::units::{Position, Velocity};
 
@@ -28,8 +31,15 @@ pub struct TravelRange {
 pub enum Commanded {
     /// Nothing that the range is about: no torque, or a stop.
     Nothing,
-    /// To be at this position.
-    At(Position),
+    /// Nothing but to come to rest: the set-point is on its way to where that will be.
+    Rest(Position),
+    /// To be at a position.
+    At {
+        /// The set-point.
+        setpoint: Position,
+        /// Where the command leads it.
+        aim: Position,
+    },
     /// To turn at this velocity.
     Turn(Velocity),
 }
@@ -82,7 +92,7 @@ impl RangeMonitor {
     pub fn new(range: TravelRange, measured: Position) -> Self {
         let been = [Been::at(measured); 2];
         let mut monitor = Self { range, lowest: range.lowest, highest: range.highest, been, looks: 0, led: 0 };
-        monitor.stay(measured);
+        monitor.stay(measured, measured);
         monitor.led = range.looks_back;
         monitor
     }
@@ -97,12 +107,16 @@ impl RangeMonitor {
     pub fn look(&mut self, measured: Position, commanded: Commanded) -> Option<RangeEnd> {
         match commanded {
             Commanded::Nothing => {
-                self.stay(measured);
+                self.stay(measured, measured);
                 None
             }
-            Commanded::At(setpoint) => self.follow(setpoint),
+            Commanded::Rest(setpoint) => {
+                self.stay(measured, setpoint);
+                None
+            }
+            Commanded::At { setpoint, aim } => self.follow(setpoint, aim),
             Commanded::Turn(velocity) => {
-                self.stay(measured);
+                self.stay(measured, measured);
                 if measured > self.range.highest && velocity > Velocity::ZERO {
                     Some(RangeEnd::Highest)
                 } else if measured < self.range.lowest && velocity < Velocity::ZERO {
@@ -114,16 +128,17 @@ impl RangeMonitor {
         }
     }
 
-    fn stay(&mut self, measured: Position) {
+    fn stay(&mut self, measured: Position, setpoint: Position) {
         self.led = 0;
+        let here = Been::at(measured).and(Been::at(setpoint));
         let [now, _] = self.been;
         self.been = if self.looks < self.range.looks_back {
             self.looks = self.looks.wrapping_add(1);
             let [_, before] = self.been;
-            [now.and(Been::at(measured)), before]
+            [now.and(here), before]
         } else {
             self.looks = 0;
-            [Been::at(measured), now]
+            [here, now]
         };
         let [now, before] = self.been;
         let been = now.and(before);
@@ -133,11 +148,11 @@ impl RangeMonitor {
         self.lowest = if been.lowest < self.range.lowest { been.lowest - self.range.swing } else { self.range.lowest };
     }
 
-    fn follow(&mut self, setpoint: Position) -> Option<RangeEnd> {
-        if setpoint > self.highest + self.range.rounding {
+    fn follow(&mut self, setpoint: Position, aim: Position) -> Option<RangeEnd> {
+        if setpoint.min(aim) > self.highest + self.range.rounding {
             return Some(RangeEnd::Highest);
         }
-        if setpoint < self.lowest - self.range.rounding {
+        if setpoint.max(aim) < self.lowest - self.range.rounding {
             return Some(RangeEnd::Lowest);
         }
         if self.led < self.range.looks_back {
@@ -160,12 +175,17 @@ mod tests {
         Position::from_bits(bits)
     }
 
+    /// A set-point that is where its command wants it.
+    const fn to(bits: i64) -> Commanded {
+        Commanded::At { setpoint: at(bits), aim: at(bits) }
+    }
+
     const RANGE: TravelRange =
         TravelRange { lowest: at(-1_000), highest: at(1_000), rounding: at(2), swing: at(20), looks_back: 4 };
 
     fn ends<const N: usize>(start: i64, commands: [i64; N]) -> [Option<RangeEnd>; N] {
         let mut monitor = RangeMonitor::new(RANGE, at(start));
-        commands.map(|command| monitor.look(at(start), Commanded::At(at(command))))
+        commands.map(|command| monitor.look(at(start), to(command)))
     }
 
     #[test]
@@ -175,7 +195,7 @@ mod tests {
             for _ in 0..looks {
                 assert_eq!(monitor.look(at(0), Commanded::Nothing), None);
             }
-            monitor.look(at(0), Commanded::At(at(1_500))).is_none()
+            monitor.look(at(0), to(1_500)).is_none()
         };
         for looks in 0..=2 * RANGE.looks_back {
             assert!(taken_over_after(looks), "{looks}");
@@ -223,12 +243,12 @@ mod tests {
     fn without_torque_the_axis_may_be_moved_by_hand_and_held_where_it_is_then() {
         let mut monitor = RangeMonitor::new(RANGE, at(0));
         assert_eq!(monitor.look(at(3_000), Commanded::Nothing), None);
-        assert_eq!(monitor.look(at(3_000), Commanded::At(at(3_000))), None);
-        assert_eq!(monitor.look(at(3_000), Commanded::At(at(3_030))), Some(RangeEnd::Highest));
+        assert_eq!(monitor.look(at(3_000), to(3_000)), None);
+        assert_eq!(monitor.look(at(3_000), to(3_030)), Some(RangeEnd::Highest));
         for _ in 0..10 {
             assert_eq!(monitor.look(at(500), Commanded::Nothing), None);
         }
-        assert_eq!(monitor.look(at(500), Commanded::At(at(1_003))), Some(RangeEnd::Highest), "it has closed");
+        assert_eq!(monitor.look(at(500), to(1_003)), Some(RangeEnd::Highest), "it has closed");
     }
 
     /// The end that a command passes that takes an axis over `looks` after it was at `outside`, and begins where it is.
@@ -240,8 +260,8 @@ mod tests {
         for _ in 0..looks {
             monitor.look(at(0), Commanded::Nothing);
         }
-        assert_eq!(monitor.look(at(0), Commanded::At(at(0))), None);
-        monitor.look(at(0), Commanded::At(at(command)))
+        assert_eq!(monitor.look(at(0), to(0)), None);
+        monitor.look(at(0), to(command))
     }
 
     #[test]
@@ -255,13 +275,45 @@ mod tests {
     }
 
     #[test]
+    fn a_set_point_that_runs_on_outwards_after_an_inward_command_is_no_command_outwards() {
+        for (sign, end) in [(1, RangeEnd::Highest), (-1, RangeEnd::Lowest)] {
+            let begun = |setpoint: i64, aim: i64| {
+                let mut monitor = RangeMonitor::new(RANGE, at(sign * 1_500));
+                let commanded = Commanded::At { setpoint: at(sign * setpoint), aim: at(sign * aim) };
+                (monitor.look(at(sign * 1_500), commanded), monitor)
+            };
+            for (setpoint, aim) in [(1_900, 1_400), (1_900, 1_520), (1_400, 1_900), (1_900, 0), (900, 1_900)] {
+                assert_eq!(begun(setpoint, aim).0, None, "{setpoint} {aim}");
+            }
+            assert_eq!(begun(1_523, 1_900).0, Some(end), "a command that goes out is found when the set-point is out");
+            assert_eq!(begun(1_900, 1_523).0, Some(end));
+            // Where the set-point has run to is no place for a later command.
+            let (_, mut monitor) = begun(1_900, 1_400);
+            assert_eq!(monitor.look(at(sign * 1_550), to(sign * 1_523)), Some(end));
+        }
+    }
+
+    #[test]
+    fn an_axis_that_comes_to_rest_outside_by_itself_may_be_held_there_and_no_further_out() {
+        for (sign, end) in [(1, RangeEnd::Highest), (-1, RangeEnd::Lowest)] {
+            let mut monitor = RangeMonitor::new(RANGE, at(0));
+            for further in [0, 200, 300, 350] {
+                let rest = Commanded::Rest(at(sign * (1_500 + further)));
+                assert_eq!(monitor.look(at(sign * 1_400), rest), None);
+            }
+            assert_eq!(monitor.look(at(sign * 1_400), to(sign * 1_850)), None);
+            assert_eq!(monitor.look(at(sign * 1_400), to(sign * 1_873)), Some(end));
+        }
+    }
+
+    #[test]
     fn the_range_closes_behind_an_axis_that_was_taken_over_a_while_ago() {
         let mut monitor = RangeMonitor::new(RANGE, at(1_500));
         monitor.look(at(1_500), Commanded::Nothing);
         for _ in 0..=RANGE.looks_back {
-            assert_eq!(monitor.look(at(1_200), Commanded::At(at(1_200))), None);
+            assert_eq!(monitor.look(at(1_200), to(1_200)), None);
         }
-        assert_eq!(monitor.look(at(1_200), Commanded::At(at(1_223))), Some(RangeEnd::Highest));
+        assert_eq!(monitor.look(at(1_200), to(1_223)), Some(RangeEnd::Highest));
     }
 
     #[test]

@@ -4,7 +4,7 @@ use super::Motor;
 use super::facts::BoardKind;
 use super::fault::{MotorFault, MotorFaults};
 use crate::brake::error::BrakeError;
-use crate::brake::{BrakeInputs, BrakeRequest};
+use crate::brake::{BrakeInputs, BrakeRequest, TorqueScale};
 use crate::commutation::CommutationAngle;
 use crate::commutation::alignment::{Alignment, AlignmentError, AlignmentState};
 use crate::commutation::index::IndexState;
@@ -59,6 +59,9 @@ pub struct SequenceInputs {
     pub index: Option<Position>,
 }
 
+/// Ticks of the supervision in which the current sensors find their zero, three times over: 250 ms.
+const CALIBRATION_TICKS: u16 = 500;
+
 impl<B: BoardKind> Motor<B> {
     /// One step of the sequence.
     pub fn sequence(&mut self, inputs: &SequenceInputs, faults: &mut MotorFaults) -> SequenceOutput {
@@ -67,6 +70,7 @@ impl<B: BoardKind> Motor<B> {
         let request = match inputs.wanted {
             Sequence::Off => BrakeRequest::Immediate,
             Sequence::Stop => BrakeRequest::Engage,
+            Sequence::Start if !self.zero_is_known(faults) => BrakeRequest::Immediate,
             Sequence::Start if aligning || self.commutation.is_none() => BrakeRequest::Immediate,
             Sequence::Start => BrakeRequest::Release,
         };
@@ -85,21 +89,42 @@ impl<B: BoardKind> Motor<B> {
                 blocked: inputs.blocked,
             },
         );
+        if !inputs.bridge_on {
+            // What is asked of an open bridge winds up in the current loop.
+            self.brake_output.torque_scale = TorqueScale::ZERO;
+            self.brake_output.test_current = CurrentFraction::ZERO;
+        }
         let output = self.brake_output;
         if let Some(error) = output.event {
             self.take_brake_error(error, faults);
         }
         let bridge = aligning || output.torque;
-        self.bridge_on = bridge;
+        // The order has reached the current loop by the next step: then its voltage is that of the turning rotor, and the bridge no short circuit.
+        let regulated = core::mem::replace(&mut self.bridge_on, bridge);
         SequenceOutput {
             released: request == BrakeRequest::Release && output.finished,
             torque_off: !bridge,
-            bridge,
+            bridge: bridge && regulated,
             brake: output.energise || (aligning && self.settings.has_brake),
             // Only a brake hands a load over. Without one the last current may be that of an axis that was blocked: it would be thrown.
             preload: output.preload.filter(|_| self.settings.has_brake),
             anchor: output.anchor,
         }
+    }
+
+    /// The zero of the current sensors is known. It is measured while the bridge is off, which it stays until then; a zero that does not come
+    /// is an error.
+    fn zero_is_known(&mut self, faults: &mut MotorFaults) -> bool {
+        if self.measured.calibrated {
+            self.uncalibrated = 0;
+            return true;
+        }
+        self.uncalibrated = self.uncalibrated.saturating_add(1);
+        if self.uncalibrated >= CALIBRATION_TICKS {
+            self.uncalibrated = 0;
+            faults.add(MotorFault::CurrentSensor);
+        }
+        false
     }
 
     /// Has the commutation angle searched for when torque is wanted and the angle is not known. Returns whether that is under way.
@@ -111,6 +136,8 @@ impl<B: BoardKind> Motor<B> {
             return false;
         }
         if !self.measured.calibrated {
+            self.alignment = None;
+            self.aligning = None;
             return false;
         }
         if self.settings.has_brake && !self.settings.aligns_with_open_brake {
@@ -192,5 +219,70 @@ impl<B: BoardKind> Motor<B> {
             (Some(_), true) => 1,
             (Some(_), false) => 2,
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::example::{self, Example};
+    use super::super::link::{CurrentLink, set};
+    use super::*;
+
+    static LINKS: [CurrentLink; 2] = [const { CurrentLink::new() }; 2];
+
+    const START: SequenceInputs = SequenceInputs {
+        wanted: Sequence::Start,
+        bridge_on: false,
+        standstill: true,
+        position: Position::ZERO,
+        torque_command: CurrentFraction::ZERO,
+        brake_contact: false,
+        blocked: false,
+        index: None,
+    };
+
+    fn with_a_known_angle(link: &'static CurrentLink) -> Motor<Example> {
+        let mut motor = Motor::new(link, example::settings());
+        motor.set_commutation_angle(Position::ZERO, Some(0));
+        motor
+    }
+
+    fn report_a_zero(link: &'static CurrentLink, motor: &mut Motor<Example>) {
+        link.report.tell(&link.report.calibrated, 1);
+        set(&link.report.cycle(true).count, 0);
+        motor.measure();
+    }
+
+    #[test]
+    fn without_the_zero_of_its_current_sensors_nothing_is_switched_on_and_that_is_told() {
+        let mut motor = with_a_known_angle(&LINKS[0]);
+        for tick in 1..=CALIBRATION_TICKS {
+            let mut faults = MotorFaults::NONE;
+            let output = motor.sequence(&START, &mut faults);
+            assert!(!output.bridge && output.torque_off && !output.brake && !output.released, "{tick}");
+            assert_eq!(!faults.is_empty(), tick == CALIBRATION_TICKS, "{tick}");
+        }
+        report_a_zero(&LINKS[0], &mut motor);
+        let mut faults = MotorFaults::NONE;
+        let orders = [(); 2].map(|()| motor.sequence(&START, &mut faults).bridge);
+        assert!(orders[1] && faults.is_empty());
+    }
+
+    #[test]
+    fn the_order_to_regulate_is_a_step_ahead_of_the_bridge_and_asks_for_no_current_until_it_is_closed() {
+        let mut motor = with_a_known_angle(&LINKS[1]);
+        report_a_zero(&LINKS[1], &mut motor);
+        let mut faults = MotorFaults::NONE;
+        let ordered = motor.sequence(&START, &mut faults);
+        assert!(!ordered.bridge && !ordered.torque_off && motor.bridge_on);
+        for bridge_on in [false, true] {
+            let closed = motor.sequence(&SequenceInputs { bridge_on, ..START }, &mut faults);
+            assert!(closed.bridge);
+            let asked = motor.brake_output.test_current != CurrentFraction::ZERO
+                || motor.brake_output.torque_scale != TorqueScale::ZERO;
+            assert_eq!(asked, bridge_on);
+        }
+        let off = motor.sequence(&SequenceInputs { wanted: Sequence::Off, bridge_on: true, ..START }, &mut faults);
+        assert!(!off.bridge && off.torque_off, "off at once");
     }
 }

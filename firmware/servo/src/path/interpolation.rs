@@ -55,6 +55,8 @@ pub struct Interpolator {
     ranges: ModuloCounter,
     /// Started, and no command has come yet: the loops begin to follow with the next.
     starting: bool,
+    /// The command that was in force then.
+    standing: Option<Position>,
 }
 
 impl Interpolator {
@@ -76,6 +78,7 @@ impl Interpolator {
             exit: 0,
             ranges,
             starting: false,
+            standing: None,
         }
     }
 
@@ -94,10 +97,15 @@ impl Interpolator {
         *self = Self { slope, speed: velocity, way, exit: way, starting: true, ..Self::new(position, ranges) };
     }
 
-    /// Started, and no command has come yet.
-    #[must_use]
-    pub const fn awaits_command(&self) -> bool {
-        self.starting
+    /// The command that was in force when the interpolator was started between two commands: no step from it may pass for a first command.
+    pub fn note_standing(&mut self, settings: &InterpolatorSettings, command: Position) {
+        if self.starting && self.standing.is_none() {
+            let mut ranges = self.ranges;
+            self.standing = Some(match settings.modulo() {
+                Some(modulo) => ranges.unwrap_nearest(modulo, command, self.target),
+                None => command,
+            });
+        }
     }
 
     /// Takes the command that became valid at t3: reached after one cycle of ticks.
@@ -152,6 +160,10 @@ impl Interpolator {
             // An axis that turns is not where it starts when the command is reached, but a cycle further.
             let ahead = (target - self.position()).to_bits().wrapping_sub(self.way);
             settings.limits().look_at_first(ahead)?;
+            if let Some(standing) = self.standing {
+                let cycles = if self.overdue > settings.ticks_per_cycle() { 2 } else { 1 };
+                settings.limits().look_at_step((target - standing).to_bits(), cycles)?;
+            }
             self.starting = false;
             return Ok(());
         }
@@ -284,6 +296,12 @@ impl Interpolator {
         self.target
     }
 
+    /// The same, once there has been a command since the start.
+    #[must_use]
+    pub fn aim(&self) -> Option<Position> {
+        (!self.starting).then_some(self.target)
+    }
+
     /// Shifts the line by `difference` without a movement (homing).
     pub fn shift(&mut self, difference: Position) {
         self.target = self.target + difference;
@@ -313,6 +331,7 @@ const fn limited(way: i64) -> i64 {
 mod tests {
     use super::*;
     use crate::error::SettingsError;
+    use crate::path::command_step::CommandLimits;
     use crate::units::modulo::Modulo;
     use proptest::prelude::*;
 
@@ -322,6 +341,36 @@ mod tests {
             for way in [way >> bits, (64 << 32) + near, near - (64 << 32)] {
                 prop_assert_eq!(limited(way), way.clamp(-64 << 32, 64 << 32));
             }
+        }
+    }
+
+    #[test]
+    fn a_first_command_is_no_further_from_the_one_in_force_than_a_step_and_from_the_axis_than_the_window() {
+        let limits = CommandLimits::new(Position::from_bits(100), Position::from_bits(1_000));
+        let settings = settings(16).with_limits(limits);
+        // The command in force, the next one, and ticks until it comes: a cycle, or with a lost MDT two.
+        for (standing, command, ticks, taken) in [
+            (None, 900, 4, true),
+            (Some(0), 100, 4, true),
+            (Some(0), 101, 4, false),
+            (Some(0), 200, 17, true),
+            (Some(0), 201, 17, false),
+            (Some(880), 900, 4, true),
+            (Some(1_050), 1_001, 4, false),
+        ] {
+            let mut interpolator = Interpolator::new(Position::ZERO, ModuloCounter::default());
+            interpolator.start(&settings, Position::ZERO, Velocity::ZERO, ModuloCounter::default());
+            if let Some(standing) = standing {
+                interpolator.note_standing(&settings, Position::from_bits(standing));
+                interpolator.note_standing(&settings, Position::from_bits(command));
+            }
+            for _ in 0..ticks {
+                interpolator.tick(&settings);
+            }
+            let result = interpolator.command(&settings, Position::from_bits(command));
+            assert_eq!(result.is_ok(), taken, "{standing:?} {command} {ticks}: {result:?}");
+            // What follows is a step from the command before, whatever stood.
+            assert!(!taken || interpolator.command(&settings, Position::from_bits(command + 100)).is_ok());
         }
     }
 

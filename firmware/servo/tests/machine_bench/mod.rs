@@ -34,8 +34,8 @@ pub(crate) const CYCLE: u64 = 62_500;
 pub(crate) const CYCLES_PER_SECOND: f64 = 16_000.0;
 pub(crate) const TICKS_PER_SECOND: f64 = 8_000.0;
 /// Ticks with the bridge off in which the current sensors find their zero, and those until the drive has switched on.
-const CALIBRATION: usize = 536;
-const SWITCHING_ON: usize = 14;
+const CALIBRATION: usize = 664;
+const SWITCHING_ON: usize = 22;
 
 /// A servo drive on its machine, with the commutation angle known.
 pub(crate) struct Bench {

@@ -208,6 +208,19 @@ mod tests {
     }
 
     #[test]
+    fn an_encoder_that_slips_while_the_bridge_comes_on_is_in_the_way() {
+        for (slips, lawful) in [(0, false), (1, true)] {
+            let mut fake = fake();
+            fake.run(1, 0xE000, 0x8000);
+            fake.sight.bridge = true;
+            fake.sight.machine.slips += slips;
+            fake.cycle(0xE000, 0x8000);
+            fake.run(3, 0xE000, 0xA000);
+            assert_eq!(fake.broken().is_none(), lawful, "{slips}: {:?}", fake.broken());
+        }
+    }
+
+    #[test]
     fn an_encoder_that_is_said_to_count_against_its_motor_is_in_the_way() {
         let mut fake = fake();
         fake.write(277, &[8]);

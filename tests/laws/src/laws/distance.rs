@@ -8,6 +8,8 @@ use crate::scene::Scene;
 
 /// A path between commands is done after so many cycles of the control unit, and so many of the ring for the way there and back.
 const SETTLED_CYCLES: i64 = 7;
+/// So many cycles after a slip of the encoder the AT shows both values from behind it.
+const SLIPS: u64 = 2;
 /// In revolutions: a held shaft trembles less.
 const STOOD: f64 = 1e-4;
 /// The shaft stands when it is slower than this in rad/s.
@@ -47,7 +49,10 @@ impl Distance {
         let unit_cycles = unit_cycles.max(1);
         let following =
             scene.is_operating() && scene.wire.asks_to_follow() && scene.wire.follows() && scene.asks_for_position();
-        let still = scene.sight.machine.velocity.abs() < STANDSTILL && scene.asked_mode() == scene.actual_mode();
+        // For the drive a count that slips is a shaft that turns: S-0-0051 is of t4, S-0-0189 of the loops' last tick before it.
+        let slips = scene.within(scene.slipped, scene.cycles(SLIPS, 0));
+        let still =
+            scene.sight.machine.velocity.abs() < STANDSTILL && !slips && scene.asked_mode() == scene.actual_mode();
         if !following || !still || self.unchanged < SETTLED_CYCLES * unit_cycles {
             return Verdict::Silent;
         }
@@ -194,6 +199,18 @@ mod tests {
         assert_eq!(fake(-2_147_483_600, 2_147_483_600, 96).broken(), None);
         assert!(fake(1_000, 900, -100).broken().is_some());
         assert!(fake(1_000, -900, 100).broken().is_some());
+    }
+
+    #[test]
+    fn a_count_that_slips_is_a_shaft_that_turns() {
+        for (cycles, lawful) in [(1, true), (4, false)] {
+            let mut fake = fake(1_000, 900, 100);
+            fake.sight.machine.slips += 1;
+            fake.cycle(0xE000, 0xC008);
+            fake.data[1] = [5_900_i32, 100].map(i32::to_le_bytes).concat();
+            fake.run(cycles, 0xE000, 0xC008);
+            assert_eq!(fake.broken().is_none(), lawful, "{cycles}: {:?}", fake.broken());
+        }
     }
 
     #[test]

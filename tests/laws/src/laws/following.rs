@@ -52,14 +52,17 @@ impl Following {
         }
         let limit = scene.settings.unsigned(Idn(91)).map(|limit| limit as f64 * units.velocity);
         let window = scene.settings.unsigned(Idn(159)).unwrap_or(0) as f64;
-        let far = if wire.follows() {
-            let (Some(limit), Some((from, then))) = (limit, before) else { return };
+        let step = limit.zip(before).map(|(limit, (from, then))| {
             let unit = scene.settings.word(Idn::CONTROL_UNIT_CYCLE).unwrap_or(2_000);
             let cycle = Nanoseconds::from_microseconds(unit.into()).0.max(scene.cycle.0).max((scene.now - then).0);
             let step = units.way(from, command);
             let allowed = JUMP * limit / core::f64::consts::TAU * units.increments * cycle as f64 * 1e-9;
             // Commands are whole increments, two of them with S-0-0048.
-            (step.abs() > allowed + 2.0 * scene.quantum(&units).max(1.0)).then_some(("the command steps", step))
+            (step, step.abs() > allowed + 2.0 * scene.quantum(&units).max(1.0))
+        });
+        let far = if wire.follows() {
+            let Some((step, jumps)) = step else { return };
+            jumps.then_some(("the command steps", step))
         } else {
             let Some(feedback) = scene.position_feedback().filter(|_| window > 0.0) else { return };
             // With following distance a shaft that turns is where it belongs when it is behind by its lag.
@@ -68,7 +71,9 @@ impl Following {
             let lag = if scene.asked_mode() == Some(3) { speed * units.increments / kv } else { 0.0 };
             let distance = units.way(feedback + lag, command);
             let turning = scene.sight.machine.velocity.abs() * units.increments * 3.0 * scene.cycle.as_seconds();
-            (distance.abs() > 1.05 * window + turning).then_some((AWAY, distance))
+            // Since the last AT the drive may have begun to follow, with the command before this one.
+            let way = step.filter(|(_, jumps)| !jumps).map_or(0.0, |(step, _)| step.abs());
+            (distance.abs() > 1.05 * window + turning + way).then_some((AWAY, distance))
         };
         match far {
             Some((what, increments)) if self.jump.is_none() => {

@@ -21,7 +21,8 @@ const STANDSTILL: (f64, f64) = (1.0, 0.02);
 const MARGIN: (f64, f64) = (0.2, 100.0);
 /// A stop whose loops settle goes on: what else asks for a stop meanwhile finds an overshoot, and no speed of its own.
 const SETTLING: Nanoseconds = Nanoseconds::from_millis(50);
-/// A loop that overshoots its standstill comes back so far: revolutions, and seconds of the speed that the stop began with. At the torque limit
+/// A loop that overshoots its standstill comes back so far: revolutions, and seconds of the speed that the stop began with and that the torque
+/// of the moment adds, which may be that of a stop before. At the torque limit
 /// (P-0-0140 = 0) the set-point is a step to zero, behind which the integral part turns a motor without friction back with a quarter of its speed.
 const BACK: (f64, f64) = (0.005, 8e-3);
 /// After a change of the load the shaft may do what it must for so long.
@@ -49,6 +50,8 @@ struct Running {
     faster: Option<Nanoseconds>,
     /// Since when it has stood.
     stood: Option<Nanoseconds>,
+    /// What the torque of the moment adds to it.
+    added: f64,
     /// The way that the shaft turned when the stop began, 1 or -1, and how far it has come that way, in revolutions.
     direction: f64,
     furthest: f64,
@@ -90,6 +93,7 @@ impl Stop {
             deadline,
             faster: None,
             stood: None,
+            added: acceleration * lag,
             direction,
             furthest: scene.sight.machine.angle * direction,
         });
@@ -140,7 +144,7 @@ impl Stop {
             running.furthest = running.furthest.max(way);
         }
         let back = running.furthest - way;
-        if driving && back > BACK.0 + BACK.1 * running.speed / core::f64::consts::TAU {
+        if driving && back > BACK.0 + BACK.1 * (running.speed + running.added) / core::f64::consts::TAU {
             let (cause, begun) = (running.cause, running.begun);
             return Verdict::Broken(format!(
                 "stopped by {cause} at {begun}, the shaft is turned back by {back:.4} revolutions"

@@ -45,7 +45,9 @@ impl TorqueGoes {
     /// Main power has gone, nothing else is wrong, and the DC link could have stopped the shaft that turns still.
     fn wasted_link(&self, scene: &Scene) -> Option<String> {
         let (sight, settings) = (&scene.sight, &scene.settings);
-        let sound = sight.bridge_ready && sight.safe_torque && !scene.deceived && !sight.machine.feverish;
+        // Magnets beyond the link drive currents of their own, and their overcurrent is told with the next AT.
+        let rules = !scene.deceived && !scene.outruns_its_motor();
+        let sound = sight.bridge_ready && sight.safe_torque && rules && !sight.machine.feverish;
         // Before it is in operation an axis looks for its angle: there is no stop to finish.
         let operated = status::readiness(scene.wire.status) == 3 || scene.wire.has_error();
         let asked = scene.wire.control & control::ENABLE != 0 && scene.wire.phase == 4 && operated;

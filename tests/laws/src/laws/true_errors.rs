@@ -19,6 +19,9 @@ const STANDSTILL: f64 = 0.3;
 /// A share of S-0-0159 at which a following distance may be said to have been too large: between the looks it may have been more.
 const NEARLY: f64 = 0.5;
 
+/// Cycles from the capture of S-0-0051 until the command that is sent after it is compared with the shaft, at most.
+const AGE: u64 = 2;
+
 /// C1D bits (sercos2.md 4.3).
 const FEEDBACK: u16 = 1 << 5;
 const OVERVOLTAGE: u16 = 1 << 8;
@@ -72,8 +75,12 @@ impl TrueErrors {
         };
         let number = |idn| scene.settings.signed(Idn(idn)).map(|value| value as f64);
         let window = number(159).unwrap_or(0.0);
-        let way = units.way(feedback, command);
-        if way.abs() > NEARLY * window {
+        // S-0-0051 is of the cycle before, and the command waits for t3: a shaft that turns is somewhere else by then.
+        let turned = scene.sense().unwrap_or(0.0) * scene.sight.machine.velocity / core::f64::consts::TAU
+            * units.increments
+            * scene.cycles(AGE, 0).as_seconds();
+        let is_far = |shaft: f64| units.way(shaft, command).abs() > NEARLY * window;
+        if is_far(feedback) || is_far(feedback + turned) {
             self.was_far = Some(scene.now);
         }
         let before = self.command.replace(command).unwrap_or(command);
@@ -249,6 +256,15 @@ mod tests {
         assert!(life(1_000, 1_000).broken().is_some());
         assert_eq!(life(50, 1_000).broken(), None, "too soon after the writing");
         assert_eq!(life(1_000, 1_000_000).broken(), None, "a jump");
+    }
+
+    #[test]
+    fn a_command_at_s_0_0051_is_behind_a_shaft_that_turns_fast() {
+        // 3 600 000 increments a revolution, a cycle of 2 ms and S-0-0159 = 300 000: half of it is two cycles at 625 rpm.
+        for (rpm, lawful) in [(700.0, true), (-700.0, true), (500.0, false), (0.0, false)] {
+            let fake = error(0xF10B, |fake| fake.sight.machine.velocity = rpm * core::f64::consts::TAU / 60.0);
+            assert_eq!(fake.broken().is_none(), lawful, "{rpm} rpm: {:?}", fake.broken());
+        }
     }
 
     #[test]

@@ -1,8 +1,6 @@
 //! A machine without any imperfection, of which each test adds its own.
 
-use plant::{
-    CurrentSensors, Encoder, HeatedBody, Inverter, Machine, MachineSettings, Mechanics, Supply, Thermal, Windings,
-};
+use plant::{Machine, MachineSettings, Windings};
 
 pub(crate) const MICROSECOND: u64 = 1_000;
 pub(crate) const MILLISECOND: u64 = 1_000_000;
@@ -12,41 +10,20 @@ pub(crate) const BUS: f64 = 300.0;
 
 /// A machine that obeys the textbook: nothing gives way, nothing rubs, nothing gets warm. At time zero its d axis is that of the first phase.
 pub(crate) fn ideal() -> MachineSettings {
+    let windings = Windings {
+        pole_pairs: 4,
+        resistance: 1.0,
+        inductance_d: 1e-3,
+        inductance_q: 1e-3,
+        flux: 0.1,
+        saturation: None,
+    };
     let increments = 4_096;
-    MachineSettings {
-        windings: Windings {
-            pole_pairs: 4,
-            resistance: 1.0,
-            inductance_d: 1e-3,
-            inductance_q: 1e-3,
-            flux: 0.1,
-            saturation: None,
-        },
-        inverter: Inverter { dead_time: 0.0, period: 62.5e-6, voltage_drop: 0.0 },
-        supply: Supply { voltage: BUS, resistance: 1e-3, capacitance: 1e6, chopper: None },
-        current_sensors: CurrentSensors { range: 20.48, offset: [0.0; 3], gain_error: [0.0; 3], noise: 0.0 },
-        bus_range: 512.0,
-        encoder: Encoder {
-            increments_per_revolution: increments,
-            initial_count: 0,
-            index_at: 0.25,
-            electrical_zero: -0.5 / f64::from(increments),
-        },
-        mechanics: Mechanics {
-            rotor_inertia: 0.01,
-            coulomb_friction: 0.0,
-            viscous_friction: 0.0,
-            load: None,
-            gravity_torque: 0.0,
-        },
-        brake: None,
-        thermal: Thermal {
-            winding: HeatedBody { capacity: 1e12, resistance: 1.0 },
-            heat_sink: HeatedBody { capacity: 1e12, resistance: 1.0 },
-            ambient: 20.0,
-        },
-        seed: 1,
-    }
+    let mut settings = MachineSettings::textbook(windings, BUS, 20.48);
+    settings.bus_range = 512.0;
+    settings.encoder.increments_per_revolution = increments;
+    settings.encoder.electrical_zero = -0.5 / f64::from(increments);
+    settings
 }
 
 /// Duties that give a voltage of this amplitude and angle (in turns, from the first phase's axis) at the ideal bus.

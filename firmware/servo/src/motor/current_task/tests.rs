@@ -243,11 +243,11 @@ fn settings_come_into_force_with_the_second_cycle_of_a_tick_each_word_in_its_pla
 fn the_zero_of_the_sensors_is_made_only_of_samples_without_torque_in_a_row() {
     let mut bench = Bench::new();
     bench.order(false, 0);
-    bench.cycles(1_000, NO_CURRENT);
+    bench.cycles(1_279, NO_CURRENT);
     bench.order(true, 0);
     bench.cycles(3, NO_CURRENT);
     bench.order(false, 0);
-    bench.cycles(1_023, NO_CURRENT);
+    bench.cycles(1_279, NO_CURRENT);
     assert_eq!(get(&bench.link.report.calibrated), 0);
     bench.cycle(NO_CURRENT);
     assert_eq!(get(&bench.link.report.calibrated), 1);
