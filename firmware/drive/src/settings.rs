@@ -564,7 +564,9 @@ mod tests {
         let of = |cycle: u64, choice: Option<u64>| {
             let mut parameters = Parameters::new(&DICTIONARY);
             parameters.set(Idn::standard(1), cycle).unwrap();
-            choice.map(|choice| parameters.set(Idn::product(141), choice).unwrap());
+            if let Some(choice) = choice {
+                parameters.set(Idn::product(141), choice).unwrap();
+            }
             interpolation(&parameters)
         };
         for cycle in [500, 3_500, 4_000, 65_000] {
