@@ -22,13 +22,18 @@ const EXECUTING: u64 = 7;
 const FAILED: u64 = 0xF;
 
 /// A press drive in operation, in position mode, held by HALT as long as the master says so.
-struct Halted {
-    bench: Bench,
+pub(crate) struct Halted {
+    pub(crate) bench: Bench,
     halt: Rc<Cell<bool>>,
 }
 
 impl Halted {
     fn new() -> Self {
+        Self::with_cycle(2_000)
+    }
+
+    /// With position commands every so many us.
+    pub(crate) fn with_cycle(cycle: u16) -> Self {
         let drive = script().drives.remove(0).with(Idn::OPERATION_MODE, Value::Word(11));
         let drive = DriveScript { telegram: Telegram::standard(4).unwrap(), ..drive };
         let halt = Rc::new(Cell::new(true));
@@ -39,7 +44,7 @@ impl Halted {
         });
         let mut bench = Bench::new(
             DriveSetup::new(ADDRESS),
-            MasterScript { motion: Some(motion), stops_at_refusals: false, ..MasterScript::new(vec![drive]) },
+            MasterScript { cycle, motion: Some(motion), stops_at_refusals: false, ..MasterScript::new(vec![drive]) },
         );
         for _ in 0..1_000 {
             bench.run(Nanoseconds::from_millis(10));
@@ -52,12 +57,12 @@ impl Halted {
         panic!("{}", bench.world.ring().master().state());
     }
 
-    fn numbers<const N: usize>(&mut self, idns: [u16; N]) -> [u64; N] {
+    pub(crate) fn numbers<const N: usize>(&mut self, idns: [u16; N]) -> [u64; N] {
         idns.map(|idn| self.bench.number(idn))
     }
 
     /// Waits for the end of a command that executes.
-    fn end_of(&mut self, command: u16) -> u64 {
+    pub(crate) fn end_of(&mut self, command: u16) -> u64 {
         for _ in 0..1_000 {
             self.bench.run(Nanoseconds::from_millis(20));
             let status = self.bench.number(command);
@@ -93,19 +98,21 @@ fn assert_near(actual: u64, expected: f64) {
 fn gains_come_from_the_data_of_the_motor_all_or_none() {
     let mut halted = Halted::new();
     let bench = &mut halted.bench;
-    let gains = [100, 101, 104, 106, 107];
+    let gains = [100, 101, 104, 106, 107, 348, P | 231];
     for (idn, value) in [(221, Value::Long(1_500_000)), (222, Value::Word(1_100)), (223, Value::Word(40))] {
         bench.write(P | idn, value).unwrap();
     }
     bench.write(COMPUTE_GAINS, Value::Word(3)).unwrap();
     assert_eq!(halted.numbers([COMPUTE_GAINS]), [EXECUTED]);
     assert_eq!(halted.bench.text(FINDING), "");
-    let [velocity, time, position, current, current_time] = halted.numbers(gains);
+    let [velocity, time, position, current, current_time, feed_forward, smoothing] = halted.numbers(gains);
     // 2 pi 40 Hz * 0.15 kg m^2 / 2.828 Nm/A (RMS); 4 / (2 pi 40 Hz); a quarter of 2 pi 40 Hz.
     assert_eq!((velocity, time, position), (13_329, 159, 377));
     // 3.5 mH at 16 kHz, 0.292 of which is 1 100 Hz at -3 dB; 3.5 mH / 0.35 Ohm.
     assert!((16_250..16_350).contains(&current), "{current}");
     assert_eq!(current_time, 100);
+    // 0.15 kg m^2 / 2.828 Nm/A in 0.1 mA s²/rad; 0.5 ms² / 2 ms.
+    assert_eq!((feed_forward, smoothing), (530, 250));
     halted.assert_held();
     let before = halted.numbers(gains);
     halted.bench.write(COMPUTE_GAINS, Value::Word(0)).unwrap();
@@ -182,12 +189,18 @@ fn the_flux_linkage_is_that_of_the_machine_and_the_motor_stands_afterwards() {
 }
 
 #[test]
-fn the_inertia_is_that_of_the_machine() {
+fn the_inertia_and_the_friction_are_those_of_the_machine() {
     let mut halted = Halted::new();
+    halted.bench.write(P | 221, Value::Long(1_000)).unwrap();
+    halted.bench.write(155, Value::Word(7)).unwrap();
     halted.bench.write(IDENTIFY_INERTIA, Value::Word(3)).unwrap();
     assert_eq!(halted.end_of(IDENTIFY_INERTIA), EXECUTED, "{}", halted.bench.text(FINDING));
     let [inertia] = halted.numbers([P | 221]);
     assert_near(inertia, 1_500_000.0);
+    // 6 Nm at 2 Nm/A are 12 % of 25 A; 0.05 Nm s/rad are 1.851 mA/rpm (RMS).
+    let [coulomb, viscous] = halted.numbers([155, P | 142]);
+    assert_near(coulomb, 120.0);
+    assert_near(viscous, 1_851.0);
     halted.assert_held();
 }
 

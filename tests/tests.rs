@@ -19,6 +19,7 @@ mod latches;
 mod laws;
 #[path = "common/led.rs"]
 mod led;
+mod paths;
 mod positioning;
 mod power;
 mod qemu;

@@ -43,6 +43,9 @@ pub const TRIGGER_TO_HOLD: u16 = timer_counts(LATENCY + SAMPLING);
 /// From there to the interrupt, in counts of TIM1: 1.86 us.
 pub const HOLD_TO_INTERRUPT: u16 = timer_counts(LATENCY + CONVERSIONS * (SAMPLING + APPROXIMATION)) - TRIGGER_TO_HOLD;
 
+/// From the hold to the reading of the encoder, with some 50 cycles of the processor until the handler has got there: 2.15 us.
+pub const HOLD_TO_COUNT_NANOSECONDS: u16 = ((HOLD_TO_INTERRUPT as u32 + 50) * 1_000 / (HCLK_HZ / 1_000_000)) as u16;
+
 const fn timer_counts(converter_cycles: u32) -> u16 {
     converter_cycles.wrapping_mul(APB2_TIMER_HZ / CONVERTER_HZ) as u16
 }

@@ -2,7 +2,7 @@
 
 use drive::{BoardKind, Facts, TemperatureSensor};
 
-use crate::{bridge, encoder, loop_phase};
+use crate::{bridge, current_sense, encoder, loop_phase};
 
 /// This board.
 #[derive(Debug)]
@@ -13,6 +13,7 @@ impl BoardKind for Kind {
         frequency: bridge::PWM_FREQUENCY,
         dead_time: bridge::DEAD_TIME_NANOSECONDS,
         loop_timer_counts: loop_phase::COUNTS,
+        sample_to_count: current_sense::HOLD_TO_COUNT_NANOSECONDS,
         encoder_rate: encoder::INCREMENTS_PER_SECOND,
         // 500 counts at 0 degrees C, 10 counts a kelvin, -40 to 250 degrees C.
         temperature_sensor: TemperatureSensor {

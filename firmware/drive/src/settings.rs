@@ -194,6 +194,7 @@ impl MotionSettings {
             integral_time: parameters.get_word(Idn::standard(101)),
             velocity_filter: parameters.get_word(Idn::standard(392)),
             acceleration_gain: 0,
+            acceleration_smoothing: parameters.get_word(Idn::product(231)),
             friction: friction(parameters, &torque, peak_current)?,
             filter: filter(parameters)?,
             peak_current,
@@ -202,10 +203,7 @@ impl MotionSettings {
             halt_deceleration: limit_scale.halt_deceleration(),
             jerk: limit_scale.jerk(&limits),
             velocity_ramp: limit_scale.velocity_ramp(&limits),
-            interpolation: match parameters.get_word(Idn::product(141)) {
-                0 => Interpolation::Linear,
-                _ => Interpolation::Cubic,
-            },
+            interpolation: interpolation(parameters),
             standstill_window: velocity.to_velocity(signed(parameters, 124)),
             monitoring_window,
             largest_step: largest_step(
@@ -215,23 +213,22 @@ impl MotionSettings {
             ),
         };
         let feed_forward = parameters.get_word(Idn::standard(296)).saturating_mul(10);
+        let ahead = setpoint_ahead(parameters, facts);
         let increments = parameters.get(Idn::standard(116)).saturating_mul(parameters.get(Idn::standard(256)));
         let feedback_type = parameters.get_word(Idn::standard(277));
         if feedback_type & !REVERSED != 0 {
             return Err(unsupported(277));
         }
         Ok(Self {
-            with_lag: as_measured(AxisSettings::new(&axis).map_err(blamed)?, facts),
-            without_lag: as_measured(
-                AxisSettings::new(&AxisParameters {
-                    feed_forward,
-                    // One increment is 0.1 mA s²/rad.
-                    acceleration_gain: u32::from(parameters.get_word(Idn::standard(348))).saturating_mul(100),
-                    ..axis
-                })
-                .map_err(blamed)?,
-                facts,
-            ),
+            with_lag: AxisSettings::new(&axis).map_err(blamed)?.with_setpoint_ahead(ahead),
+            without_lag: AxisSettings::new(&AxisParameters {
+                feed_forward,
+                // One increment is 0.1 mA s²/rad.
+                acceleration_gain: u32::from(parameters.get_word(Idn::standard(348))).saturating_mul(100),
+                ..axis
+            })
+            .map_err(blamed)?
+            .with_setpoint_ahead(ahead),
             modes: modes(parameters)?,
             position,
             coordinates,
@@ -273,6 +270,18 @@ impl MotionSettings {
             bits: BitSettings::new(parameters, sources),
             home_switch_at_drive: parameters.get_word(Idn::standard(147)) & SWITCH_AT_DRIVE != 0,
         })
+    }
+}
+
+/// P-0-0141; it leaves the choice to the length of the cycle by default.
+fn interpolation(parameters: &Parameters) -> Interpolation {
+    /// S-0-0001 from which on lines are seen in the torque, in us.
+    const LONG: u16 = 4_000;
+    match parameters.get_word(Idn::product(141)) {
+        0 => Interpolation::Linear,
+        1 => Interpolation::Cubic,
+        _ if parameters.get_word(Idn::standard(1)) < LONG => Interpolation::Linear,
+        _ => Interpolation::Cubic,
     }
 }
 
@@ -415,9 +424,16 @@ fn modes(parameters: &Parameters) -> Result<[Option<OperationMode>; 8], InvalidS
     Ok(modes)
 }
 
-/// With what the motor side knows of the instant of its measurements.
-const fn as_measured(settings: AxisSettings, facts: &Facts) -> AxisSettings {
-    if facts.reads_the_encoder_twice() { settings.measured_a_quarter_tick_ago() } else { settings }
+/// By how many ns the set-point of a tick is ahead of the position that is measured in it, so that the shaft reaches a command one cycle
+/// S-0-0001 after the t3 at which it became valid, and P-0-0230 later.
+///
+/// The first tick behind t3 is a whole tick of the way to the new command already; see [`three_quarters`] for when it is.
+fn setpoint_ahead(parameters: &Parameters, facts: &Facts) -> i32 {
+    const TICK: i32 = LOOP_PERIOD_MICROSECONDS as i32 * 1_000;
+    let counted = (TICK / 4).saturating_add(facts.sample_to_count.into());
+    let measured = if facts.reads_the_encoder_twice() { counted.saturating_sub(TICK / 4) } else { counted };
+    let shift = i32::from(parameters.get_word(Idn::product(230)).cast_signed());
+    shift.saturating_mul(1_000).saturating_add(TICK).saturating_sub(measured)
 }
 
 #[cfg(test)]
@@ -541,6 +557,37 @@ mod tests {
         let most = positioning(&[(259, 30_000_000)]);
         assert_eq!(positioning(&[(259, 29_000_000), (108, 32_767)]), most, "S-0-0091 is 3000 rpm");
         assert_ne!(positioning(&[(259, 30_000_000), (108, 9_999)]), most);
+    }
+
+    #[test]
+    fn position_commands_are_joined_by_cubics_from_4_ms_on_unless_p_0_0141_says_otherwise() {
+        let of = |cycle: u64, choice: Option<u64>| {
+            let mut parameters = Parameters::new(&DICTIONARY);
+            parameters.set(Idn::standard(1), cycle).unwrap();
+            if let Some(choice) = choice {
+                parameters.set(Idn::product(141), choice).unwrap();
+            }
+            interpolation(&parameters)
+        };
+        for cycle in [500, 3_500, 4_000, 65_000] {
+            let automatic = if cycle < 4_000 { Interpolation::Linear } else { Interpolation::Cubic };
+            assert_eq!((of(cycle, None), of(cycle, Some(2))), (automatic, automatic), "{cycle} us");
+            assert_eq!(of(cycle, Some(0)), Interpolation::Linear, "{cycle} us");
+            assert_eq!(of(cycle, Some(1)), Interpolation::Cubic, "{cycle} us");
+        }
+    }
+
+    #[test]
+    fn a_shift_of_the_set_point_is_seen_in_both_kinds_of_position_control() {
+        let shifted = |microseconds: i16| {
+            let mut parameters = Parameters::new(&DICTIONARY);
+            parameters.set(Idn::product(230), microseconds.cast_unsigned().into()).unwrap();
+            assert_eq!(setpoint_ahead(&parameters, &FACTS), 122_800 + i32::from(microseconds) * 1_000);
+            let settings = MotionSettings::new(&parameters, &FACTS, source).unwrap();
+            (settings.with_lag, settings.without_lag)
+        };
+        let [early, none, late] = [-800, 0, 800].map(shifted);
+        assert!(early.0 != none.0 && none.0 != late.0 && early.1 != none.1 && none.1 != late.1);
     }
 
     #[test]

@@ -61,6 +61,7 @@ fn parameters(feed_forward: u16) -> AxisParameters {
         velocity_filter: FILTER,
         peak_current: 20_000,
         acceleration_gain: 0,
+        acceleration_smoothing: 0,
         friction: FrictionSettings::OFF,
         filter: CurrentFilterSettings::new([FilterSection::Off; 2]).expect("no filter"),
         velocity_limits: VelocityLimits::new(Velocity::from_ten_thousandths_rpm(30_000_000), None, None),

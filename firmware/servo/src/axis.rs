@@ -17,10 +17,14 @@ pub use limits::{
 };
 pub use position_loop::{PositionLoop, PositionLoopOutput, PositionLoopSettings};
 pub use settings::{AxisMovements, AxisParameters, AxisSettings};
-pub use tuning::{CurrentGains, VelocityGains, current_gains, position_gain, velocity_gains};
+pub use tuning::{
+    CurrentGains, VelocityGains, acceleration_feed_forward, acceleration_smoothing, current_gains, position_gain,
+    velocity_gains,
+};
 pub use velocity_estimate::{FilteredVelocity, VelocityEstimate, VelocityFilter};
 pub use velocity_loop::{VelocityLoop, VelocityLoopOutput, VelocityLoopSettings};
 
+use crate::axis::acceleration_gain::FedForward;
 use crate::path::command_step::CommandJump;
 use crate::path::interpolation::Interpolator;
 use crate::path::limits::MotionLimits;
@@ -140,6 +144,8 @@ pub struct Axis {
     /// In [`Mode::Torque`]: the velocity, some milliseconds behind.
     slow_velocity: Velocity,
     velocity_loop: VelocityLoop,
+    /// For the acceleration of the path to a position command.
+    fed_forward: FedForward,
     velocity_command: Velocity,
     torque_command: CurrentFraction,
     /// Movement of [`Mode::Travel`] and [`Mode::Halt`], and ramp of velocity commands.
@@ -175,6 +181,7 @@ impl Axis {
             setpoint_velocity: Velocity::ZERO,
             slow_velocity: Velocity::ZERO,
             velocity_loop: VelocityLoop::new(),
+            fed_forward: FedForward::NONE,
             velocity_command: Velocity::ZERO,
             torque_command: CurrentFraction::ZERO,
             trajectory: Trajectory::start(here),
@@ -263,6 +270,7 @@ impl Axis {
         self.position_loop = PositionLoop::new(&self.settings.position_loop, setpoint);
         self.setpoint_velocity = setpoint.velocity;
         self.expected_velocity = FilteredVelocity::new(setpoint.velocity);
+        self.fed_forward = FedForward::NONE;
         self.mode = mode;
     }
 
@@ -301,10 +309,16 @@ impl Axis {
     #[inline]
     pub fn command_position(&mut self, command: Position) -> Result<(), CommandJump> {
         if self.mode == Mode::Position {
-            self.interpolator.command(&self.settings.interpolator, command)
-        } else {
-            Ok(())
+            let settings = &self.settings;
+            self.interpolator.command(&settings.interpolator, command)?;
+            self.fed_forward.command(
+                settings.velocity_loop.acceleration(),
+                settings.acceleration_smoothing,
+                &settings.interpolator,
+                self.interpolator.accelerations(),
+            );
         }
+        Ok(())
     }
 
     /// Notes the command that is in force where [`Mode::Position`] has begun between two commands: it says that it follows, and what comes next is
@@ -408,7 +422,9 @@ impl Axis {
             return self.tick_without_commands(moved, limits);
         }
         let (setpoint, source) = self.interpolator.tick(&self.settings.interpolator);
-        let mut output = self.follow(setpoint, moved, limits);
+        let acceleration =
+            if source == CommandSource::Interpolated { self.fed_forward.tick() } else { self.fed_forward.coast() };
+        let mut output = self.follow(setpoint, acceleration, moved, limits);
         output.command_source = source;
         output
     }
@@ -451,7 +467,8 @@ impl Axis {
             Mode::Braking => self.turn(Setpoint::moving(self.measured, Velocity::ZERO), moved, limits),
             Mode::Halt => {
                 let setpoint = self.trajectory.tick_velocity(&settings.halt, Velocity::ZERO);
-                let mut output = self.follow(setpoint, moved, limits);
+                let acceleration = settings.velocity_loop.feed_forward(setpoint.acceleration);
+                let mut output = self.follow(setpoint, acceleration, moved, limits);
                 output.standstill &= self.trajectory.is_finished();
                 output
             }
@@ -461,7 +478,8 @@ impl Axis {
                     Travel::AtVelocity(velocity) => self.trajectory.tick_velocity(&self.travel_limits, velocity),
                     Travel::To(target) => self.trajectory.tick_to(&self.travel_limits, target),
                 };
-                let mut output = self.follow(setpoint, moved, limits);
+                let acceleration = settings.velocity_loop.feed_forward(setpoint.acceleration);
+                let mut output = self.follow(setpoint, acceleration, moved, limits);
                 output.travelled = self.trajectory.is_finished();
                 output
             }
@@ -484,12 +502,11 @@ impl Axis {
         }
     }
 
-    /// From a position to the current.
+    /// From a position, and the current that its acceleration needs, to the current.
     ///
     /// Inlined so that position commands have a path of their own, without what only other movements need.
     #[inline(always)]
-    fn follow(&mut self, setpoint: Setpoint, moved: Velocity, limits: &TorqueLimits) -> AxisOutput {
-        let acceleration = self.settings.velocity_loop.feed_forward(setpoint.acceleration);
+    fn follow(&mut self, setpoint: Setpoint, acceleration: i32, moved: Velocity, limits: &TorqueLimits) -> AxisOutput {
         let mut output = self.measured(moved);
         let settings = &self.settings;
         let velocity = settings.as_measured(self.setpoint_velocity, setpoint.velocity);

@@ -98,7 +98,7 @@ fn the_compensation_of_the_dead_time_is_needed_for_it() {
     };
     let (with, without) = (rms(1_000), rms(0));
     within("rms without in counts", without, 0.22..0.4);
-    within("ratio", without / with, 1.15..2.0);
+    within("ratio", without / with, 1.15..2.2);
 }
 
 #[test]
@@ -412,7 +412,8 @@ fn modes_change_at_speed_without_a_bump_of_the_current() {
             last = bench.ticks(7)[6].output.current;
         }
     }
-    within("largest bump as share of peak", highest(into_loops), 0.001..0.005);
+    // As large as the usual change in a tick.
+    within("largest bump as share of peak", highest(into_loops), 0.001..0.005_5);
     // A movement begins with the velocity as it was measured.
     within("mean bump into a movement", mean(&into_travel), 0.003..0.006);
     within("largest bump into a movement", highest(into_travel), 0.006..0.014);
@@ -451,7 +452,7 @@ fn new_gains_are_taken_over_in_motion_without_a_bump() {
     parameters.velocity_gain = parameters.velocity_gain * 7 / 10;
     parameters.position_gain /= 2;
     let axis: &mut Axis = &mut bench.axis;
-    axis.apply_settings(AxisSettings::new(&parameters).unwrap().measured_a_quarter_tick_ago());
+    axis.apply_settings(AxisSettings::new(&parameters).unwrap().with_setpoint_ahead(31_250));
     let seen: Vec<Seen> = (0..50).flat_map(|_| bench.position_cycle(master.next(5.0, 0.0))).collect();
     within("largest following error in counts", largest(following_errors(&seen)), 0.9..2.2);
 }

@@ -11,6 +11,7 @@ mod closed_loop;
 mod current_bench;
 mod current_on_machine;
 mod current_tuning;
+mod feed_forward;
 mod field_weakening;
 mod homing;
 mod identification;

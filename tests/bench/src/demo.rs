@@ -14,6 +14,7 @@ use crate::executor::Executor;
 use crate::processor::ProcessorError;
 use crate::report::{
     DemoReport, FollowingError, MissedTelegrams, MotionSegment, PhaseTime, Platform, Progress, Sample, ServiceError,
+    TorqueRipple,
 };
 use crate::ring_of_drives::{DriveHandle, DriveSetup, ring_of_drives_on};
 
@@ -55,9 +56,6 @@ const SETTLING: Nanoseconds = Nanoseconds::from_millis(300);
 const STEP: Nanoseconds = Nanoseconds::from_microseconds(250);
 /// Every so many looks become a point of the plot.
 const PLOTTED: usize = 16;
-/// A command is interpolated from the first loop tick behind t3 on, which takes it one tick forward; the ticks lie a quarter
-/// of a period behind t3. So a setpoint is this much ahead of the straight line from t3 to t3.
-const SETPOINT_LEAD: Nanoseconds = Nanoseconds(93_750);
 const PROGRESS_EVERY: Nanoseconds = Nanoseconds::from_millis(50);
 const LONGEST_RUN_SECONDS: u64 = 60;
 
@@ -66,8 +64,20 @@ const LONGEST_RUN_SECONDS: u64 = 60;
 /// # Errors
 /// [`DemoError`] when the run does not come to its end.
 pub fn demo(executor: &Executor, progress: &mut dyn FnMut(&Progress)) -> Result<DemoReport, DemoError> {
+    demo_with(executor, &[], progress)
+}
+
+/// The same with these parameters written into each drive besides, in CP2.
+///
+/// # Errors
+/// [`DemoError`] when the run does not come to its end.
+pub fn demo_with(
+    executor: &Executor,
+    parameters: &[(Idn, Value)],
+    progress: &mut dyn FnMut(&Progress),
+) -> Result<DemoReport, DemoError> {
     let on = |address| if address == RING[UNDER_TEST] { executor.clone() } else { Executor::Host };
-    demo_on(&on, progress)
+    run(&on, parameters, progress)
 }
 
 /// The same; `executor` says where the drive of each address runs. The report is about drive 2.
@@ -78,9 +88,17 @@ pub fn demo_on(
     executor: &dyn Fn(u8) -> Executor,
     progress: &mut dyn FnMut(&Progress),
 ) -> Result<DemoReport, DemoError> {
+    run(executor, &[], progress)
+}
+
+fn run(
+    executor: &dyn Fn(u8) -> Executor,
+    parameters: &[(Idn, Value)],
+    progress: &mut dyn FnMut(&Progress),
+) -> Result<DemoReport, DemoError> {
     let axis = ReferenceAxis::press();
     let setups = RING.map(|address| DriveSetup { axis, ..DriveSetup::new(address) });
-    let master = ScriptedMaster::new(script(&axis));
+    let master = ScriptedMaster::new(script(&axis, parameters));
     let configuration = RingConfiguration::new(RING.len(), BitRate::M2);
     let (mut world, handles) = ring_of_drives_on(configuration, master, &setups, executor)?;
     let mut told = Nanoseconds::ZERO;
@@ -113,7 +131,7 @@ pub fn demo_on(
     Ok(report(executor(RING[UNDER_TEST]).platform(), &master, &handles, &looks, &steps, world.now()))
 }
 
-fn script(axis: &ReferenceAxis) -> MasterScript {
+fn script(axis: &ReferenceAxis, parameters: &[(Idn, Value)]) -> MasterScript {
     let word = |value: u16| Value::Word(value);
     let drives = RING.map(|address| {
         let telegram =
@@ -121,6 +139,7 @@ fn script(axis: &ReferenceAxis) -> MasterScript {
         DriveScript::new(address, telegram)
             .with(Idn::OPERATION_MODE, word(11))
             .with_all(parameters_of(axis))
+            .with_all(parameters.iter().cloned())
             .with(Idn(0x8013), word(u16::from(address)))
     });
     let cycles = SHAFT.duration().0 / CYCLE.0 + SETTLING.0 / CYCLE.0;
@@ -157,6 +176,8 @@ struct Look {
     degrees: f64,
     rpm: f64,
     current: f64,
+    /// Of the motor, as a share of what the peak current makes.
+    torque: f64,
 }
 
 impl Look {
@@ -164,38 +185,36 @@ impl Look {
         let mut side = handle.motor_side.borrow_mut();
         let current = side.current();
         let motor = side.machine();
+        let peak = ReferenceAxis::press().motor.peak_torque;
         Self {
             time,
             degrees: motor.angle(time.0) * 360.0,
             rpm: motor.velocity(time.0) * 60.0 / core::f64::consts::TAU,
             current,
+            torque: motor.torque(time.0) / peak,
         }
     }
 }
 
-/// The commands of the drive under test as a curve: straight lines between the instants at which they are reached.
+/// Where the drive under test shall be: on the line shaft, of which the commands are points, one cycle later.
 struct CommandCurve {
-    /// Instants and degrees, ascending.
-    points: Vec<(Nanoseconds, f64)>,
+    /// The first command of the profile is reached.
+    begins: Nanoseconds,
+    /// That command, in position increments.
+    start: f64,
 }
 
 impl CommandCurve {
-    fn of(master: &MasterReport, t3: Nanoseconds) -> Self {
-        let samples = master.samples.iter().filter(|sample| sample.drive == UNDER_TEST);
-        let points = samples
-            .map(|sample| {
-                let reached = (sample.time + t3 + CYCLE).saturating_sub(SETPOINT_LEAD);
-                (reached, f64::from(sample.position_command) / INCREMENTS * 360.0)
-            })
-            .collect();
-        Self { points }
+    fn of(master: &MasterReport, moving: Nanoseconds) -> Self {
+        let mut samples = master.samples.iter().filter(|sample| sample.drive == UNDER_TEST);
+        let first = samples.find(|sample| sample.profile_cycle == Some(0));
+        Self { begins: moving + CYCLE, start: first.map_or(0.0, |sample| f64::from(sample.position_command)) }
     }
 
-    fn at(&self, time: Nanoseconds) -> Option<f64> {
-        let next = self.points.partition_point(|(reached, _)| *reached <= time);
-        let (from, to) = (self.points.get(next.checked_sub(1)?)?, self.points.get(next)?);
-        let part = (time.0 - from.0.0) as f64 / (to.0.0 - from.0.0) as f64;
-        Some(from.1 + (to.1 - from.1) * part)
+    /// In degrees.
+    fn at(&self, time: Nanoseconds) -> f64 {
+        let turned = SHAFT.position(time.saturating_sub(self.begins));
+        (self.start + turned as f64) / INCREMENTS * 360.0
     }
 }
 
@@ -209,22 +228,22 @@ fn report(
 ) -> DemoReport {
     let t3 =
         master.slots.as_ref().map_or(Nanoseconds::ZERO, |slots| Nanoseconds::from_microseconds(u64::from(slots.t3)));
-    let curve = CommandCurve::of(master, t3);
     let moving = moving_time(master, t3);
+    let curve = CommandCurve::of(master, moving);
     let segments = segments(moving);
     let samples: Vec<Sample> = looks
         .iter()
         .filter(|look| look.time >= moving && look.time <= moving + SHAFT.duration() + SETTLING)
-        .filter_map(|look| {
-            let command = curve.at(look.time)?;
-            Some(Sample {
+        .map(|look| {
+            let command = curve.at(look.time);
+            Sample {
                 time_us: look.time.as_microseconds(),
                 command_degrees: command,
                 feedback_degrees: look.degrees,
                 error_degrees: command - look.degrees,
                 velocity_rpm: look.rpm,
                 current_fraction: look.current,
-            })
+            }
         })
         .collect();
     let steady = segments.iter().find(|segment| segment.constant_speed);
@@ -265,6 +284,7 @@ fn report(
             overall_max_degrees,
             overall_rms_degrees,
         },
+        torque_ripple: torque_ripple(looks, &segments),
         segments,
         samples: samples.into_iter().step_by(PLOTTED).collect(),
         trace: measured.trace.map(|trace| trace.to_string()),
@@ -304,6 +324,35 @@ fn segments(moving: Nanoseconds) -> Vec<MotionSegment> {
         .collect()
 }
 
+/// What leaves a straight line in the torque, settled, on the way up and at constant speed.
+fn torque_ripple(looks: &[Look], segments: &[MotionSegment]) -> TorqueRipple {
+    let settled = SETTLING.as_microseconds();
+    let off_the_line = |index: usize, settling: u64| {
+        let segment = &segments[index];
+        let within = |look: &&Look| {
+            let time = look.time.as_microseconds();
+            (segment.start_us + settling..segment.end_us).contains(&time)
+        };
+        off_the_line(&looks.iter().filter(within).map(|look| look.torque * 100.0).collect::<Vec<_>>())
+    };
+    let (accelerating_peak_to_peak_percent, accelerating_rms_percent) = off_the_line(0, settled);
+    let (_, constant_speed_rms_percent) = off_the_line(2, 0);
+    TorqueRipple { accelerating_rms_percent, accelerating_peak_to_peak_percent, constant_speed_rms_percent }
+}
+
+/// Peak to peak and root of the mean square of what leaves the straight line through the values.
+fn off_the_line(values: &[f64]) -> (f64, f64) {
+    let middle = (values.len() as f64 - 1.0) / 2.0;
+    let mean = values.iter().sum::<f64>() / values.len() as f64;
+    let places = || values.iter().enumerate().map(|(index, value)| (index as f64 - middle, value));
+    let slope = places().map(|(place, value)| place * value).sum::<f64>()
+        / places().map(|(place, _)| place * place).sum::<f64>();
+    let left: Vec<f64> = places().map(|(place, value)| value - mean - slope * place).collect();
+    let (highest, lowest) =
+        left.iter().fold((f64::MIN, f64::MAX), |(high, low), left| (high.max(*left), low.min(*left)));
+    (highest - lowest, max_and_rms(&left).1)
+}
+
 fn max_and_rms(errors: &[f64]) -> (f64, f64) {
     let largest = errors.iter().fold(0.0_f64, |largest, error| largest.max(error.abs()));
     let squares: f64 = errors.iter().map(|error| error * error).sum();
@@ -338,4 +387,18 @@ fn service_errors(master: &MasterReport) -> Vec<ServiceError> {
             code: step.reply,
         })
         .collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn what_leaves_a_straight_line_is_neither_its_height_nor_its_slope() {
+        let sine = |index: u32| (f64::from(index) * core::f64::consts::TAU / 40.0).sin();
+        let values: Vec<f64> = (0..4_000).map(|index| 7.0 - 0.01 * f64::from(index) + 3.0 * sine(index)).collect();
+        let (peak_to_peak, rms) = off_the_line(&values);
+        assert!((5.9..6.1).contains(&peak_to_peak), "{peak_to_peak}");
+        assert!((2.1..2.14).contains(&rms), "{rms}");
+    }
 }

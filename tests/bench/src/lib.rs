@@ -25,7 +25,7 @@ pub mod world;
 
 pub use axis::{parameters_of, product};
 pub use crashing::{Crashing, crashing_drive};
-pub use demo::{DemoError, demo, demo_on};
+pub use demo::{DemoError, demo, demo_on, demo_with};
 pub use elf::{Elf, LineEdge, Lines, OnStop, Tape};
 pub use executor::{Elves, Executor};
 pub use host_drive::{HostDrive, Latency};

@@ -363,6 +363,7 @@ impl BoardKind for HostBoard {
         frequency: PwmFrequency::Khz16,
         dead_time: 1_000,
         loop_timer_counts: 10_500,
+        sample_to_count: CONVERSION.0 as u16,
         encoder_rate: 18_600_000,
         temperature_sensor: TemperatureSensor {
             zero_counts: 500,

@@ -61,7 +61,7 @@ pub struct MotionSegment {
 pub struct Sample {
     /// Microseconds since the run began.
     pub time_us: u64,
-    /// Position command in force (interpolated), in degrees of the load shaft.
+    /// Where the line shaft was a cycle before: where the commands lead, in degrees of the load shaft.
     pub command_degrees: f64,
     /// True position of the shaft, in degrees.
     pub feedback_degrees: f64,
@@ -84,6 +84,17 @@ pub struct FollowingError {
     pub overall_max_degrees: f64,
     /// Root mean square of the whole motion.
     pub overall_rms_degrees: f64,
+}
+
+/// How unsteady the motor's torque is: what leaves a straight line through it, in per cent of what the peak current makes.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+pub struct TorqueRipple {
+    /// Root mean square on the ramp up, from 0.3 s on.
+    pub accelerating_rms_percent: f64,
+    /// Highest less lowest, there.
+    pub accelerating_peak_to_peak_percent: f64,
+    /// Root mean square at constant speed.
+    pub constant_speed_rms_percent: f64,
 }
 
 /// Many measurements of one duration, in nanoseconds of simulated time.
@@ -157,6 +168,8 @@ pub struct DemoReport {
     pub interrupt_to_command: Durations,
     /// Numbers of the whole motion, from all samples at loop rate (not only from `samples`).
     pub following: FollowingError,
+    /// Likewise.
+    pub torque_ripple: TorqueRipple,
     /// The motion's parts, in order.
     pub segments: Vec<MotionSegment>,
     /// The motion, equally spaced in time.

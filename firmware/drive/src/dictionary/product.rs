@@ -56,8 +56,8 @@ sercos::data_blocks! {
     P 131 "Thermal time constant of the amplifier" ["s"] U32/3 written IN_CP2_CP3 (1_000 to 3_600_000) = 5_000 => Parameter, stored, needed_for_cp4;
     /// What an error does to a motor that runs: 0 velocity command zero at the torque limit, 1 torque-free, 2 ramp S-0-0138.
     P 140 "Reaction to errors" [""] U16/0 written ALWAYS (0 to 2) = 2 => Parameter, stored;
-    /// Path between position commands: 0 straight lines, 1 cubic.
-    P 141 "Interpolation" [""] U16/0 written ALWAYS (0 to 1) = 0 => Parameter, stored;
+    /// Path between position commands: 0 straight lines, 1 cubic, 2 cubic if S-0-0001 is 4 ms or more and else straight lines.
+    P 141 "Interpolation" [""] U16/0 written ALWAYS (0 to 2) = 2 => Parameter, stored;
     /// Friction that grows with the velocity.
     P 142 "Viscous friction compensation" ["mA/rpm"] U16/3 written ALWAYS (0 to 65_535) = 0 => Parameter, stored, restricted;
     /// Filter 1 of the current command: 0 off, 1 low-pass, 2 notch.
@@ -106,6 +106,10 @@ sercos::data_blocks! {
     P 223 "Bandwidth of the velocity loop" ["Hz"] U16/0 written ALWAYS (1 to 444) = 40 => Parameter, stored;
     /// How far P-0-0225 and P-0-0226 may turn the motor from where it stands; they fail and HALT stops the motor when it is further.
     P 229 "Movement of the identification" ["rev"] U32/2 written ALWAYS (1 to 104_857_600) = 1_500 => Parameter, stored;
+    /// By how much the shaft is where S-0-0047 said later than one cycle S-0-0001 after the t3 at which it became valid; negative: earlier. For drives of another make on the same line shaft.
+    P 230 "Shift of the set-point in time" ["us"] I16/0 written IN_CP2_CP3 (-800 to 800) = 0 => Parameter, stored;
+    /// Time constant with which S-0-0348 follows the accelerations of position commands; P-0-0220 sets it.
+    P 231 "Smoothing time of the acceleration feed-forward" ["us"] U16/0 written ALWAYS (0 to 20_000) = 0 => Parameter, stored;
     /// 0: there is no second encoder, telegram types 11 to 13 and S-0-0053 are refused; 1: the motor encoder stands in for it.
     P 2705 "Source of position feedback 2" [""] U16/0 written IN_CP2_CP3 (0 to 1) = 0 => Parameter, stored;
 }

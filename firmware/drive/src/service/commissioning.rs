@@ -9,17 +9,17 @@ use core::fmt;
 use sercos::Idn;
 use sercos::parameters::Parameters;
 use servo::SettingsError;
-use servo::axis::{current_gains, position_gain, velocity_gains};
+use servo::axis::{acceleration_feed_forward, acceleration_smoothing, current_gains, position_gain, velocity_gains};
 use servo::current::PwmFrequency;
 use servo::identification::{
-    FluxSettings, IdentificationError, IdentificationParameters, InductanceSettings, InertiaSettings,
+    FluxSettings, IdentificationError, IdentificationParameters, InductanceSettings, Inertia, InertiaSettings,
     ResistanceSettings,
 };
 use servo::units::{Acceleration, Position, Velocity};
 
 use crate::dictionary::procedures::Procedure;
 use crate::motion::identification::{Failure, Measurement, Outcome, Plan};
-use crate::settings::current::{amplitude, torque_constant};
+use crate::settings::current::{amplitude, rms, torque_constant};
 use crate::settings::invalid::InvalidSetting;
 use crate::settings::torque::TorqueScale;
 
@@ -97,6 +97,8 @@ impl fmt::Display for Finding {
 ///
 /// # Errors
 /// [`Finding`]; nothing is changed then.
+#[cold]
+#[inline(never)]
 pub(crate) fn compute_gains(
     parameters: &mut Parameters,
     frequency: PwmFrequency,
@@ -116,6 +118,8 @@ pub(crate) fn compute_gains(
     // Per ampere RMS, as S-0-0100 counts them.
     let velocity = velocity_gains(data.get(P(221)), data.get(P(114)), bandwidth, small_times)?;
     let position = position_gain(bandwidth)?;
+    let feed_forward = acceleration_feed_forward(data.get(P(221)), data.get(P(114)))?;
+    let smoothing = acceleration_smoothing(data.get_word(S(1)));
     // Less than half a step would switch the integral part off.
     let current_time = (current.integral_time.saturating_add(50) / 100).max(1);
     put(
@@ -126,6 +130,8 @@ pub(crate) fn compute_gains(
             (S(104), position.into()),
             (S(106), current.proportional),
             (S(107), current_time),
+            (S(348), feed_forward.into()),
+            (P(231), smoothing.into()),
         ],
         check,
     )
@@ -170,6 +176,8 @@ pub(crate) fn plan(procedure: Procedure, parameters: &Parameters, frequency: Pwm
 ///
 /// # Errors
 /// [`Finding`]; nothing is changed then.
+#[cold]
+#[inline(never)]
 pub(crate) fn take_over(
     outcome: Outcome,
     parameters: &mut Parameters,
@@ -183,7 +191,16 @@ pub(crate) fn take_over(
             put(parameters, values, check)
         }
         Measurement::Flux(flux) => put(parameters, [(P(114), amplitude(flux.flux()?.torque_constant))], check),
-        Measurement::Inertia(inertia) => put(parameters, [(P(221), inertia.inertia()?.inertia)], check),
+        Measurement::Inertia(inertia) => {
+            let Inertia { inertia, coulomb_friction, viscous_friction } = inertia.inertia()?;
+            // Friction never drives: below zero it is noise.
+            let resisting = |amplitude: i32| rms(amplitude.max(0).unsigned_abs());
+            let scale = TorqueScale::new(parameters).map_err(|invalid| Finding::Refused(invalid.idn))?;
+            let coulomb = scale.increments(resisting(coulomb_friction));
+            // Of 1000 rpm in uA to uA/rpm.
+            let viscous = resisting(viscous_friction).saturating_add(500) / 1_000;
+            put(parameters, [(P(221), inertia), (S(155), coulomb), (P(142), viscous)], check)
+        }
     }
 }
 
@@ -240,10 +257,8 @@ mod tests {
         Ok(())
     }
 
-    const GAINS: [u16; 5] = [100, 101, 104, 106, 107];
-
-    fn gains(parameters: &Parameters) -> [u32; 5] {
-        GAINS.map(|number| parameters.get(S(number)))
+    fn gains(parameters: &Parameters) -> [u32; 7] {
+        [S(100), S(101), S(104), S(106), S(107), S(348), P(231)].map(|idn| parameters.get(idn))
     }
 
     #[test]

@@ -196,8 +196,8 @@ fn every_data_block_that_can_be_written_has_an_effect_or_refuses_to_be_changed()
 
 #[test]
 fn every_choice_of_a_list_of_choices_is_another() {
-    // Those whose values are names, not amounts or bits.
-    for idn in [S(265), P(117), P(140), P(141), P(170), P(174), POSITION_FEEDBACK_2_SOURCE] {
+    // Those whose values are names, not amounts or bits; P-0-0141 = 2 is one of its other two, see `settings`.
+    for idn in [S(265), P(117), P(140), P(170), P(174), POSITION_FEEDBACK_2_SOURCE] {
         let block = DICTIONARY.find(idn).unwrap();
         let (Some(least), Some(most)) = (block.minimum, block.maximum) else { panic!("{idn} has no limits") };
         let mut seen: Vec<Effects> = Vec::new();

@@ -68,6 +68,15 @@ impl TorqueScale {
         u32::try_from(self.to_fraction.apply(increments.into())).unwrap_or(u32::MAX)
     }
 
+    /// Increments that are nearest to so many mA RMS. Divides.
+    pub(crate) fn increments(&self, milliamperes: u32) -> u32 {
+        let Ratio { numerator, denominator } = self.milliamperes;
+        let scaled =
+            u128::from(milliamperes).saturating_mul(denominator.into()).saturating_add(u128::from(numerator) / 2);
+        let increments = scaled.checked_div(numerator.into()).unwrap_or(u128::MAX);
+        u32::try_from(increments).unwrap_or(u32::MAX)
+    }
+
     /// mA RMS of so many increments. Divides.
     pub(crate) fn milliamperes(&self, increments: u16) -> u32 {
         let scaled = u128::from(increments).saturating_mul(self.milliamperes.numerator.into());

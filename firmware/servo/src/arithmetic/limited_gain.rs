@@ -18,9 +18,6 @@ pub(crate) struct LimitedGain {
 const SHIFT_LIMIT: u32 = 22;
 
 impl LimitedGain {
-    /// The factor 0.
-    pub(crate) const ZERO: Self = Self { widening: 1, mantissa: 0 };
-
     /// The factor `numerator / denominator`; `None` when the denominator is 0 or above 2^126, or the factor is 2^20 or more. Slow.
     pub(crate) fn from_ratio(numerator: u128, denominator: u128) -> Option<Self> {
         let factor = quotient(numerator, denominator)?;
@@ -75,8 +72,7 @@ mod tests {
         assert_eq!(gain(3, 2).unwrap().apply(7), 11, "10.5 rounds up");
         assert_eq!(gain(3, 2).unwrap().apply(-7), -10, "-10.5 rounds up");
         assert_eq!(gain(1 << 19, 1).unwrap().apply(-3), -3 << 19);
-        assert_eq!(gain(0, 5).unwrap(), LimitedGain::ZERO);
-        assert_eq!(LimitedGain::ZERO.apply(i32::MIN), 0);
+        assert_eq!(gain(0, 5).unwrap().apply(i32::MIN), 0);
     }
 
     #[test]

@@ -24,20 +24,8 @@ pub(crate) fn limited(value: i64, limit: i64) -> i64 {
 /// `value * fraction / 2^32`, rounded down; the fraction is not negative.
 #[inline]
 pub(crate) fn times_fraction(value: i64, fraction: i32) -> i64 {
-    product_above(value, fraction, 0)
-}
-
-/// `value * fraction / 2^32`, to the nearest integer; the fraction is not negative.
-#[inline]
-pub(crate) fn times_fraction_to_nearest(value: i64, fraction: i32) -> i64 {
-    product_above(value, fraction, 1 << 31)
-}
-
-/// `(value * fraction + more) / 2^32`, rounded down; `more` is below 2^32.
-#[inline]
-fn product_above(value: i64, fraction: i32, more: u64) -> i64 {
     let high = (value >> 32) as i32;
-    let of_low = u64::from(value as u32).wrapping_mul(u64::from(fraction as u32)).wrapping_add(more) >> 32;
+    let of_low = u64::from(value as u32).wrapping_mul(u64::from(fraction as u32)) >> 32;
     i64::from(high).wrapping_mul(i64::from(fraction)).wrapping_add(of_low as i64)
 }
 
@@ -87,7 +75,6 @@ mod tests {
         fn the_fraction_of_a_product_is_exact(value in any::<i64>(), fraction in 0..=i32::MAX) {
             let product = i128::from(value) * i128::from(fraction);
             prop_assert_eq!(i128::from(times_fraction(value, fraction)), product >> 32);
-            prop_assert_eq!(i128::from(times_fraction_to_nearest(value, fraction)), (product + (1 << 31)) >> 32);
         }
 
         #[test]

@@ -11,7 +11,9 @@
 //!    _____/ band
 //! ```
 
-use crate::arithmetic::limited_gain::LimitedGain;
+use crate::arithmetic::division::divide_rounding;
+use crate::arithmetic::trigonometry::high_product;
+use crate::arithmetic::wide::saturated;
 use crate::axis::velocity_loop::CURRENT_BITS;
 use crate::error::{SettingsError, in_range};
 use crate::units::Velocity;
@@ -33,18 +35,18 @@ pub struct FrictionParameters {
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub struct FrictionSettings {
-    is_compensated: bool,
-    band: Velocity,
-    /// Velocity steps within the band to 2^-25 of peak.
-    coulomb: LimitedGain,
-    /// Velocity steps to 2^-25 of peak.
-    viscous: LimitedGain,
+    /// Of the Coulomb part: 2^31 over the band, right to 0.4 % up to 100 rpm. Beyond the band its product with a velocity ends at the range of
+    /// a word.
+    steepness: i32,
+    /// Coulomb part in 2^-26 of peak.
+    coulomb: i32,
+    /// From velocity steps to 2^-25 of peak, in 2^-32: below a quarter.
+    viscous: i32,
 }
 
 impl FrictionSettings {
     /// No compensation.
-    pub const OFF: Self =
-        Self { is_compensated: false, band: Velocity::ZERO, coulomb: LimitedGain::ZERO, viscous: LimitedGain::ZERO };
+    pub const OFF: Self = Self { steepness: 0, coulomb: 0, viscous: 0 };
 
     /// Scales the parameters. Divides.
     ///
@@ -60,21 +62,13 @@ impl FrictionSettings {
         in_range("viscous friction current", viscous, 0, peak_current)?;
         in_range("band of the friction compensation", band, 1_000, 10_000_000)?;
         let band = Velocity::from_ten_thousandths_rpm(band.cast_signed());
-        let slope = LimitedGain::from_ratio(
-            u128::from(coulomb) << CURRENT_BITS,
-            u128::from(peak_current).saturating_mul(band.to_bits().unsigned_abs().into()),
-        );
-        // uA/rpm: 2^-36 rev per tick is 480 000 / 2^36 rpm, and 2^25 * 480 000 / 2^36 / 1000 is 15 / 64.
-        let viscous_slope = LimitedGain::from_ratio(
-            u128::from(viscous).saturating_mul(15),
-            u128::from(peak_current).saturating_mul(64),
-        );
-        // With these ranges they are at most 2^25 / 14 316 and 15 / 64.
+        let of_peak =
+            |current: u32, scale: i128| divide_rounding(i128::from(current).saturating_mul(scale), peak_current.into());
+        // A band of 0.1 rpm has 14 317 steps. uA/rpm: 2^-36 rev per tick is 480 000 / 2^36 rpm, and 2^25 * 480 000 / 2^36 / 1000 is 15 / 64.
         Ok(Self {
-            is_compensated: coulomb > 0 || viscous > 0,
-            band,
-            coulomb: slope.unwrap_or(LimitedGain::ZERO),
-            viscous: viscous_slope.unwrap_or(LimitedGain::ZERO),
+            steepness: divide_rounding(1 << 31, band.to_bits().into()) as i32,
+            coulomb: of_peak(coulomb, 1 << (CURRENT_BITS + 1)) as i32,
+            viscous: of_peak(viscous, 15 << 26) as i32,
         })
     }
 
@@ -82,12 +76,10 @@ impl FrictionSettings {
     #[inline]
     #[must_use]
     pub fn current(&self, command: Velocity) -> i32 {
-        if !self.is_compensated {
-            return 0;
-        }
-        let coulomb = self.coulomb.apply(command.limit(self.band).to_bits());
-        let total = coulomb.saturating_add(self.viscous.apply(command.to_bits()));
-        total.clamp(-(1 << CURRENT_BITS), 1 << CURRENT_BITS)
+        let velocity = command.to_bits();
+        let within = saturated(i64::from(velocity).wrapping_mul(self.steepness.into()));
+        let total = high_product(within, self.coulomb).wrapping_add(high_product(velocity, self.viscous));
+        total.clamp(-(1 << CURRENT_BITS), (1 << CURRENT_BITS) - 1)
     }
 }
 
@@ -172,7 +164,8 @@ mod tests {
             let friction = FrictionSettings::new(&parameters).unwrap();
             let of = |bits| friction.current(Velocity::from_bits(bits));
             prop_assert!(of(a.min(b)) <= of(a.max(b)));
-            prop_assert!((of(a) + of(a.saturating_neg())).abs() <= 1);
+            // Two products, each rounded down.
+            prop_assert!((of(a) + of(a.saturating_neg())).abs() <= 2);
         }
     }
 }

@@ -1,6 +1,7 @@
 //! All settings of an axis: from the units of the IDNs to the scaled form of the loops.
 
 use crate::arithmetic::trigonometry::high_product;
+use crate::axis::acceleration_gain::AccelerationSmoothing;
 use crate::axis::filter::CurrentFilterSettings;
 use crate::axis::friction::FrictionSettings;
 use crate::axis::limits::VelocityLimits;
@@ -13,7 +14,7 @@ use crate::path::limits::MotionLimits;
 use crate::path::settings::{Interpolation, InterpolatorSettings};
 use crate::units::derivatives::Jerk;
 use crate::units::modulo::Modulo;
-use crate::units::{Acceleration, Position, Velocity};
+use crate::units::{Acceleration, LOOP_PERIOD_MICROSECONDS, Position, Velocity};
 
 /// Parameters of an axis in physical units, as the IDNs carry them.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -35,6 +36,8 @@ pub struct AxisParameters {
     pub velocity_filter: u16,
     /// Acceleration feed-forward S-0-0348 in uA s²/rad, 0: none.
     pub acceleration_gain: u32,
+    /// Time constant in us with which the acceleration feed-forward follows position commands, 0: at once.
+    pub acceleration_smoothing: u16,
     /// Friction compensation of commanded velocities.
     pub friction: FrictionSettings,
     /// Filters of the current command.
@@ -69,6 +72,7 @@ pub struct AxisSettings {
     pub(crate) interpolator: InterpolatorSettings,
     pub(crate) position_loop: PositionLoopSettings,
     pub(crate) velocity_loop: VelocityLoopSettings,
+    pub(crate) acceleration_smoothing: AccelerationSmoothing,
     pub(crate) velocity_filter: VelocityFilter,
     pub(crate) velocity_limits: VelocityLimits,
     pub(crate) deceleration: Acceleration,
@@ -77,8 +81,10 @@ pub struct AxisSettings {
     pub(crate) halt: MotionLimits,
     pub(crate) velocity_ramp: Option<MotionLimits>,
     pub(crate) standstill_window: Velocity,
-    /// From a velocity to what it moves from the measurement to the tick, in 2^-32.
-    pub(crate) age: i32,
+    /// From the instant of the measured position to that of the set-point which it is compared with, in 2^-28 tick.
+    pub(crate) lead: i32,
+    /// The same for what is made of the velocities of two ticks: of lines not more than from one to the other.
+    pub(crate) velocity_lead: i32,
 }
 
 /// Ramps of an axis, scaled: what may be exchanged while it moves, see [`crate::axis::Axis::set_movements`].
@@ -121,8 +127,8 @@ impl AxisMovements {
     }
 }
 
-/// A quarter of a tick: from 2^-36 to 2^-32 revolution, and two bits more.
-const A_QUARTER: i32 = 1 << 26;
+/// In [`AxisSettings::lead`]: from 2^-36 to 2^-32 revolution are four bits.
+const TICK: i32 = 1 << 28;
 
 const fn or_unlimited(acceleration: Acceleration) -> Acceleration {
     match acceleration.to_bits() {
@@ -132,25 +138,44 @@ const fn or_unlimited(acceleration: Acceleration) -> Acceleration {
 }
 
 impl AxisSettings {
-    /// The same for positions that belong to an instant a quarter of a loop tick before the tick, see [`crate::encoder::DoubleSampledEncoder`]. Without it
-    /// they belong to the tick.
+    /// The same where the set-point of a tick belongs to an instant so many ns after that of the position which is measured in the tick; at
+    /// most 999 000 either way, beyond it counts as that. Without it the two are of one instant.
+    ///
+    /// Between the ticks the set-point is a straight line: up to a tick that is exact on lines, and beyond it the velocity of the last tick
+    /// goes on before or behind it. The velocity that is fed forward follows a cubic however far it is; of lines, whose velocity jumps, it is
+    /// at most that of the tick before.
     #[must_use]
-    pub const fn measured_a_quarter_tick_ago(self) -> Self {
-        Self { age: A_QUARTER, ..self }
+    pub const fn with_setpoint_ahead(self, nanoseconds: i32) -> Self {
+        const PERIOD: i64 = LOOP_PERIOD_MICROSECONDS as i64 * 1_000;
+        let limited = if nanoseconds > 999_000 {
+            999_000
+        } else if nanoseconds < -999_000 {
+            -999_000
+        } else {
+            nanoseconds as i64
+        };
+        // Below 8 ticks.
+        let lead = ((limited << 28) / PERIOD) as i32;
+        let velocity_lead = match self.interpolator.interpolation() {
+            Interpolation::Linear if lead < 0 => 0,
+            Interpolation::Linear if lead > TICK => TICK,
+            _ => lead,
+        };
+        Self { lead, velocity_lead, ..self }
     }
 
-    /// Of two velocities a tick apart, the one at the instant of the measurement.
+    /// Of the set-point's velocities in two ticks, the one that the axis is measured to have on it.
     #[inline]
     pub(crate) fn as_measured(&self, before: Velocity, now: Velocity) -> Velocity {
-        // From 2^-32 to the share of a tick: four bits more.
-        let since = high_product((now - before).to_bits(), self.age << 4);
-        Velocity::from_bits(now.to_bits().wrapping_sub(since))
+        // From 2^-32 of 2^28: four bits less, 0.0001 rpm.
+        let since = high_product((now - before).to_bits(), self.velocity_lead);
+        Velocity::from_bits(now.to_bits().wrapping_sub(since << 4))
     }
 
-    /// What an axis moves with this velocity from the measurement to the tick.
+    /// What the set-point moves with this velocity from the instant of the measurement to its own.
     #[inline]
     pub(crate) fn moved_since_measured(&self, velocity: Velocity) -> Position {
-        Position::from_bits(high_product(velocity.to_bits(), self.age).into())
+        Position::from_bits(high_product(velocity.to_bits(), self.lead).into())
     }
 
     /// Scales the parameters. Divides: call it when a parameter changes, outside the loop.
@@ -170,7 +195,8 @@ impl AxisSettings {
             parameters.jerk,
         )?;
         Ok(Self {
-            age: 0,
+            lead: 0,
+            velocity_lead: 0,
             friction: parameters.friction,
             filter: parameters.filter,
             halt: movements.halt,
@@ -189,6 +215,10 @@ impl AxisSettings {
                 parameters.acceleration_gain,
                 parameters.peak_current,
             )?,
+            acceleration_smoothing: AccelerationSmoothing::new(
+                parameters.acceleration_smoothing,
+                parameters.ticks_per_cycle,
+            ),
             velocity_filter: VelocityFilter::from_microseconds(parameters.velocity_filter),
             velocity_limits: parameters.velocity_limits,
             deceleration: movements.deceleration,

@@ -7,6 +7,7 @@
 //! | current | the zero of the controller lies on the pole of the winding; gain for the bandwidth | 60 degrees or more |
 //! | velocity | gain for the bandwidth; integral action time 4 / bandwidth: the ideal loop is critically damped | 45 degrees or more |
 //! | position | a quarter of the velocity bandwidth | |
+//! | feed-forward | the current that the inertia takes, smoothed as the rounding of the commands asks for | |
 //!
 //! All of it divides: for commands and parameters, not for a tick.
 
@@ -162,6 +163,34 @@ pub fn position_gain(velocity_bandwidth: u32) -> Result<u16, SettingsError> {
     ) as u16)
 }
 
+/// Acceleration feed-forward S-0-0348 in 0.1 mA s²/rad for an `inertia` in 10^-7 kg m^2 (motor and load) and a `torque_constant` in uNm/A:
+/// the one over the other. An inertia that takes less than half a step gets none.
+///
+/// # Errors
+/// [`SettingsError::Zero`] without torque constant; [`SettingsError::OutOfRange`] above 65 535, the range of S-0-0348.
+pub fn acceleration_feed_forward(inertia: u32, torque_constant: u32) -> Result<u16, SettingsError> {
+    if torque_constant == 0 {
+        return Err(SettingsError::Zero { parameter: "torque constant" });
+    }
+    // 10^-7 kg m^2 / (10^-6 Nm/A) in 0.1 mA is 1000.
+    let gain = divide_rounding(i128::from(inertia).saturating_mul(1_000), torque_constant.into());
+    let gain = in_range("acceleration feed-forward S-0-0348", limited_to_u32(gain), 0, u16::MAX.into())?;
+    Ok(gain as u16)
+}
+
+/// Smoothing time P-0-0231 in us of the acceleration feed-forward, for position commands every `cycle` us (S-0-0001): 0.5 ms² / cycle.
+///
+/// A command is rounded, and what that makes of an acceleration grows with the square of the rate: 0.0001 degrees are 7 rad/s² at 500 us.
+/// Every microsecond of smoothing lets a ramp begin later than the set-point. On the press axis (`tests/feed_forward.rs`) this time keeps
+/// the ripple that the rounding makes below a tenth of that of the encoder, and costs a few thousandths of a degree where a ramp begins.
+#[must_use]
+pub const fn acceleration_smoothing(cycle: u16) -> u16 {
+    match 500_000_u32.checked_div(cycle as u32) {
+        Some(time) if time < 20_000 => time as u16,
+        _ => 20_000,
+    }
+}
+
 fn limited_to_u32(value: i64) -> u32 {
     value.clamp(0, u32::MAX.into()) as u32
 }
@@ -240,6 +269,21 @@ mod tests {
             assert!(velocity_gains(1_000, 100_000, maximum, filter).is_ok());
             assert!((45.3..46.5).contains(&margin(maximum)), "{filter} us: {}", margin(maximum));
         }
+    }
+
+    #[test]
+    fn the_feed_forward_is_the_current_that_the_inertia_takes() {
+        // 0.15 kg m^2 and 2 Nm/A: 75 mA s²/rad.
+        assert_eq!(acceleration_feed_forward(1_500_000, 2_000_000), Ok(750));
+        // 1 kg cm^2 and 0.48 Nm/A: 0.208 mA s²/rad.
+        assert_eq!(acceleration_feed_forward(1_000, 480_000), Ok(2));
+        assert_eq!(acceleration_feed_forward(1, 480_000), Ok(0));
+        assert_eq!(acceleration_feed_forward(1, 0), Err(SettingsError::Zero { parameter: "torque constant" }));
+        let parameter = "acceleration feed-forward S-0-0348";
+        let refused = SettingsError::OutOfRange { parameter, actual: 65_536, minimum: 0, maximum: 65_535 };
+        assert_eq!(acceleration_feed_forward(65_536, 1_000), Err(refused));
+        assert_eq!(acceleration_feed_forward(65_535, 1_000), Ok(65_535));
+        assert_eq!([500, 1_000, 10_000, 65_000, 0].map(acceleration_smoothing), [1_000, 500, 50, 7, 20_000]);
     }
 
     #[test]

@@ -60,10 +60,10 @@ impl VelocityLoopSettings {
         // A tick is 1.25 times 0.1 ms.
         let times = u128::from(integral_time).saturating_mul(4);
         let per_tick = factor.saturating_mul(5).checked_div(times).unwrap_or(0);
-        // fraction [2^-25] = a [2^-48 rev/tick²] * 2^-23 * 2 pi * 8000² * gain / peak current
+        // fraction [2^-25] = a [2^-42 rev/tick²] * 2^-17 * 2 pi * 8000² * gain / peak current
         let of_acceleration =
             u128::from(acceleration_gain).saturating_mul(ticks.saturating_mul(ticks)).saturating_mul(two_pi);
-        let per_peak = u128::from(peak_current).saturating_mul(1_000 << 23).saturating_mul(unit);
+        let per_peak = u128::from(peak_current).saturating_mul(1_000 << 17).saturating_mul(unit);
         Ok(Self {
             proportional,
             integral: proportional.mantissa_of(per_tick),
@@ -75,8 +75,12 @@ impl VelocityLoopSettings {
     #[inline]
     #[must_use]
     pub fn feed_forward(&self, acceleration: SignedAcceleration) -> i32 {
-        // Most set-points have none.
-        if acceleration == SignedAcceleration::ZERO { 0 } else { self.acceleration.apply(acceleration) }
+        self.acceleration.apply(acceleration)
+    }
+
+    /// From an acceleration to that current.
+    pub(crate) const fn acceleration(&self) -> AccelerationGain {
+        self.acceleration
     }
 }
 

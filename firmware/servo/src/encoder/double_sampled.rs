@@ -3,7 +3,7 @@
 //! A counter shows where the shaft is to within an increment, and what it hides comes back as a velocity: one increment a tick. The mean of
 //! two readings half a tick apart hides a half as much, and what it hides is different from tick to tick. It belongs to the instant in the
 //! middle between the two, a quarter of a tick before the second: whoever compares it with a set-point takes the one of that instant, see
-//! [`crate::axis::AxisSettings::measured_a_quarter_tick_ago`].
+//! [`crate::axis::AxisSettings::with_setpoint_ahead`].
 
 use crate::encoder::{Encoder, EncoderSettings};
 use crate::error::SettingsError;

@@ -26,6 +26,7 @@ impl BoardKind for Example {
         frequency: PwmFrequency::Khz16,
         dead_time: 1_000,
         loop_timer_counts: 10_500,
+        sample_to_count: 2_200,
         encoder_rate: 18_600_000,
         temperature_sensor: TemperatureSensor {
             zero_counts: 500,

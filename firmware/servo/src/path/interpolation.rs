@@ -9,7 +9,7 @@
 
 use crate::arithmetic::wide::times_fraction;
 use crate::path::command_step::CommandJump;
-use crate::path::cubic::Deviation;
+use crate::path::cubic::Cubic;
 use crate::path::setpoint::{CommandSource, Setpoint};
 use crate::path::settings::{Interpolation, InterpolatorSettings};
 use crate::units::derivatives::SignedAcceleration;
@@ -43,14 +43,11 @@ pub struct Interpolator {
     line: u16,
     curve: u16,
     overdue: u16,
-    /// The path is a cubic: what follows without a command is no continuation of its line.
+    /// The path is the cubic, also at its end: neither place nor slope are those of a line.
     bent: bool,
-    /// Of the cubic from the line.
-    deviation: Deviation,
-    /// What the last tick on a cubic moved, or a tick on the line moves, in 2^-48 revolution.
-    velocity: i64,
-    /// By how much more than the tick before.
-    acceleration: i64,
+    cubic: Cubic,
+    /// What the line has gained over the one before it, spread over the cycle.
+    acceleration: SignedAcceleration,
     /// Way from the last command to this one, in position steps per cycle.
     way: i64,
     /// Velocity at the end of the path, in position steps per cycle.
@@ -75,9 +72,8 @@ impl Interpolator {
             curve: 0,
             overdue: 0,
             bent: false,
-            deviation: Deviation::NONE,
-            velocity: 0,
-            acceleration: 0,
+            cubic: Cubic::AT_REST,
+            acceleration: SignedAcceleration::ZERO,
             way: 0,
             exit: 0,
             ranges,
@@ -98,15 +94,7 @@ impl Interpolator {
     ) {
         let slope = i64::from(velocity.to_bits()) << 12;
         let way = slope.wrapping_mul(i64::from(settings.ticks_per_cycle())) >> FINE_BITS;
-        *self = Self {
-            slope,
-            speed: velocity,
-            way,
-            exit: way,
-            velocity: slope,
-            starting: true,
-            ..Self::new(position, ranges)
-        };
+        *self = Self { slope, speed: velocity, way, exit: way, starting: true, ..Self::new(position, ranges) };
     }
 
     /// The command that was in force when the interpolator was started between two commands: no step from it may pass for a first command.
@@ -139,23 +127,25 @@ impl Interpolator {
         let commanded = limited((target - self.target).to_bits());
         let way = self.per_cycle(settings, commanded);
         self.target = target;
-        self.place = END.wrapping_sub(distance << FINE_BITS);
-        self.follow(settings.per_tick(distance << FINE_BITS));
         self.overdue = 0;
         self.bent = settings.interpolation() == Interpolation::Cubic;
         match settings.interpolation() {
             Interpolation::Linear => {
                 [self.line, self.curve] = [settings.ticks_per_cycle(), 0];
-                self.deviation = Deviation::NONE;
-                self.velocity = self.slope;
-                self.acceleration = 0;
+                self.place = END.wrapping_sub(distance << FINE_BITS);
+                self.follow(settings.per_tick(distance << FINE_BITS));
+                // From command to command: the line itself has it all in its first tick.
+                let gained = settings.per_square_of_ticks(way.wrapping_sub(self.way) << FINE_BITS);
+                self.acceleration = SignedAcceleration::from_bits(gained);
             }
             Interpolation::Cubic => {
                 [self.line, self.curve] = [0, settings.ticks_per_cycle()];
                 let entry = self.exit;
                 self.exit = way.wrapping_add(way.wrapping_sub(self.way) >> 1);
-                self.deviation =
-                    Deviation::between(settings, entry.wrapping_sub(distance), self.exit.wrapping_sub(distance));
+                self.cubic = Cubic::over(settings, distance, entry, self.exit);
+                // What follows if the next command does not come: a line with the last velocity.
+                self.place = END;
+                self.follow(settings.per_tick(self.exit << FINE_BITS));
             }
         }
         self.way = way;
@@ -223,7 +213,7 @@ impl Interpolator {
         if self.line != 0 {
             self.line = self.line.saturating_sub(1);
             self.place = self.place.wrapping_add(self.slope);
-            return (Setpoint::moving(self.on_the_line(), self.speed), CommandSource::Interpolated);
+            return (self.on_the_line(), CommandSource::Interpolated);
         }
         if self.curve != 0 {
             return (self.tick_on_the_curve(), CommandSource::Interpolated);
@@ -234,74 +224,69 @@ impl Interpolator {
     #[inline]
     fn tick_on_the_curve(&mut self) -> Setpoint {
         self.curve = self.curve.saturating_sub(1);
-        let velocity = self.slope.wrapping_add(self.deviation.tick());
-        self.acceleration = velocity.wrapping_sub(self.velocity);
-        self.velocity = velocity;
-        self.place = self.place.wrapping_add(self.slope);
-        if self.curve == 0 {
-            self.deviation = Deviation::NONE;
-            self.place = END;
-        }
-        self.setpoint()
+        let (velocity, acceleration) = self.cubic.tick();
+        Setpoint { position: self.target + self.cubic.place(), velocity, acceleration }
     }
 
-    /// A tick behind the end of the path.
+    /// A tick behind the end of the path: its line goes on. Not inline: what it takes of the registers costs every other tick 20 instructions.
     #[cold]
+    #[inline(never)]
     fn tick_without_command(&mut self, settings: &InterpolatorSettings) -> (Setpoint, CommandSource) {
-        if core::mem::take(&mut self.bent) {
-            // Behind a cubic there is a line with its last velocity.
-            self.follow(settings.per_tick(self.exit << FINE_BITS));
-        }
-        let before = self.velocity;
-        let source = if self.overdue < settings.ticks_per_cycle().saturating_mul(2) {
-            self.overdue = self.overdue.saturating_add(1);
+        self.bent = false;
+        self.acceleration = SignedAcceleration::ZERO;
+        if self.overdue < settings.ticks_per_cycle() << 1 {
+            self.overdue = self.overdue.wrapping_add(1);
             self.place = self.place.wrapping_add(self.slope);
-            self.velocity = self.slope;
-            CommandSource::Extrapolated
-        } else {
-            self.follow(0);
-            self.way = 0;
-            self.exit = 0;
-            self.velocity = 0;
-            CommandSource::Held
-        };
-        self.acceleration = match settings.interpolation() {
-            Interpolation::Linear => 0,
-            Interpolation::Cubic => self.velocity.wrapping_sub(before),
-        };
-        (self.setpoint(), source)
+            return (self.on_the_line(), CommandSource::Extrapolated);
+        }
+        self.hold()
+    }
+
+    fn hold(&mut self) -> (Setpoint, CommandSource) {
+        self.follow(0);
+        self.way = 0;
+        self.exit = 0;
+        (self.on_the_line(), CommandSource::Held)
     }
 
     /// The setpoint of the last tick.
     #[inline]
     #[must_use]
     pub fn setpoint(&self) -> Setpoint {
-        Setpoint {
-            position: self.position(),
-            velocity: self.velocity(),
-            acceleration: SignedAcceleration::from_bits(self.acceleration),
+        if self.bent {
+            let (velocity, acceleration) = self.cubic.last();
+            Setpoint { position: self.position(), velocity, acceleration }
+        } else {
+            self.on_the_line()
         }
+    }
+
+    /// The accelerations with which the path to the last command begins and ends.
+    #[inline]
+    #[must_use]
+    pub fn accelerations(&self) -> [SignedAcceleration; 2] {
+        if self.bent { self.cubic.accelerations(self.curve) } else { [self.acceleration; 2] }
     }
 
     /// The setpoint position of the last tick.
     #[inline]
     #[must_use]
     pub fn position(&self) -> Position {
-        let place = self.place.wrapping_add(self.deviation.value());
-        self.target + Position::from_bits(place >> FINE_BITS)
+        if self.bent { self.target + self.cubic.place() } else { self.on_the_line().position }
     }
 
-    /// The same where there is no cubic.
+    /// The setpoint of a path that is no cubic.
     #[inline]
-    fn on_the_line(&self) -> Position {
-        self.target + Position::from_bits(self.place >> FINE_BITS)
+    fn on_the_line(&self) -> Setpoint {
+        let position = self.target + Position::from_bits(self.place >> FINE_BITS);
+        Setpoint { position, velocity: self.speed, acceleration: self.acceleration }
     }
 
     /// The setpoint velocity: what the last tick moved, or with a new line what the next one will.
     #[inline]
     #[must_use]
     pub fn velocity(&self) -> Velocity {
-        Velocity::saturating_from_bits(self.velocity >> 12)
+        self.setpoint().velocity
     }
 
     /// The last commanded position, unbounded.

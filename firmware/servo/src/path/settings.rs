@@ -1,5 +1,6 @@
 //! Which path leads from one command to the next, and in how many ticks.
 
+use crate::arithmetic::trigonometry::high_product;
 use crate::arithmetic::wide::times_fraction;
 use crate::error::SettingsError;
 use crate::path::command_step::CommandLimits;
@@ -9,7 +10,7 @@ use crate::units::modulo::Modulo;
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub enum Interpolation {
-    /// A straight line: the velocity jumps at each command, the acceleration is given as zero.
+    /// A straight line: the velocity jumps at each command, and what it jumps by is given as an acceleration over the cycle.
     #[default]
     Linear,
     /// A cubic that begins with the velocity that it ended with at the last command, and ends with one and a half of this cycle's way less a
@@ -27,6 +28,8 @@ pub struct InterpolatorSettings {
     ticks_per_cycle: u16,
     /// 2^32 / ticks, to the nearest: at most 2^30.
     reciprocal: i32,
+    /// 2^32 / ticks², to the nearest: at most 2^28.
+    reciprocal_of_square: i32,
     interpolation: Interpolation,
     modulo: Option<Modulo>,
     limits: CommandLimits,
@@ -51,6 +54,7 @@ impl InterpolatorSettings {
         Ok(Self {
             ticks_per_cycle,
             reciprocal,
+            reciprocal_of_square: square_of(reciprocal),
             interpolation: Interpolation::Linear,
             modulo,
             limits: CommandLimits::NONE,
@@ -91,6 +95,18 @@ impl InterpolatorSettings {
         &self.limits
     }
 
+    /// `distance / ticks²`, to 32 millionths.
+    #[inline]
+    pub(crate) fn per_square_of_ticks(&self, distance: i64) -> i64 {
+        times_fraction(distance, self.reciprocal_of_square)
+    }
+
+    /// `value / ticks`, rounded down.
+    #[inline]
+    pub(crate) fn share_of_tick(&self, value: i32) -> i32 {
+        high_product(value, self.reciprocal)
+    }
+
     /// `distance / ticks`, the remainder spread once more: less than a step of `distance` off after all ticks.
     #[inline]
     pub(crate) fn per_tick(&self, distance: i64) -> i64 {
@@ -98,4 +114,10 @@ impl InterpolatorSettings {
         let rest = distance.wrapping_sub(slope.wrapping_mul(i64::from(self.ticks_per_cycle)));
         slope.wrapping_add(times_fraction(rest, self.reciprocal))
     }
+}
+
+/// The square of a fraction in 2^-32, to the nearest; at most 2^28.
+const fn square_of(reciprocal: i32) -> i32 {
+    let square = (reciprocal as i64).wrapping_mul(reciprocal as i64);
+    (square.wrapping_add(1 << 31) >> 32) as i32
 }

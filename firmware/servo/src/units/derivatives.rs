@@ -1,6 +1,7 @@
 //! Signed acceleration and jerk, the derivatives of a set-point beyond its velocity.
 
 use crate::arithmetic::division::{TEN_TO_15, TWO_PI_TIMES_TEN_TO_15, divide_rounding};
+use crate::arithmetic::wide::saturated;
 
 /// Angular acceleration with its sign, in 2^-48 revolution per loop tick squared: what a set-point carries for the feed-forward S-0-0348.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord, Hash)]
@@ -21,6 +22,12 @@ impl SignedAcceleration {
     #[must_use]
     pub const fn to_bits(self) -> i64 {
         self.0
+    }
+
+    /// In 2^-42 revolutions per tick squared, 0.000 1 rad/s², at most 196 000 rad/s².
+    #[inline]
+    pub(crate) const fn coarse(self) -> i32 {
+        saturated(self.0 >> 6)
     }
 }
 

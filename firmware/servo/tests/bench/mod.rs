@@ -27,6 +27,7 @@ pub(crate) fn parameters(reference: &ReferenceAxis) -> AxisParameters {
         velocity_filter: gains.velocity_filter,
         peak_current: reference.peak_current,
         acceleration_gain: 0,
+        acceleration_smoothing: 0,
         friction: FrictionSettings::OFF,
         filter: CurrentFilterSettings::new([FilterSection::Off; 2]).unwrap(),
         velocity_limits: up_to(rpm(f64::from(reference.maximum_speed))),

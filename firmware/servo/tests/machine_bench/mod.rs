@@ -98,7 +98,7 @@ impl Bench {
         let motor_settings = setup.motor();
         let task = CurrentControl::new(stage.clone(), link, motor_settings.current);
         let mut bench = Self {
-            axis: Axis::new(AxisSettings::new(&setup.axis).unwrap().measured_a_quarter_tick_ago(), position),
+            axis: Axis::new(AxisSettings::new(&setup.axis).unwrap().with_setpoint_ahead(31_250), position),
             encoder,
             time: 0,
             trip: None,

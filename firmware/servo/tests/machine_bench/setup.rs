@@ -57,6 +57,7 @@ impl Setup {
             velocity_filter: gains.velocity_filter,
             peak_current: reference.peak_current,
             acceleration_gain: 0,
+            acceleration_smoothing: 0,
             friction: FrictionSettings::OFF,
             filter: CurrentFilterSettings::new([FilterSection::Off; 2]).unwrap(),
             velocity_limits: VelocityLimits::new(rpm(f64::from(reference.maximum_speed) * 1.1), None, None),

@@ -83,7 +83,7 @@ pub(crate) const GATES: Gates = Gates {
     tasks: &[
         task("chip_interrupt_0", "EXTI3", 4, Rate::EachCycle, Some(220), OF_THE_CYCLE),
         task("chip_interrupt_1", "EXTI2", 4, Rate::EachCycle, Some(220), OF_THE_CYCLE),
-        task("command_valid", "CAN1_TX", 4, Rate::EachCycle, Some(760), OF_THE_CYCLE),
+        task("command_valid", "CAN1_TX", 4, Rate::EachCycle, Some(1_010), OF_THE_CYCLE),
         task("capture_feedback", "CAN1_RX0", 4, Rate::EachCycle, Some(450), OF_THE_CYCLE),
         task("current_loop", "ADC", 5, Rate::Every(62_500), Some(400), OF_THE_CURRENT_LOOP),
         task("control_loop", "CAN2_TX", 4, Rate::Every(125_000), Some(560), OF_THE_CYCLE),
@@ -92,13 +92,13 @@ pub(crate) const GATES: Gates = Gates {
         task("service_channel", "CAN1_SCE", 2, Rate::EachCycle, None, &[]),
     ],
     chains: &[Chain {
-        name: "position cycle: control_loop, current_loop",
+        name: "position cycle with cubic, feed-forwards and friction: control_loop, current_loop",
         tasks: &["control_loop", "current_loop"],
         budget: 900,
     }],
     functions: &[
         Function { symbol: "current_loop_core", budget: 160 },
-        Function { symbol: "Motion<B,H>::update_state", budget: 160 },
+        Function { symbol: "Motion<B,H>::update_state", budget: 180 },
     ],
     load: 300,
 };

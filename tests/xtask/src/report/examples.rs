@@ -2,7 +2,7 @@
 
 use super::data::{
     Acknowledgement, DemoReport, DriveReplay, Durations, FollowingError, MissedTelegrams, MotionSegment, PhaseTime,
-    Platform, ReplayReport, Sample,
+    Platform, ReplayReport, Sample, TorqueRipple,
 };
 
 /// A demonstration as it should be: three drives, five seconds of motion.
@@ -49,6 +49,11 @@ pub(crate) fn demo() -> DemoReport {
             constant_speed_rms_degrees: rms(&constant),
             overall_max_degrees: max(&all),
             overall_rms_degrees: rms(&all),
+        },
+        torque_ripple: TorqueRipple {
+            accelerating_rms_percent: 0.71,
+            accelerating_peak_to_peak_percent: 3.9,
+            constant_speed_rms_percent: 1.25,
         },
         segments: vec![
             segment("standstill", 4_400_000, 4_700_000, false),

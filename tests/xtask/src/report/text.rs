@@ -38,6 +38,7 @@ pub(super) fn numbers_of_demo(report: &DemoReport) -> Vec<(&'static str, String)
     let steps: u64 = report.phases.iter().map(|phase| phase.service_steps).sum();
     let missed = report.missed;
     let following = report.following;
+    let ripple = report.torque_ripple;
     // The host's processors take the time that the model gives them; only the ELF's times are measured.
     let assumed = if report.platform == Platform::Host { ", assumed" } else { "" };
     vec![
@@ -70,6 +71,13 @@ pub(super) fn numbers_of_demo(report: &DemoReport) -> Vec<(&'static str, String)
         (
             "error, whole motion",
             format!("max {}, RMS {}", degrees(following.overall_max_degrees), degrees(following.overall_rms_degrees)),
+        ),
+        (
+            "torque ripple",
+            format!(
+                "RMS {:.2} % of peak on the ramp, {:.2} % at constant speed",
+                ripple.accelerating_rms_percent, ripple.constant_speed_rms_percent
+            ),
         ),
     ]
 }
