@@ -26,6 +26,7 @@ mod qemu;
 #[path = "recordings/find.rs"]
 mod recordings;
 mod recovery;
+mod regeneration;
 mod replay;
 mod run_up;
 #[path = "common/running.rs"]

@@ -2,13 +2,14 @@
 
 use drive::{Cycle, PowerStage, Samples};
 
-use crate::{bridge::Modulator, current_sense::CurrentSense, encoder, facts::Kind, loop_watchdog};
+use crate::{bridge::Modulator, chopper::Chopper, current_sense::CurrentSense, encoder, facts::Kind, loop_watchdog};
 
 /// Modulation, converters, and a view of the encoder's counter; owned by the current loop.
 #[derive(Debug)]
 pub struct Inverter {
     pub(crate) modulator: Modulator,
     pub(crate) current_sense: CurrentSense,
+    pub(crate) chopper: Chopper,
 }
 
 impl PowerStage for Inverter {
@@ -48,6 +49,11 @@ impl PowerStage for Inverter {
     #[inline(always)]
     fn switch_off(&mut self) {
         self.modulator.switch_off();
+    }
+
+    #[inline(always)]
+    fn set_chopper(&mut self, on: bool) {
+        self.chopper.set(on);
     }
 
     #[inline(always)]

@@ -18,6 +18,7 @@
 //! | [`loop_phase`] | TIM9 against TIM1 | where in the tick of the control loops an edge of INT0 or INT1 came |
 //! | [`inputs`] | GPIO | main power, power stage, safe torque off, home switch, brake, probes |
 //! | [`brake_coil`] | GPIO | output to the holding brake |
+//! | [`chopper`] | GPIO | output to the switch of the brake chopper |
 //! | [`MotorSide`], [`Inverter`] | - | the above, as `drive` sees them |
 //! | [`timestamp`] | TIM5 | microseconds for logs |
 //! | [`switches`] | GPIO | drive address and baud rate |
@@ -41,6 +42,7 @@
 pub mod brake_coil;
 pub mod bridge;
 pub mod chip_control;
+pub mod chopper;
 pub mod clocks;
 pub mod crash;
 pub mod current_sense;
@@ -126,7 +128,7 @@ impl Board {
             brake_coil: brake_coil::BrakeCoil::new(),
             reset_cause: watchdog.reset_cause(),
         };
-        let inverter = Inverter { modulator, current_sense };
+        let inverter = Inverter { modulator, current_sense, chopper: chopper::Chopper::new() };
         Self { bus, motor_side, inverter, int0, int1, timestamp, watchdog, settings }
     }
 }

@@ -30,6 +30,7 @@
 //! | temperature, heat sink | PC4 | 44 | analogue, IN14 | resistor with negative coefficient |
 //! | temperature, motor | PF6 | 18 | analogue, ADC3_IN4 | sensor in the winding |
 //! | brake coil | PC5 | 45 | output, low at start | coil driver, 1 = released, pull-down there |
+//! | brake chopper | PF11 | 49 | output, low at start | driver of the chopper's switch, 1 = resistor on, pull-down there |
 //! | main power | PC9 | 99 | input, pull-down | charging circuit, 1 = DC link charged |
 //! | safe torque off 1, 2 | PC10, PC11 | 111, 112 | input, pull-down | safety circuit, 1 = torque permitted |
 //! | home switch | PC12 | 113 | input, pull-down | switch to the supply, 1 = actuated |
@@ -239,6 +240,8 @@ pub const CURRENTS: [Pin; 3] = [analogue(Port::C, 0), analogue(Port::C, 1), anal
 pub const BUS_AND_TEMPERATURES: [Pin; 3] = [analogue(Port::C, 3), analogue(Port::C, 4), analogue(Port::F, 6)];
 /// Coil of the holding brake, 1 = energised.
 pub const BRAKE_COIL: Pin = Pin::new(Port::C, 5, Function::Output(Level::Low));
+/// Switch of the brake chopper, 1 = resistor across the DC link.
+pub const CHOPPER: Pin = Pin::new(Port::F, 11, Function::Output(Level::Low));
 /// 1 = DC link charged.
 pub const MAIN_POWER: Pin = active_high(9);
 /// Safe torque off, channels 1 and 2, 1 = torque permitted.
@@ -261,7 +264,7 @@ pub const ADDRESS_HIGH_DIGIT: [Pin; 4] = [switch(10), switch(11), switch(12), sw
 pub const BAUD_SWITCH: [Pin; 2] = [switch(14), switch(15)];
 
 /// Every pin that is set up.
-const ALL: [&[Pin]; 25] = [
+const ALL: [&[Pin]; 26] = [
     &BUS_DATA,
     &BUS_ADDRESS,
     &BUS_STROBES,
@@ -278,6 +281,7 @@ const ALL: [&[Pin]; 25] = [
     &CURRENTS,
     &BUS_AND_TEMPERATURES,
     &[BRAKE_COIL],
+    &[CHOPPER],
     &[MAIN_POWER],
     &SAFE_TORQUE_OFF,
     &[HOME_SWITCH],

@@ -1,4 +1,4 @@
-//! Where the program ends when it cannot go on: bridge off, brake closed, the record of what happened, reset.
+//! Where the program ends when it cannot go on: bridge off, brake closed, chopper off, the record of what happened, reset.
 //!
 //! | what | comes here by |
 //! |---|---|
@@ -20,7 +20,7 @@ use core::arch::naked_asm;
 use core::panic::PanicInfo;
 
 use board::crash::{self, Found};
-use board::{brake_coil, bridge};
+use board::{brake_coil, bridge, chopper};
 use cortex_m::peripheral::{DCB, SCB};
 
 /// Bytes of the handlers' own stack; `cargo xtask budget` holds what they need against it.
@@ -33,7 +33,7 @@ struct Stack(core::mem::MaybeUninit<[u8; STACK_BYTES]>);
 #[unsafe(link_section = ".uninit.fault_stack")]
 static mut FAULT_STACK: Stack = Stack(core::mem::MaybeUninit::uninit());
 
-/// Bridge off with the fifth instruction, brake with the ninth.
+/// Bridge off with the fifth instruction, brake with the ninth, chopper with the thirteenth.
 ///
 /// # Safety
 /// The processor calls it, as the handler of an exception.
@@ -52,6 +52,10 @@ pub(crate) unsafe extern "C" fn HardFault() -> ! {
         "movt r0, #{brake_high}",
         "mov.w r1, #{brake_apply}",
         "str r1, [r0]",
+        "movw r0, #{chopper_low}",
+        "movt r0, #{chopper_high}",
+        "mov.w r1, #{chopper_off}",
+        "str r1, [r0]",
         "mov r0, sp",
         "mov r1, lr",
         "ldr r2, ={stack}",
@@ -68,6 +72,9 @@ pub(crate) unsafe extern "C" fn HardFault() -> ! {
         brake_low = const brake_coil::BSRR & 0xFFFF,
         brake_high = const brake_coil::BSRR >> 16,
         brake_apply = const brake_coil::APPLY,
+        chopper_low = const chopper::BSRR & 0xFFFF,
+        chopper_high = const chopper::BSRR >> 16,
+        chopper_off = const chopper::OFF,
         stack = sym FAULT_STACK,
         stack_bytes = const STACK_BYTES,
         end = sym end,
@@ -96,7 +103,7 @@ pub(crate) unsafe extern "C" fn DefaultHandler() -> ! {
     naked_asm!("b.w {fault}", fault = sym HardFault)
 }
 
-/// On the handlers' own stack: bridge and brake are off.
+/// On the handlers' own stack: bridge, brake and chopper are off.
 extern "C" fn end(stack: u32, link: u32, high_registers: &[u32; 8]) -> ! {
     crash::keep(crash::examine(&Found { stack, link, high_registers: *high_registers }));
     while DCB::is_debugger_attached() {
@@ -111,6 +118,7 @@ fn panic(info: &PanicInfo<'_>) -> ! {
     cortex_m::interrupt::disable();
     bridge::off();
     brake_coil::apply();
+    chopper::off();
     if let Some(place) = info.location() {
         crash::note_panic(place.file(), place.line());
     }

@@ -86,6 +86,13 @@ pub enum SettingsError {
         /// What the board counts for certain.
         maximum: u32,
     },
+    /// The magnets must not induce more than the DC link bears when field weakening ends.
+    InducedVoltage {
+        /// Peak voltage between two phases at S-0-0113, in V.
+        actual: u32,
+        /// P-0-0105 in V.
+        maximum: u32,
+    },
     /// The feedrate override must not exceed 100 % (10 000).
     FeedrateOverride {
         /// In 0.01 %.
@@ -141,6 +148,12 @@ impl fmt::Display for SettingsError {
             }
             Self::EncoderRate { actual, maximum } => {
                 write!(formatter, "{actual} increments of the encoder a second, expected at most {maximum}")
+            }
+            Self::InducedVoltage { actual, maximum } => {
+                write!(
+                    formatter,
+                    "magnets induce {actual} V between two phases at this speed, expected at most P-0-0105 of {maximum} V, or P-0-0239 = 1"
+                )
             }
             Self::FeedrateOverride { actual } => {
                 write!(formatter, "feedrate override of {actual} in 0.01 %, expected at most 10000")

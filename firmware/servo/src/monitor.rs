@@ -1,7 +1,9 @@
 //! What stands guard over motor, amplifier and travel, each part with warnings and errors of its own.
 
 pub(crate) mod bus_voltage;
+pub(crate) mod chopper;
 pub(crate) mod debounce;
+pub(crate) mod generating;
 pub(crate) mod load;
 pub(crate) mod temperature;
 pub(crate) mod travel_range;
@@ -9,6 +11,8 @@ pub(crate) mod travel_range;
 pub use bus_voltage::{
     BusVoltage, Duty, Reciprocal, VoltageError, VoltageOutput, VoltageParameters, VoltageSettings, Volts,
 };
+pub use chopper::{Chopper, ChopperLevels, ChopperOutput, ChopperParameters, ChopperSettings};
+pub use generating::{GeneratingParameters, GeneratingSettings};
 pub use load::{LoadModel, LoadOutput, LoadParameters, LoadSettings};
 pub use temperature::{Temperature, TemperatureError, TemperatureOutput, TemperatureParameters, TemperatureSettings};
 pub use travel_range::{Commanded, RangeEnd, RangeMonitor, TravelRange};

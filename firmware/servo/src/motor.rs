@@ -46,6 +46,7 @@ use crate::encoder::jump::EncoderMotion;
 use crate::encoder::monitor::EncoderMonitor;
 use crate::identification::CurrentRequest;
 use crate::monitor::bus_voltage::{BusVoltage, VoltageOutput};
+use crate::monitor::chopper::Chopper;
 use crate::monitor::load::LoadModel;
 use crate::monitor::temperature::Temperature;
 use crate::units::{CurrentFraction, Position, Velocity};
@@ -99,6 +100,10 @@ pub struct Motor<B: BoardKind> {
     /// Torque-producing current of the last order, and the voltage that the rotation induces, volt 2^-14.
     commanded: CurrentFraction,
     induced: i32,
+    /// Sample of the bus voltage above which the current that feeds the link is limited.
+    generating_from: u16,
+    /// Sample of the bus voltage in the tick before.
+    bus_before: u16,
     /// Electrical angle of one increment as the encoder counts it, 2^-32 revolution.
     angle_per_increment: u32,
     /// Encoder count of the tick.
@@ -109,6 +114,10 @@ pub struct Motor<B: BoardKind> {
     changes_seen: u32,
     voltage: BusVoltage,
     bus: VoltageOutput,
+    chopper: Chopper,
+    chopper_works: bool,
+    /// Ticks of the supervision for which [`Watched::link_full`] goes on.
+    link_full: u16,
     heat_sink: Temperature,
     winding: Temperature,
     motor_load: LoadModel,
@@ -138,6 +147,19 @@ pub struct Motor<B: BoardKind> {
     settings: MotorSettings,
     board: PhantomData<fn() -> B>,
 }
+
+/// The bus voltage a millisecond ahead, if it goes on rising as in the last tick: a current at the limit of the voltage takes longer than that to
+/// fall, and a small link is full by then.
+#[inline]
+fn foreseen(before: u16, now: u16) -> u16 {
+    now.saturating_add(now.saturating_sub(before) << 3)
+}
+
+/// Whatever the voltage of the link, nothing may feed it.
+const HANDS_OVER: u16 = 0;
+
+/// A link that was full is told of for so long, 100 ms: a control that asks once in a while shall see it.
+const LINK_FULL_TICKS: u16 = 200;
 
 /// From the sample of the currents to the reading of the encoder, in 2^-16 of a tick: 1.9 us of conversion and 0.3 us to the handler.
 const SAMPLE_AGE: i64 = (22 << 16) / 1_250;
@@ -181,6 +203,11 @@ impl<B: BoardKind> Motor<B> {
             aligning: None,
             commanded: CurrentFraction::ZERO,
             induced: 0,
+            generating_from: settings.generating.begin(false),
+            bus_before: 0,
+            chopper: Chopper::new(),
+            chopper_works: false,
+            link_full: 0,
             blind: 0,
             uncalibrated: 0,
             weakening: FieldWeakening::new(),
@@ -241,10 +268,16 @@ impl<B: BoardKind> Motor<B> {
         }
     }
 
-    /// The encoder counts half a tick before this tick, and with which it began. At 8 kHz there is only the second.
+    /// The encoder counts half a tick before this tick, and with which it began. At 8 kHz there is only the second. Once a tick, before the loops:
+    /// what the DC link leaves of their torque is looked at as well.
     #[inline]
     pub fn take_counts(&mut self) -> [u32; 2] {
         let first = self.link.report.cycle(true);
+        let bus = (get(&first.bus) & 0xFFFF) as u16;
+        let foreseen = foreseen(core::mem::replace(&mut self.bus_before, bus), bus);
+        if foreseen > self.generating_from {
+            self.limit_generating(if self.chopper_works { bus } else { foreseen });
+        }
         self.count = get(&first.count);
         [if B::FACTS.reads_the_encoder_twice() { get(&first.count_before) } else { self.count }, self.count]
     }
@@ -276,6 +309,21 @@ impl<B: BoardKind> Motor<B> {
             measured.calibrated = get(&report.calibrated) != 0;
             measured.trip = Trip::from_code(get(&report.trip));
             measured.late = get(&report.late);
+        }
+    }
+
+    /// The DC link is nearly full: less may flow into it, and what the torque needs for the other direction is left alone.
+    #[cold]
+    #[inline(never)]
+    fn limit_generating(&mut self, bus: u16) {
+        self.combine_limits();
+        let bus = if self.generating_from == HANDS_OVER { u16::MAX } else { bus };
+        let Some(allowed) = self.settings.generating.allowed(bus, self.induced, self.chopper_works) else { return };
+        self.limits = self.limits.narrowed_against(self.induced > 0, allowed, Limiting::VOLTAGE);
+        if self.limits.met_by(self.commanded) == Limiting::VOLTAGE
+            && (self.commanded.to_bits() > 0) != (self.induced > 0)
+        {
+            self.link_full = LINK_FULL_TICKS;
         }
     }
 
@@ -375,7 +423,7 @@ impl<B: BoardKind> Motor<B> {
         let (direct_voltage, quadrature_voltage) = wanted.voltages;
         self.direct_command = wanted.direct;
         self.commanded = wanted.quadrature;
-        self.induced = quadrature_voltage.wrapping_abs();
+        self.induced = quadrature_voltage;
         let aged = (i64::from(wanted.speed).wrapping_mul(SAMPLE_AGE << 16) >> 32) as i32;
         let angle = wanted.angle.wrapping_sub(aged.cast_unsigned());
         self.link.order.send(|order| {

@@ -22,6 +22,7 @@ mod loop_clock_endurance;
 mod loop_clock_wide;
 mod machine_bench;
 mod position_on_machine;
+mod regeneration_on_machine;
 mod stops;
 mod torque;
 mod torque_on_machine;

@@ -148,7 +148,7 @@ fn field_weakening_takes_the_press_over_its_base_speed() {
     bench.axis.command_velocity(rpm(1_000.0));
     bench.run(0.6);
     let back = bench.run(0.05);
-    within("d current at 1 000 rpm", largest(back.iter().map(|seen| seen.current[0])), 0.0..0.003);
+    within("d current at 1 000 rpm", largest(back.iter().map(|seen| seen.current[0])), 0.0..0.004);
     assert!(!back[0].limiting.contains(Limiting::FIELD_WEAKENING));
 }
 
@@ -169,8 +169,8 @@ fn braking_feeds_the_bus_until_the_chopper_takes_it() {
     bench.axis.command_velocity(rpm(0.0));
     let seen = bench.run(0.4);
     assert_eq!(bench.trip, None);
-    // 0.15 kg m^2 at 126 rad/s are 1 180 J, and the 1 mF from 560 V to 780 V takes 147 J.
-    within("highest bus voltage in V", highest(seen.iter().map(|seen| seen.bus)), 778.0..783.0);
+    // 0.15 kg m^2 at 126 rad/s are 1 180 J, and the 1 mF from 560 V to 680 V takes 74 J.
+    within("highest bus voltage in V", highest(seen.iter().map(|seen| seen.bus)), 678.0..683.0);
     let last = &seen[3_000..];
     within("speed in the end in rpm", largest(speeds(last)), 0.0..0.1);
     let braking = seen.iter().filter(|seen| seen.torque < -110.0).count() as f64 / TICKS_PER_SECOND;

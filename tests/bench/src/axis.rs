@@ -37,6 +37,7 @@ pub fn parameters_of(axis: &ReferenceAxis) -> Vec<(Idn, Value)> {
         (product(101), word(axis.machine.bus_range)),
         (product(104), word(supply / 2.0)),
         (product(105), word(supply * 1.4)),
+        (product(239), Value::Word(u16::from(axis.induces_more_than(supply * 1.4)))),
         (product(110), Value::Word(windings.pole_pairs as u16)),
         (product(111), long(windings.resistance * 1_000.0)),
         (product(112), long(windings.inductance_d * 1e6)),

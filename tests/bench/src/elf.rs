@@ -77,6 +77,8 @@ pub struct Tape {
     pub bridge: Vec<(Nanoseconds, bool)>,
     /// The brake's coil was energised (`true`) or left without current.
     pub coil: Vec<(Nanoseconds, bool)>,
+    /// The resistor of the brake chopper was switched on or off.
+    pub chopper: Vec<(Nanoseconds, bool)>,
 }
 
 /// An edge of an interrupt line of the chip.

@@ -312,6 +312,11 @@ impl MotorSideState {
         self.machine.set_duties(duties, at.0);
     }
 
+    /// The resistor of the drive's chopper from `at` on.
+    pub fn switch_chopper(&mut self, on: bool, at: Nanoseconds) {
+        self.machine.set_chopper(on, at.0);
+    }
+
     /// Current through the brake's coil from `at` on.
     pub fn switch_brake(&mut self, open: bool, at: Nanoseconds) {
         if open != self.brake_open {
@@ -522,6 +527,12 @@ impl PowerStage for SimulatedStage {
         let state = &mut *self.state.borrow_mut();
         let now = state.clock.get();
         state.trip(now);
+    }
+
+    fn set_chopper(&mut self, on: bool) {
+        let state = &mut *self.state.borrow_mut();
+        let now = state.clock.get();
+        state.switch_chopper(on, now);
     }
 
     /// Host-side tasks do not hang.

@@ -244,6 +244,11 @@ impl Environment for QemuEnvironment {
         self.motor_side.borrow_mut().switch_brake(energised, at);
     }
 
+    fn set_chopper(&mut self, at: Nanoseconds, on: bool) {
+        Tape::note(&mut self.elf.tape.borrow_mut().chopper, at, on);
+        self.motor_side.borrow_mut().switch_chopper(on, at);
+    }
+
     fn break_input(&self) -> bool {
         self.motor_side.borrow().inputs().bridge_ready
     }

@@ -124,6 +124,9 @@ pub trait Environment {
     /// The coil of the holding brake.
     fn set_brake(&mut self, _at: Nanoseconds, _energised: bool) {}
 
+    /// The switch of the brake chopper.
+    fn set_chopper(&mut self, _at: Nanoseconds, _on: bool) {}
+
     /// Level of the break input of the modulator: low = tripped. [`crate::Guest::run`] must be called at each of its edges.
     fn break_input(&self) -> bool {
         true

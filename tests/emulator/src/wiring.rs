@@ -69,6 +69,9 @@ pub const BRAKE_FEEDBACK: Pin = (2, 13);
 /// Coil of the holding brake, 1 = energised.
 pub const BRAKE_COIL: Pin = (2, 5);
 
+/// Switch of the brake chopper, 1 = resistor on.
+pub const CHOPPER: Pin = (5, 11);
+
 /// The pin that an ADC (1 to 3) converts on a channel; `None` for the sources inside the part (data sheet, pin definitions).
 #[must_use]
 pub fn analogue_pin(adc: usize, channel: u8) -> Option<Pin> {
@@ -173,6 +176,7 @@ pub fn power_stage_pins() -> Vec<ExpectedPin> {
         add(signal, &[pin], PinMode::Input, 2);
     }
     add("brake coil", &[BRAKE_COIL], PinMode::Output, 0);
+    add("brake chopper", &[CHOPPER], PinMode::Output, 0);
     pins
 }
 

@@ -78,6 +78,9 @@ pub(crate) const AMPLITUDE: f64 = 1e-3 * core::f64::consts::SQRT_2;
 /// A bridge reaches this share of its longest vector; the rest is what a current is controlled with.
 const REACH: f64 = 0.93;
 
+/// 93 % of P-0-0105, less what a small link rises by within a millisecond.
+const LINK_FULL: f64 = 0.88;
+
 /// A brake holds at this multiple of its delay.
 const FIRM: f64 = 1.2;
 
@@ -283,13 +286,22 @@ impl Scene {
         hot(heat_sink, 203) || hot(winding, 204) || low || high
     }
 
+    /// The DC link is above 93 % of P-0-0105, or will be within a millisecond of braking with all the torque: less may flow back into it.
+    #[must_use]
+    pub fn link_is_full(&self) -> bool {
+        let full = self.settings.unsigned(Idn(0x8000 | 105)).map(|value| value as f64);
+        let bus = self.sight.machine.bus_voltage;
+        // More than the mains make: something feeds it.
+        bus > 1.02 * self.machine.supply.voltage && full.is_none_or(|full| bus > LINK_FULL * full)
+    }
+
     /// The motor gives what its limits or its supply leave it, or nearly so.
     #[must_use]
     pub fn is_at_its_limit(&self) -> bool {
         let [d, q] = self.sight.machine.current;
         let starved = self.sight.machine.bus_voltage < 0.9 * self.machine.supply.voltage;
         let limit = self.is_positive(q, Idn(85)).and_then(|positive| self.current_limit(positive));
-        starved || limit.is_none_or(|limit| d.hypot(q) > 0.9 * limit)
+        starved || self.link_is_full() || limit.is_none_or(|limit| d.hypot(q) > 0.9 * limit)
     }
 
     /// So many cycles, and so many microseconds beyond them.

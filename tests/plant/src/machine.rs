@@ -235,7 +235,7 @@ impl Machine {
         let (from, to) = (self.tracks(old.shafts.turn), self.tracks(shafts.turn));
         State {
             current: flow.end,
-            bus: settings.supply.step(old.bus, outside.mains, flow.drawn, dt),
+            bus: settings.supply.step(old.bus, (outside.mains, outside.chopper), flow.drawn, dt),
             shafts,
             grip,
             counter: settings.encoder.pass(old.counter, from, to, outside.index_muted),

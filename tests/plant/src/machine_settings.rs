@@ -59,7 +59,7 @@ impl MachineSettings {
         Self {
             windings,
             inverter: Inverter { dead_time: 0.0, period: 62.5e-6, voltage_drop: 0.0 },
-            supply: Supply { voltage: bus, resistance: 1e-3, capacitance: 1e6, chopper: None },
+            supply: Supply { voltage: bus, resistance: 1e-3, capacitance: 1e6, chopper: None, resistor: None },
             current_sensors: CurrentSensors {
                 range: current_range,
                 offset: [0.0; 3],

@@ -90,8 +90,9 @@ impl ReferenceAxis {
                     voltage: 560.0,
                     resistance: 0.2,
                     capacitance: 1.0e-3,
-                    // 27 kW at 780 V.
-                    chopper: Some(Chopper { on_above: 780.0, off_below: 760.0, resistance: 22.0 }),
+                    // 21 kW at 680 V.
+                    chopper: Some(Chopper { on_above: 680.0, off_below: 660.0, resistance: 22.0 }),
+                    resistor: None,
                 },
                 current_sensors: current_sensors(60.0),
                 bus_range: 1_000.0,
@@ -377,6 +378,29 @@ impl ReferenceAxis {
         }
     }
 
+    /// Whether the magnets alone make more than so many volts between two phases, peak value, at the maximum speed.
+    #[must_use]
+    pub fn induces_more_than(&self, volts: f64) -> bool {
+        let windings = &self.machine.windings;
+        let speed = f64::from(self.maximum_speed) * core::f64::consts::TAU / 60.0;
+        f64::sqrt(3.0) * windings.flux * f64::from(windings.pole_pairs) * speed > volts
+    }
+
+    /// The same axis without anything that burns what it feeds back.
+    #[must_use]
+    pub fn without_chopper(mut self) -> Self {
+        self.machine.supply.chopper = None;
+        self
+    }
+
+    /// The same axis with a resistor of so many ohms in the hands of the drive.
+    #[must_use]
+    pub fn with_resistor(self, ohms: f64) -> Self {
+        let mut axis = self.without_chopper();
+        axis.machine.supply.resistor = Some(ohms);
+        axis
+    }
+
     /// A motor of this axis at rest.
     #[must_use]
     pub fn motor(&self) -> Motor {
@@ -403,6 +427,7 @@ const SINGLE_PHASE: Supply = Supply {
     capacitance: 1.0e-3,
     // 3.2 kW at 390 V.
     chopper: Some(Chopper { on_above: 390.0, off_below: 380.0, resistance: 47.0 }),
+    resistor: None,
 };
 
 /// Shunts with amplifiers of 1 % parts after a trim: they reach a quarter beyond the peak current.

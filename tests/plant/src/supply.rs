@@ -9,8 +9,10 @@ pub struct Supply {
     pub resistance: f64,
     /// Capacitance of the bus in F.
     pub capacitance: f64,
-    /// A resistor that burns what the motor feeds back.
+    /// A resistor that burns what the motor feeds back, with a control of its own.
     pub chopper: Option<Chopper>,
+    /// Ohms of a resistor that the drive's own output switches ([`Machine::set_chopper`](crate::Machine::set_chopper)).
+    pub resistor: Option<f64>,
 }
 
 /// A brake chopper, switched with hysteresis.
@@ -38,6 +40,7 @@ impl Supply {
         assert!(self.resistance > 0.0, "the resistance of the supply must be positive");
         assert!(self.capacitance > 0.0, "the capacitance of the bus must be positive");
         assert!(self.chopper.is_none_or(|c| c.resistance > 0.0), "the resistance of the chopper must be positive");
+        assert!(self.resistor.is_none_or(|ohms| ohms > 0.0), "the resistance of the drive's resistor must be positive");
         assert!(
             self.chopper.is_none_or(|c| c.off_below <= c.on_above),
             "the chopper must go off below where it goes on"
@@ -49,8 +52,8 @@ impl Supply {
         Bus { voltage: self.voltage, chopping: false }
     }
 
-    /// The bus after `dt` at a mains voltage, while the bridge draws a current; trapezoidal.
-    pub(crate) fn step(&self, bus: Bus, mains: f64, drawn: f64, dt: f64) -> Bus {
+    /// The bus after `dt` at a mains voltage, while the bridge draws a current and the drive switches its resistor; trapezoidal.
+    pub(crate) fn step(&self, bus: Bus, (mains, switched): (f64, bool), drawn: f64, dt: f64) -> Bus {
         let (mut conductance, mut current) = (0.0, -drawn);
         if mains > bus.voltage {
             conductance += 1.0 / self.resistance;
@@ -58,6 +61,9 @@ impl Supply {
         }
         if let (Some(chopper), true) = (self.chopper, bus.chopping) {
             conductance += 1.0 / chopper.resistance;
+        }
+        if let (Some(resistor), true) = (self.resistor, switched) {
+            conductance += 1.0 / resistor;
         }
         let change = self.capacitance / dt;
         let voltage = ((change - 0.5 * conductance) * bus.voltage + current) / (change + 0.5 * conductance);

@@ -72,7 +72,7 @@ fn earth(resistance: f64, inductance: f64) -> Option<(usize, EarthFault)> {
 fn an_earth_fault_draws_its_current_from_the_bus_while_its_leg_is_high() {
     for share in [0.0, 0.3, 1.0] {
         let mut settings = ideal();
-        settings.supply = Supply { voltage: BUS, resistance: 2.0, capacitance: 1e-4, chopper: None };
+        settings.supply = Supply { voltage: BUS, resistance: 2.0, capacitance: 1e-4, chopper: None, resistor: None };
         let mut machine = seized(settings, 0.0, 0.0);
         machine.set_duties([share; 3], 0);
         machine.fail_to_earth(earth(100.0, 0.0), 0);

@@ -280,7 +280,7 @@ fn an_uneven_current_runs_out_phase_by_phase() {
 #[test]
 fn what_the_coils_hold_goes_into_the_bus() {
     let mut settings = ideal();
-    settings.supply = Supply { voltage: BUS, resistance: 0.1, capacitance: 1e-4, chopper: None };
+    settings.supply = Supply { voltage: BUS, resistance: 0.1, capacitance: 1e-4, chopper: None, resistor: None };
     settings.windings.resistance = 0.0;
     let mut machine = seized(settings, 20.0, 0.0);
     machine.set_bridge(false, MILLISECOND);
@@ -296,7 +296,7 @@ fn what_the_coils_hold_goes_into_the_bus() {
 fn an_emf_above_the_bus_charges_it_through_the_diodes_and_one_below_does_not() {
     let mut settings = with_windings(|w| w.resistance = 2.0);
     settings.mechanics.rotor_inertia = 1e6;
-    settings.supply = Supply { voltage: BUS, resistance: 0.1, capacitance: 1e-3, chopper: None };
+    settings.supply = Supply { voltage: BUS, resistance: 0.1, capacitance: 1e-3, chopper: None, resistor: None };
     let machine_at = |line_voltage: f64| {
         let mut machine = Machine::new(settings);
         machine.set_velocity(line_voltage / (3.0_f64.sqrt() * 4.0 * 0.1), 0);
@@ -314,7 +314,7 @@ fn an_emf_above_the_bus_charges_it_through_the_diodes_and_one_below_does_not() {
 #[test]
 fn a_voltage_from_the_bus_costs_the_supply_what_the_windings_burn() {
     let mut settings = ideal();
-    settings.supply = Supply { voltage: BUS, resistance: 2.0, capacitance: 1e-4, chopper: None };
+    settings.supply = Supply { voltage: BUS, resistance: 2.0, capacitance: 1e-4, chopper: None, resistor: None };
     let mut machine = seized(settings, 50.0, 0.0);
     let at = 100 * MILLISECOND;
     let (bus, [current, _]) = (machine.bus_voltage(at), machine.dq_currents(at));

@@ -6,7 +6,10 @@ use plant::{Chopper, HeatedBody, Inverter, Machine, MachineSettings, Supply, The
 /// 2 ohm and 1 mF: 2 ms. The chopper's 50 ohm: 50 ms.
 fn with_chopper() -> MachineSettings {
     let chopper = Some(Chopper { on_above: 390.0, off_below: 380.0, resistance: 50.0 });
-    MachineSettings { supply: Supply { voltage: BUS, resistance: 2.0, capacitance: 1e-3, chopper }, ..ideal() }
+    MachineSettings {
+        supply: Supply { voltage: BUS, resistance: 2.0, capacitance: 1e-3, chopper, resistor: None },
+        ..ideal()
+    }
 }
 
 #[test]
@@ -134,4 +137,32 @@ fn the_winding_s_heat_follows_its_own_resistance() {
 
 fn machine_temperature_after(settings: MachineSettings, at: u64) -> f64 {
     seized(settings, 10.0, 0.0).winding_temperature(at)
+}
+
+#[test]
+fn the_resistor_of_the_drive_discharges_the_link_while_it_is_switched_on() {
+    let mut settings = with_chopper();
+    settings.supply.chopper = None;
+    settings.supply.resistor = Some(50.0);
+    let mut machine = Machine::new(settings);
+    // Without mains: 1 mF and 50 ohm are 50 ms.
+    machine.set_supply(0.0, 0);
+    machine.set_bus_voltage(400.0, 1_000_000);
+    machine.set_chopper(true, 2_000_000);
+    machine.set_chopper(false, 22_000_000);
+    for (at, expected) in [
+        (1_900_000, 400.0),
+        (12_000_000, 400.0 * f64::exp(-0.2)),
+        (22_000_000, 400.0 * f64::exp(-0.4)),
+        (60_000_000, 400.0 * f64::exp(-0.4)),
+    ] {
+        let voltage = machine.bus_voltage(at);
+        assert!((voltage / expected - 1.0).abs() < 1e-5, "{voltage} V at {at} ns, expected {expected}");
+    }
+    // Nothing is there to be switched.
+    settings.supply.resistor = None;
+    let mut machine = Machine::new(settings);
+    machine.set_supply(0.0, 0);
+    machine.set_chopper(true, 0);
+    assert!((machine.bus_voltage(50_000_000) - BUS).abs() < 1e-9);
 }

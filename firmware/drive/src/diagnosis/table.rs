@@ -105,6 +105,15 @@ diagnoses! {
     LIMIT_OUT_OF_RANGE = 0xE005 "Limit in the MDT out of range", "Grenzwert im MDT ungueltig",
         "A limit in the MDT is not within its minimum and maximum and counts as the nearer of them, or its ramp cannot be made and the one before stays.",
         "Check the values that the control sends for the limits of S-0-0024 against elements 5 and 6.";
+    LINK_FULL = 0xE006 "DC link full, braking limited", "Zwischenkreis voll, Bremsen begrenzt",
+        "The DC link is above 93 % of P-0-0105 (96 % with a brake chopper), and less current may flow back into it: a stop takes longer.",
+        "Fit a brake chopper (P-0-0235) or a smaller resistor, brake more gently (S-0-0138), check the mains voltage against P-0-0105.";
+    CHOPPER_HOT = 0xE007 "Chopper resistor hot", "Bremswiderstand heiss",
+        "The thermal model of the chopper's resistor has passed 90 % (P-0-0238); at 100 % it is switched off.",
+        "Brake less often or more gently, fit a larger resistor; check P-0-0235 to P-0-0237 against its data sheet.";
+    CHOPPER_OFF = 0xE008 "Chopper off, resistor too hot", "Chopper aus, Widerstand zu heiss",
+        "The chopper's resistor has passed 100 % of its load (P-0-0238) and is off until it is below 80 %: a stop takes longer.",
+        "Let it cool down; check the mains voltage against P-0-0105, P-0-0235 to P-0-0237 against its data sheet, and how often the axis brakes.";
     NO_POWER_AT_SWITCH_ON = 0xE009 "Switched on without main power", "Freigabe ohne Leistung",
         "Bits 15 and 14 of the control word are set, but the DC link is not charged.",
         "Switch the main power on, then give bit 15 a new edge.";
@@ -158,8 +167,8 @@ diagnoses! {
         "A phase current passed P-0-0106, or where it is 0 168 % of S-0-0109 or 125 % of S-0-0110.",
         "Check motor cable and winding for a short circuit, then the gains S-0-0106, S-0-0107 and the motor data P-0-0111 to 0114.";
     OVERVOLTAGE = 0xF108 "Overvoltage", "Ueberspannung",
-        "The bus voltage passed P-0-0105: the braking motor gave back more than the brake chopper takes.",
-        "Check the brake chopper and its resistor, mains voltage, and brake more gently (S-0-0138).";
+        "The bus voltage passed P-0-0105: mains too high, a hanging load lowered for longer than the link takes it, or magnets that charge the link by themselves.",
+        "Check the mains voltage, fit or check a brake chopper (P-0-0235 to P-0-0238), and S-0-0113 against P-0-0239.";
     MAIN_POWER_LOST = 0xF109 "Main power lost", "Leistung ausgefallen",
         "The main power went away while torque was on. The axis was stopped out of the DC link; below P-0-0104 the torque went.",
         "Check mains, contactor and the wire of the main-power input; then S-0-0099.";
@@ -318,7 +327,7 @@ fn communication_error(interface: InterfaceStatus) -> Option<&'static Diagnosis>
 
 fn warning(now: &Circumstances) -> Option<&'static Diagnosis> {
     let own = now.manufacturer_2;
-    let warnings: [(bool, &'static Diagnosis); 10] = [
+    let warnings: [(bool, &'static Diagnosis); 13] = [
         (own.contains(Manufacturer2::AMPLIFIER_NOT_READY), &AMPLIFIER_NOT_READY),
         (own.contains(Manufacturer2::NOT_CALIBRATED), &NOT_CALIBRATED),
         (now.class_2.contains(Class2::OVERLOAD), &OVERLOAD_WARNING),
@@ -326,6 +335,9 @@ fn warning(now: &Circumstances) -> Option<&'static Diagnosis> {
         (now.class_2.contains(Class2::MOTOR_TEMPERATURE), &WINDING_WARNING),
         (now.class_2.contains(Class2::UNDERVOLTAGE), &NO_POWER_AT_SWITCH_ON),
         (now.class_2.contains(Class2::VELOCITY_DEVIATION), &VELOCITY_DEVIATION),
+        (own.contains(Manufacturer2::CHOPPER_OFF), &CHOPPER_OFF),
+        (own.contains(Manufacturer2::CHOPPER_HOT), &CHOPPER_HOT),
+        (own.contains(Manufacturer2::LINK_FULL), &LINK_FULL),
         (own.contains(Manufacturer2::LIMIT_OUT_OF_RANGE), &LIMIT_OUT_OF_RANGE),
         (own.contains(Manufacturer2::TELEGRAM_LOST), &TELEGRAM_LOST),
         (own.contains(Manufacturer2::NOT_LOCKED), &NOT_LOCKED),

@@ -56,6 +56,12 @@ bitflags! {
         const NOT_CALIBRATED = 1 << 3;
         /// The MDT carries a limit that is not within the range of its data block, or that the loops cannot work with.
         const LIMIT_OUT_OF_RANGE = 1 << 4;
+        /// The DC link takes less than the braking motor would give back.
+        const LINK_FULL = 1 << 5;
+        /// The resistor of the brake chopper is at 90 % of its load.
+        const CHOPPER_HOT = 1 << 6;
+        /// The resistor of the brake chopper was too hot and is off until it has cooled down.
+        const CHOPPER_OFF = 1 << 7;
     }
 }
 

@@ -42,4 +42,6 @@ sercos::data_blocks! {
     P 215 "Oscilloscope interval" ["us"] U32/1 written NEVER () = 0 => ScopeInterval;
     /// How far P-0-0224, P-0-0225 or P-0-0226 has come; 100 when it is done.
     P 227 "Progress of the identification" ["%"] U16/0 written NEVER () = 0 => IdentificationProgress;
+    /// Load of the chopper's resistor; it warns from 90 % on, is switched off at 100 % and works again below 80 %.
+    P 238 "Load of the chopper resistor" ["%"] U16/1 written NEVER () = 0 => ChopperLoad;
 }

@@ -25,7 +25,7 @@ sercos::data_blocks! {
     /// Phase current at which the current loop switches the bridge off (C1D bit 7), at the crest of a sine with this RMS value; 0: 168 % of S-0-0109, which is 125 % of it with the largest P-0-0107 across, and 125 % of S-0-0110 at most.
     P 106 "Trip level of the phase currents" ["A"] U32/3 written IN_CP2_CP3 (0 to 4_000_000) = 0 => Parameter, stored, needed_for_cp4;
     /// Largest current that weakens the field above the speed that the bus voltage reaches, in per cent of the smaller of S-0-0109 and S-0-0110; 0: none, and a speed above it ends in an overcurrent.
-    P 107 "Field weakening current" ["%"] U16/1 written ALWAYS (0 to 900) = 500 => Parameter, stored;
+    P 107 "Field weakening current" ["%"] U16/1 written ALWAYS (0 to 900) = 500 => Parameter, stored, restricted;
     /// Pole pairs of the motor; another number makes the commutation angle unknown.
     P 110 "Pole pairs" [""] U16/0 written IN_CP2_CP3 (1 to 64) = 4 => Parameter, stored, needed_for_cp4;
     /// Resistance of a phase.
@@ -110,6 +110,14 @@ sercos::data_blocks! {
     P 230 "Shift of the set-point in time" ["us"] I16/0 written IN_CP2_CP3 (-800 to 800) = 0 => Parameter, stored;
     /// Time constant with which S-0-0348 follows the accelerations of position commands; P-0-0220 sets it.
     P 231 "Smoothing time of the acceleration feed-forward" ["us"] U16/0 written ALWAYS (0 to 20_000) = 0 => Parameter, stored;
+    /// Resistor that the drive switches across the DC link, on above 95 % and off below 92 % of P-0-0105, with and without torque; 0: none.
+    P 235 "Resistance of the brake chopper" ["Ohm"] U16/1 written IN_CP2_CP3 (0 to 65_535) = 0 => Parameter, stored, needed_for_cp4;
+    /// Power that the resistor carries for ever: 100 % of P-0-0238.
+    P 236 "Continuous power of the chopper resistor" ["W"] U32/0 written IN_CP2_CP3 (1 to 1_000_000) = 100 => Parameter, stored, needed_for_cp4;
+    /// Of the resistor. P-0-0236 times it is the energy of a short pulse that heats a cold resistor to 100 %.
+    P 237 "Thermal time constant of the chopper resistor" ["s"] U32/3 written IN_CP2_CP3 (100 to 3_600_000) = 10_000 => Parameter, stored, needed_for_cp4;
+    /// 1: DC link and bridge bear the voltage that the magnets induce at S-0-0113 when field weakening ends there, as it does with every error. 0: S-0-0128 refuses a motor whose magnets make more than P-0-0105 of it.
+    P 239 "DC link bears the induced voltage" [""] BITS/0 written ALWAYS (0 to 1) = 0 => Parameter, stored, restricted;
     /// 0: there is no second encoder, telegram types 11 to 13 and S-0-0053 are refused; 1: the motor encoder stands in for it.
     P 2705 "Source of position feedback 2" [""] U16/0 written IN_CP2_CP3 (0 to 1) = 0 => Parameter, stored;
 }

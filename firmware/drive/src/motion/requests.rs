@@ -388,10 +388,10 @@ impl<B: Bus + Clone, H: Hardware> Motion<B, H> {
         self.motor.commutation_state()
     }
 
-    /// P-0-0132 and P-0-0133.
-    pub(crate) fn loads(&self) -> [u16; 2] {
+    /// P-0-0132, P-0-0133 and P-0-0238.
+    pub(crate) fn loads(&self) -> [u16; 3] {
         let watched = self.motor.watched();
-        [watched.motor_load, watched.amplifier_load]
+        [watched.motor_load, watched.amplifier_load, watched.chopper_load]
     }
 
     /// P-0-0150 in ns.

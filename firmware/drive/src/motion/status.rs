@@ -128,6 +128,9 @@ impl Status {
         own.set(Manufacturer2::AMPLIFIER_NOT_READY, !look.bridge_ready && !look.torque && !known);
         own.set(Manufacturer2::LIMIT_OUT_OF_RANGE, look.limit_out_of_range);
         own.set(Manufacturer2::NOT_CALIBRATED, look.not_calibrated);
+        own.set(Manufacturer2::LINK_FULL, look.torque && look.watched.link_full);
+        own.set(Manufacturer2::CHOPPER_HOT, look.watched.chopper_warning);
+        own.set(Manufacturer2::CHOPPER_OFF, look.watched.chopper_off);
         self.manufacturer_2 = own;
 
         let mut class_2 = Class2::empty();

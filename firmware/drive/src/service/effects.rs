@@ -121,7 +121,7 @@ fn drives() -> Vec<Vec<(Idn, Vec<u16>)>> {
         (S(9), &[1]),
         (S(10), &[8]),
     ];
-    let more: [&[(Idn, &[u16])]; 11] = [
+    let more: [&[(Idn, &[u16])]; 13] = [
         &[],
         // Linear data by parameters, and data of the load.
         &[(S(76), &[0x09]), (S(44), &[0x09]), (S(160), &[0x09])],
@@ -142,6 +142,9 @@ fn drives() -> Vec<Vec<(Idn, Vec<u16>)>> {
             (S(307), &[11]),
         ],
         &[(P(120), &[3]), (P(205), &[0x0101])],
+        &[(P(235), &[470])],
+        // Magnets of 580 V at S-0-0113.
+        &[(P(114), &[0x436B, 0x0011])],
     ];
     more.into_iter().map(|more| words(&[slots, more].concat())).collect()
 }

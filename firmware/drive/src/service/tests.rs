@@ -136,6 +136,38 @@ fn a_write_that_the_loops_cannot_take_leaves_the_way_free_for_the_next() {
 }
 
 #[test]
+fn magnets_that_make_more_than_the_overvoltage_at_s_0_0113_are_refused_unless_the_link_bears_it() {
+    // 0.8 Nm per ampere of amplitude and 4 pole pairs are 0.13333 Vs; sqrt(3) times that at 6 000 rpm is 580.4 V, at 4 548 rpm 439.9 V.
+    let magnets = (P(114), [0x436B, 0x0011]);
+    let speed = |rpm: u32| (S(113), [(rpm * 10_000) as u16, (rpm * 10_000 >> 16) as u16]);
+    for (rpm, weakening, bears, refused) in [
+        (6_000, 500, 0, true),
+        (6_000, 0, 0, false),
+        (6_000, 500, 1, false),
+        (4_548, 500, 0, false),
+        (4_550, 500, 0, true),
+    ] {
+        let mut rig = Rig::in_cp3(&[]);
+        for (idn, words) in [magnets, speed(rpm)] {
+            rig.write(idn, &words).unwrap();
+        }
+        rig.write(P(239), &[bears]).unwrap();
+        rig.write(P(107), &[weakening]).unwrap();
+        let answer = settings(&rig.parameters).map_err(|setting| (setting.idn, std::format!("{setting}")));
+        let Err((idn, text)) = answer else {
+            assert!(!refused, "{rpm} rpm, {weakening}, {bears}");
+            continue;
+        };
+        assert!(refused && idn == S(113), "{rpm} rpm, {weakening}, {bears}: {text}");
+        let voltage = if rpm == 6_000 { 581 } else { 441 };
+        let told = std::format!(
+            "S-0-0113: magnets induce {voltage} V between two phases at this speed, expected at most P-0-0105 of 440 V, or P-0-0239 = 1"
+        );
+        assert_eq!(text, told);
+    }
+}
+
+#[test]
 fn any_order_of_any_writes_leaves_the_loops_with_what_reads_back() {
     let mut rig = Rig::in_cp4(&[]);
     let mut seed = 1_u32;

@@ -64,6 +64,7 @@ where
             Number::CommutationState => self.ask(|motion| motion.commutation_state().into()),
             Number::MotorLoad => self.ask(|motion| motion.loads()[0].into()),
             Number::AmplifierLoad => self.ask(|motion| motion.loads()[1].into()),
+            Number::ChopperLoad => self.ask(|motion| motion.loads()[2].into()),
             Number::PhaseError => self.ask(|motion| motion.phase_error().cast_unsigned()),
             Number::LargestPhaseError => self.ask(|motion| motion.largest_phase_error()),
             Number::LateCurrentLoops => self.ask(|motion| motion.late_current_loops()),

@@ -13,7 +13,8 @@ use servo::current::{
 };
 use servo::encoder::{EncoderMonitorParameters, EncoderMonitorSettings};
 use servo::monitor::{
-    LoadParameters, LoadSettings, TemperatureParameters, TemperatureSettings, VoltageParameters, VoltageSettings,
+    ChopperParameters, ChopperSettings, GeneratingParameters, GeneratingSettings, LoadParameters, LoadSettings,
+    TemperatureParameters, TemperatureSettings, VoltageParameters, VoltageSettings,
 };
 use servo::motor::{CurrentSettings, Facts, MotorSettings};
 use servo::units::{CurrentFraction, Position, Velocity};
@@ -75,6 +76,9 @@ pub(super) fn settings(
     // Overspeed is found a quarter above it.
     check_encoder_rate(long(S(113)).saturating_add(long(S(113)) / 4), increments, facts.encoder_rate)
         .map_err(of(S(113)))?;
+    if word(P(107)) != 0 && word(P(239)) == 0 {
+        check_induced_voltage(parameters, flux).map_err(of(S(113)))?;
+    }
 
     let pole_pairs = word(P(110));
     let commutation_settings =
@@ -129,6 +133,24 @@ pub(super) fn settings(
             power_off: word(P(104)).saturating_add(word(P(104)) / 16),
             undervoltage_time: 2,
             overvoltage_ticks: 1,
+        })
+        .map_err(of(P(105)))?,
+        chopper: ChopperSettings::new(&ChopperParameters {
+            full_scale,
+            overvoltage: word(P(105)),
+            resistance: u32::from(word(P(235))).saturating_mul(100),
+            continuous_power: long(P(236)),
+            time_constant: long(P(237)),
+            frequency: facts.frequency,
+        })
+        .map_err(of(P(235)))?,
+        generating: GeneratingSettings::new(&GeneratingParameters {
+            full_scale,
+            overvoltage: word(P(105)),
+            resistance: long(P(111)),
+            continuous_current: amplitude(long(S(111))),
+            peak_current: peak,
+            holds_a_load: brake_bits & BRAKE_FITTED != 0,
         })
         .map_err(of(P(105)))?,
         heat_sink: temperature(200, 203)?,
@@ -188,6 +210,19 @@ fn check_encoder_rate(speed: u32, increments: u32, maximum: u32) -> Result<(), S
     let rate = u64::from(speed).saturating_mul(increments.into()).div_ceil(MINUTE);
     let actual = u32::try_from(rate).unwrap_or(u32::MAX);
     if actual <= maximum { Ok(()) } else { Err(SettingsError::EncoderRate { actual, maximum }) }
+}
+
+/// Whether the DC link bears what the magnets induce at S-0-0113: `flux` in uVs a phase, peak value.
+fn check_induced_voltage(parameters: &Parameters, flux: u32) -> Result<(), SettingsError> {
+    /// sqrt(3) * 2 pi / 60, in 10^-9: from flux times pole pairs times rpm to the peak voltage between two phases.
+    const LINE_VOLTAGE: u128 = 181_379_936;
+    // uVs * 10^-4 rpm * 10^-9.
+    const ONE: u128 = 1_000_000 * 10_000 * 1_000_000_000;
+    let speed = u128::from(parameters.get(S(113)));
+    let turning = u128::from(flux).saturating_mul(parameters.get_word(P(110)).into()).saturating_mul(speed);
+    let actual = u32::try_from(turning.saturating_mul(LINE_VOLTAGE).div_ceil(ONE)).unwrap_or(u32::MAX);
+    let maximum = parameters.get_word(P(105)).into();
+    if actual <= maximum { Ok(()) } else { Err(SettingsError::InducedVoltage { actual, maximum }) }
 }
 
 const BRAKE_FITTED: u16 = 1 << 0;

@@ -202,6 +202,23 @@ impl TorqueLimits {
         self
     }
 
+    /// These limits for currents whose torque acts against a rotation, where `magnitude` is not wider.
+    #[must_use]
+    pub fn narrowed_against(mut self, rotates_forwards: bool, magnitude: CurrentFraction, cause: Limiting) -> Self {
+        let magnitude = magnitude.max(CurrentFraction::ZERO);
+        if rotates_forwards {
+            let lowest = CurrentFraction::from_bits(magnitude.to_bits().wrapping_neg());
+            if lowest > self.negative {
+                self.negative = lowest;
+                self.negative_cause = cause;
+            }
+        } else if magnitude < self.positive {
+            self.positive = magnitude;
+            self.positive_cause = cause;
+        }
+        self
+    }
+
     /// Which limit this current meets; none when it is within.
     #[inline]
     #[must_use]

@@ -7,6 +7,7 @@ use super::stage::{PowerStage, Samples};
 use crate::current::control::CurrentLoop;
 use crate::current::protection::{Offsets, Protection, Trip};
 use crate::current::shared::SharedCommand;
+use crate::monitor::chopper::ChopperLevels;
 
 /// The current loop of a drive: inverter, sensors and the state between two cycles.
 #[derive(Debug)]
@@ -21,6 +22,8 @@ pub struct CurrentControl<P: 'static> {
     count: u32,
     control: Control,
     was_late: bool,
+    /// The resistor of the chopper is on.
+    chopping: bool,
 }
 
 /// What the current loop does with the bridge.
@@ -40,6 +43,7 @@ impl<P: PowerStage> CurrentControl<P> {
     /// A current loop at rest. `settings` are those of the drive's start; later ones come through `link`.
     pub fn new(mut stage: P, link: &'static CurrentLink, settings: CurrentSettings) -> Self {
         stage.switch_off();
+        stage.set_chopper(false);
         let count = stage.encoder_count();
         for first in [true, false] {
             set(&link.report.cycle(first).count, count);
@@ -56,6 +60,7 @@ impl<P: PowerStage> CurrentControl<P> {
             count,
             control: Control::Resting,
             was_late: false,
+            chopping: false,
         }
     }
 
@@ -85,6 +90,7 @@ impl<P: PowerStage> CurrentControl<P> {
         report.readings.set_angle(order.command.angle_at(count));
         let samples = self.stage.samples();
         set(&report.bus, samples.bus);
+        self.chop(samples.bus);
         if get(&order.on) == 0 {
             self.rest(&samples);
         } else {
@@ -97,6 +103,28 @@ impl<P: PowerStage> CurrentControl<P> {
             set(&link.report.temperatures, heat_sink | motor << 16);
         }
         cycle.first
+    }
+
+    /// With the bridge off as well: what charges the link need not be this motor's doing.
+    #[inline]
+    fn chop(&mut self, bus: u32) {
+        let levels = ChopperLevels::from_word(get(&self.link.chopper));
+        if self.chopping || levels.switches_on(bus) {
+            self.keep_chopping(levels.stays_on(bus));
+        }
+    }
+
+    #[cold]
+    #[inline(never)]
+    fn keep_chopping(&mut self, on: bool) {
+        if on != self.chopping {
+            self.chopping = on;
+            self.stage.set_chopper(on);
+        }
+        if on {
+            let chopped = &self.link.report.chopped;
+            set(chopped, get(chopped).wrapping_add(1));
+        }
     }
 
     #[inline]

@@ -13,6 +13,8 @@ use crate::current::settings::{CurrentLoopParameters, CurrentLoopSettings, PwmFr
 use crate::current::weakening::{FieldWeakeningParameters, FieldWeakeningSettings};
 use crate::encoder::monitor::{EncoderMonitorParameters, EncoderMonitorSettings};
 use crate::monitor::bus_voltage::{VoltageParameters, VoltageSettings};
+use crate::monitor::chopper::{ChopperParameters, ChopperSettings};
+use crate::monitor::generating::{GeneratingParameters, GeneratingSettings};
 use crate::monitor::load::{LoadParameters, LoadSettings};
 use crate::monitor::temperature::{TemperatureParameters, TemperatureSettings};
 use crate::units::{CurrentFraction, Position, Velocity};
@@ -94,6 +96,24 @@ pub(crate) fn settings() -> MotorSettings {
             power_off: 320,
             undervoltage_time: 2,
             overvoltage_ticks: 1,
+        })
+        .unwrap(),
+        chopper: ChopperSettings::new(&ChopperParameters {
+            full_scale: 1_000,
+            overvoltage: 800,
+            resistance: 22_000,
+            continuous_power: 1_000,
+            time_constant: 10_000,
+            frequency,
+        })
+        .unwrap(),
+        generating: GeneratingSettings::new(&GeneratingParameters {
+            full_scale: 1_000,
+            overvoltage: 800,
+            resistance: 1_200,
+            continuous_current: 5_000,
+            peak_current: 20_000,
+            holds_a_load: false,
         })
         .unwrap(),
         heat_sink: temperature,

@@ -16,12 +16,15 @@ use super::settings::CurrentSettings;
 use crate::current::protection::Protection;
 use crate::current::settings::CurrentLoopSettings;
 use crate::current::shared::{SharedCommand, SharedReadings};
+use crate::monitor::chopper::ChopperLevels;
 
 /// The words of both directions; one for each drive.
 #[derive(Debug)]
 pub struct CurrentLink {
     pub(crate) order: Mailbox<SharedOrder>,
     pub(crate) settings: Mailbox<SharedSettings>,
+    /// [`ChopperLevels`](crate::monitor::ChopperLevels).
+    pub(crate) chopper: AtomicU32,
     pub(crate) report: Report,
 }
 
@@ -32,6 +35,7 @@ impl CurrentLink {
         Self {
             order: Mailbox::new([const { SharedOrder::new() }; 2]),
             settings: Mailbox::new([const { SharedSettings::new() }; 2]),
+            chopper: AtomicU32::new(ChopperLevels::NEVER.to_word()),
             report: Report::new(),
         }
     }
@@ -150,6 +154,8 @@ pub(crate) struct Report {
     pub(crate) calibrated: AtomicU32,
     /// Cycles that came too late, since the start.
     pub(crate) late: AtomicU32,
+    /// Cycles with the resistor of the chopper on, since the start.
+    pub(crate) chopped: AtomicU32,
     /// How often the last three have changed.
     changes: AtomicU32,
 }
@@ -162,6 +168,7 @@ impl Report {
             trip: AtomicU32::new(0),
             calibrated: AtomicU32::new(0),
             late: AtomicU32::new(0),
+            chopped: AtomicU32::new(0),
             changes: AtomicU32::new(0),
         }
     }

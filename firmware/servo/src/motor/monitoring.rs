@@ -1,9 +1,10 @@
 //! What is watched: bus, temperatures, loads, encoder, the current loop itself.
 
+use super::HANDS_OVER;
 use super::Motor;
 use super::facts::BoardKind;
 use super::fault::{MotorFault, MotorFaults};
-use super::link::get;
+use super::link::{get, set};
 use crate::axis::limits::Limiting;
 use crate::commutation::index::IndexCorrection;
 use crate::current::command::BusScale;
@@ -89,7 +90,7 @@ impl<B: BoardKind> Motor<B> {
 
     /// Half of the voltage that there is goes into the rotation.
     fn is_turning(&self) -> bool {
-        self.induced > self.bus_scale.longest() >> 1
+        self.induced.wrapping_abs() > self.bus_scale.longest() >> 1
     }
 
     /// All the voltage there is, little of it for the rotation, and still the current does not follow: a converter that has stopped, a sensor
@@ -152,6 +153,16 @@ impl<B: BoardKind> Motor<B> {
         // From 2^-16 V to 2^-14 V.
         self.bus_scale = BusScale::new(voltage.to_bits() >> 2, reciprocal.of_fine_volts(), B::FACTS.frequency.reload());
         self.watched.bus = voltage.to_num();
+        let chopper = self.chopper.tick(&self.settings.chopper, get(&self.link.report.chopped), sample);
+        set(&self.link.chopper, chopper.levels.to_word());
+        self.chopper_works = chopper.works;
+        self.generating_from =
+            if chopper.hands_over { HANDS_OVER } else { self.settings.generating.begin(chopper.works) };
+        self.watched.chopper_load = chopper.load;
+        self.watched.chopper_warning = chopper.warning;
+        self.watched.chopper_off = chopper.too_hot;
+        self.watched.link_full = self.link_full > 0;
+        self.link_full = self.link_full.saturating_sub(1);
         match error {
             // Without torque neither is the drive's doing, and a bus whose thresholds are just being written has not failed.
             Some(VoltageError::Overvoltage { .. }) if torque => faults.add(MotorFault::Overvoltage),

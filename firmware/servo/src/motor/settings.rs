@@ -11,6 +11,8 @@ use crate::current::settings::CurrentLoopSettings;
 use crate::current::weakening::FieldWeakeningSettings;
 use crate::encoder::monitor::EncoderMonitorSettings;
 use crate::monitor::bus_voltage::VoltageSettings;
+use crate::monitor::chopper::ChopperSettings;
+use crate::monitor::generating::GeneratingSettings;
 use crate::monitor::load::LoadSettings;
 use crate::monitor::temperature::TemperatureSettings;
 
@@ -34,6 +36,10 @@ pub struct MotorSettings {
     pub index_angle: Option<u32>,
     /// Bus voltage.
     pub voltage: VoltageSettings,
+    /// Chopper of the DC link and its resistor.
+    pub chopper: ChopperSettings,
+    /// What the DC link leaves of the current that feeds it.
+    pub generating: GeneratingSettings,
     /// Heat sink.
     pub heat_sink: TemperatureSettings,
     /// Motor.

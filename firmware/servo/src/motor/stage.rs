@@ -31,6 +31,9 @@ pub trait PowerStage {
     /// Switches all six transistors off, at once.
     fn switch_off(&mut self);
 
+    /// Resistor across the DC link, on or off. Off at start, and after whatever ends the program.
+    fn set_chopper(&mut self, on: bool);
+
     /// The current loop runs, and has a new order of the control loop: once in a loop tick, while both are well. A board that does not hear it for some
     /// ticks ends the program.
     fn is_alive(&mut self);

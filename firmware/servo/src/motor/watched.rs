@@ -15,6 +15,14 @@ pub struct Watched {
     pub amplifier_load: u16,
     /// Bus voltage in V.
     pub bus: u16,
+    /// Load of the chopper's resistor in 0.1 %.
+    pub chopper_load: u16,
+    /// The resistor is above its warning level.
+    pub chopper_warning: bool,
+    /// The resistor was too hot and is off until it has cooled down.
+    pub chopper_off: bool,
+    /// The DC link takes less than the loops would feed back, now or a short time ago.
+    pub link_full: bool,
     /// Current that the thermal models of motor and amplifier allow.
     pub allowed: [CurrentFraction; 2],
     /// Motor or amplifier is above its warning level of load.

@@ -21,7 +21,7 @@ use servo::current::Trip;
 use servo::encoder::{DoubleSampledEncoder, DoubleSampledSettings};
 use servo::identification::CurrentRequest;
 use servo::motor::{
-    CurrentControl, CurrentLink, Motor, MotorFaults, Sequence, SequenceInputs, SequenceOutput, Surroundings,
+    CurrentControl, CurrentLink, Motor, MotorFaults, Sequence, SequenceInputs, SequenceOutput, Surroundings, Watched,
 };
 use servo::units::{CurrentFraction, LOOP_TICKS_PER_SUPERVISION, Position, Velocity};
 
@@ -139,6 +139,11 @@ impl Bench {
             bipolar: fraction(bipolar),
             reversed: false,
         }));
+    }
+
+    /// Loads, voltage and warnings as the supervision last saw them.
+    pub(crate) fn watched(&self) -> &Watched {
+        self.motor.watched()
     }
 
     /// A tick of the outer loops: two cycles of the current loop, and the orders of the axis.

@@ -14,7 +14,8 @@ use servo::current::{
 };
 use servo::encoder::{EncoderMonitorParameters, EncoderMonitorSettings};
 use servo::monitor::{
-    LoadParameters, LoadSettings, TemperatureParameters, TemperatureSettings, VoltageParameters, VoltageSettings,
+    ChopperParameters, ChopperSettings, GeneratingParameters, GeneratingSettings, LoadParameters, LoadSettings,
+    TemperatureParameters, TemperatureSettings, VoltageParameters, VoltageSettings,
 };
 use servo::motor::{BoardKind, CurrentSettings, MotorSettings};
 use servo::path::Interpolation;
@@ -37,6 +38,8 @@ pub(crate) struct Setup {
     pub(crate) weakening: u16,
     /// Trip level in shares of the peak current.
     pub(crate) trip: f64,
+    /// Continuous power in W of the resistor that the axis has, if it has one.
+    pub(crate) resistor_power: u32,
 }
 
 /// Bandwidth of the current loop in Hz: 64 degrees of phase margin with the unsaturated inductance.
@@ -78,6 +81,7 @@ impl Setup {
             start: Position::ZERO,
             weakening: 0,
             trip: 1.25,
+            resistor_power: 1_000_000,
         }
     }
 
@@ -144,6 +148,11 @@ impl Setup {
         Protection::new(trip, range, highest_bus, u32::try_from(fastest * 3 / 2).unwrap() + 3).unwrap()
     }
 
+    /// P-0-0105 in V.
+    pub(crate) fn overvoltage(&self) -> u16 {
+        self.reference.machine.supply.voltage as u16 * 14 / 10
+    }
+
     pub(super) fn voltage(&self) -> VoltageSettings {
         let machine = &self.reference.machine;
         let volts = machine.supply.voltage as u16;
@@ -151,7 +160,7 @@ impl Setup {
             full_scale: machine.bus_range as u16,
             filter: 500,
             undervoltage: volts / 2,
-            overvoltage: volts * 14 / 10,
+            overvoltage: self.overvoltage(),
             power_on: volts * 9 / 16,
             power_off: volts / 2,
             undervoltage_time: 2,
@@ -200,6 +209,24 @@ impl Setup {
             alignment: AlignmentSettings::new(commutation, CurrentFraction::from_num(0.5)).unwrap(),
             index_angle: None,
             voltage: self.voltage(),
+            chopper: ChopperSettings::new(&ChopperParameters {
+                full_scale: machine.bus_range as u16,
+                overvoltage: self.overvoltage(),
+                resistance: machine.supply.resistor.map_or(0, |ohms| (ohms * 1e3) as u32),
+                continuous_power: self.resistor_power,
+                time_constant: 10_000,
+                frequency: Kind::FACTS.frequency,
+            })
+            .unwrap(),
+            generating: GeneratingSettings::new(&GeneratingParameters {
+                full_scale: machine.bus_range as u16,
+                overvoltage: self.overvoltage(),
+                resistance: (machine.windings.resistance * 1e3) as u32,
+                continuous_current: self.reference.standstill_current,
+                peak_current: peak,
+                holds_a_load: machine.brake.is_some(),
+            })
+            .unwrap(),
             heat_sink: temperature,
             winding: temperature,
             motor_load: load,

@@ -128,6 +128,12 @@ impl PowerStage for Stage {
         }
     }
 
+    /// The pin acts at the end of the cycle's first instructions.
+    fn set_chopper(&mut self, on: bool) {
+        let State { machine, time, .. } = &mut *self.0.borrow_mut();
+        machine.set_chopper(on, *time + CONVERSION);
+    }
+
     /// Nobody waits for it here.
     fn is_alive(&mut self) {}
 }

@@ -12,7 +12,7 @@ use super::gpio::{PinMode, Port};
 use crate::Environment;
 use crate::wiring;
 
-/// TIM1, ADC1 to ADC3 and the coil of the holding brake.
+/// TIM1, ADC1 to ADC3, the coil of the holding brake and the switch of the chopper.
 #[derive(Debug)]
 pub(crate) struct PowerStage {
     pub(crate) timer: AdvancedTimer,
@@ -21,6 +21,7 @@ pub(crate) struct PowerStage {
     bridge: Option<Bridge>,
     told: Option<Bridge>,
     brake: bool,
+    chopper: bool,
     /// The timer's next trigger, once worked out: it stays what it is until it has come or the timer is written or clocked otherwise.
     trigger: Cell<Option<Option<Nanoseconds>>>,
 }
@@ -33,6 +34,7 @@ impl PowerStage {
             bridge: None,
             told: None,
             brake: false,
+            chopper: false,
             trigger: Cell::new(None),
         }
     }
@@ -137,15 +139,22 @@ impl PowerStage {
         if std::mem::take(&mut self.brake) {
             environment.set_brake(now, false);
         }
+        if std::mem::take(&mut self.chopper) {
+            environment.set_chopper(now, false);
+        }
     }
 
     /// Tells the world about pins that changed by a write to a port.
     pub(crate) fn tell<E: Environment + ?Sized>(&mut self, ports: &[Port], environment: &mut E, now: Nanoseconds) {
         self.tell_bridge(ports, environment, now);
-        let (port, pin) = wiring::BRAKE_COIL;
-        let energised = ports[port].mode(pin) == PinMode::Output && ports[port].output(pin);
+        let drives = |(port, pin): wiring::Pin| ports[port].mode(pin) == PinMode::Output && ports[port].output(pin);
+        let energised = drives(wiring::BRAKE_COIL);
         if std::mem::replace(&mut self.brake, energised) != energised {
             environment.set_brake(now, energised);
+        }
+        let on = drives(wiring::CHOPPER);
+        if std::mem::replace(&mut self.chopper, on) != on {
+            environment.set_chopper(now, on);
         }
     }
 

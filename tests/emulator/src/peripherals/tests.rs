@@ -23,6 +23,7 @@ pub(crate) struct World {
     bridge: Vec<(u64, bool, u32)>,
     duties: Vec<(u64, [f64; 3])>,
     brake: Vec<(u64, bool)>,
+    chopper: Vec<(u64, bool)>,
 }
 
 impl Environment for World {
@@ -59,6 +60,10 @@ impl Environment for World {
 
     fn set_brake(&mut self, at: Nanoseconds, energised: bool) {
         self.brake.push((at.0, energised));
+    }
+
+    fn set_chopper(&mut self, at: Nanoseconds, on: bool) {
+        self.chopper.push((at.0, on));
     }
 
     fn break_input(&self) -> bool {
@@ -189,7 +194,7 @@ pub(crate) fn set_up_power_stage() -> Vec<(u32, u32)> {
     of_c.extend((9..=13).map(input));
     of_c.push((5, OUTPUT, 0, 0));
     let of_e: Vec<_> = [5, 6].into_iter().map(alternate(3)).collect();
-    let ports = [(0, of_a), (1, of_b), (2, of_c), (4, of_e), (5, vec![analogue(6)])];
+    let ports = [(0, of_a), (1, of_b), (2, of_c), (4, of_e), (5, vec![analogue(6), (11, OUTPUT, 0, 0)])];
     let mut writes: Vec<_> = ports.iter().flat_map(|(number, pins)| port(*number, pins)).collect();
     let sequence = |first: u32, second: u32| 1 << 20 | second << 15 | first << 10;
     writes.extend([
@@ -432,6 +437,14 @@ fn the_brake_coil_is_told() {
     board.write(0x4002_0818, 1 << 5);
     board.write(0x4002_0818, 1 << 21);
     assert_eq!(board.world.brake, [(start, true), (start, false)]);
+}
+
+#[test]
+fn the_switch_of_the_chopper_is_told() {
+    let (mut board, start) = Board::with_power_stage();
+    board.write(0x4002_1418, 1 << 11);
+    board.write(0x4002_1418, 1 << 27);
+    assert_eq!(board.world.chopper, [(start, true), (start, false)]);
 }
 
 #[test]

@@ -22,6 +22,11 @@ impl Machine {
         self.change(at, |outside| outside.mains = voltage);
     }
 
+    /// Switches the resistor of the drive's own chopper ([`Supply::resistor`](crate::Supply)) across the DC link.
+    pub fn set_chopper(&mut self, on: bool, at: u64) {
+        self.change(at, |outside| outside.chopper = on);
+    }
+
     /// Brings the DC link to a voltage in V, as its discharge resistor does within minutes.
     pub fn set_bus_voltage(&mut self, voltage: f64, at: u64) {
         self.timeline.enter(Input::Bus(voltage), at);

@@ -28,6 +28,7 @@ struct Noted {
     compare: Option<[u16; 3]>,
     trim: i32,
     switched_off: u32,
+    chopper: std::vec::Vec<bool>,
     alive: u32,
 }
 
@@ -65,6 +66,10 @@ impl PowerStage for Stage {
 
     fn switch_off(&mut self) {
         self.0.borrow_mut().switched_off += 1;
+    }
+
+    fn set_chopper(&mut self, on: bool) {
+        self.0.borrow_mut().chopper.push(on);
     }
 
     fn is_alive(&mut self) {
@@ -275,4 +280,42 @@ fn every_first_cycle_of_a_tick_starts_the_control_loop() {
     let mut bench = Bench::new();
     let started = [0; 6].map(|_| bench.control.current_loop());
     assert_eq!(started, [true, false].repeat(3)[..]);
+}
+
+#[test]
+fn the_chopper_switches_at_its_levels_with_and_without_the_bridge_and_its_cycles_are_counted() {
+    let at = |bus: u32| Samples { bus, ..NO_CURRENT };
+    for (bridge, beyond) in [(false, 0), (true, 0), (false, u32::MAX)] {
+        let mut bench = Bench::new();
+        let begun = core::mem::take(&mut bench.stage.0.borrow_mut().chopper);
+        assert_eq!(begun, [false], "it begins with the chopper off");
+        bench.order(bridge, 0);
+        set(&bench.link.chopper, 3_000 << 16 | 2_900 | beyond);
+        let mut seen = std::vec::Vec::new();
+        for bus in [2_950, 3_000, 3_001, 2_901, 3_100, 2_900, 3_000, 3_001] {
+            bench.cycle(at(bus));
+            seen.push(bench.control.chopping);
+        }
+        let expected = [false, false, true, true, true, false, false, true].map(|on| on && beyond == 0);
+        assert_eq!(seen, expected, "bridge {bridge}");
+        let switched = core::mem::take(&mut bench.stage.0.borrow_mut().chopper);
+        assert_eq!(switched, if beyond == 0 { &[true, false, true][..] } else { &[] });
+        assert_eq!(get(&bench.link.report.chopped), if beyond == 0 { 4 } else { 0 });
+        // Too hot: off with the next sample, whatever it is.
+        set(&bench.link.chopper, u32::MAX);
+        bench.cycle(at(4_095));
+        assert!(!bench.control.chopping);
+    }
+}
+
+#[test]
+fn a_trip_leaves_the_chopper_to_work() {
+    let mut bench = Bench::new();
+    set(&bench.link.chopper, 3_000 << 16 | 2_900);
+    bench.order(true, 0);
+    bench.cycles(2, Samples { bus: 3_700, ..NO_CURRENT });
+    assert_eq!(bench.switched_off(), 2, "an overvoltage");
+    assert!(bench.control.chopping);
+    bench.cycle(Samples { bus: 2_800, ..NO_CURRENT });
+    assert!(!bench.control.chopping);
 }
