@@ -491,7 +491,7 @@ mod tests {
         let expected = SettingsError::EncoderRate { actual: 18_612_224, maximum: 18_600_000 };
         assert_eq!((error.idn, error.reason), (Idn::standard(113), Some(expected)));
         // Faster, its magnets would be too strong for the link.
-        assert!(with_encoder(1 << 15, 6_400).is_ok());
+        assert!(with_encoder(1 << 15, 4_500).is_ok());
     }
 
     #[test]

@@ -82,7 +82,7 @@ sercos::data_blocks! {
     /// Current that the bridge carries for ever, RMS of a phase; from it and S-0-0110 the amplifier's thermal model is made.
     S 112 "Amplifier rated current" ["A"] U32/3 written IN_CP2_CP3 (1 to 500_000) = 7_071 => Parameter, stored, needed_for_cp4;
     /// The drive never commands a higher velocity, and S-0-0128 refuses one at whose overspeed, a quarter above it, the encoder (S-0-0116, S-0-0256) makes more than 18.6 million increments a second.
-    S 113 "Maximum motor speed" ["rpm"] U32/4 written IN_CP2_CP3 (1 to 2_147_483_647) = 60_000_000 => Parameter, stored, needed_for_cp4;
+    S 113 "Maximum motor speed" ["rpm"] U32/4 written IN_CP2_CP3 (1 to 2_147_483_647) = 45_000_000 => Parameter, stored, needed_for_cp4;
     /// Load of the thermal models at which the drive shuts down (C1D bit 0); 100 % is the continuous current for ever.
     S 114 "Load limit of the motor" ["%"] U16/1 written IN_CP2_CP3 (901 to 2_000) = 1_100 => Parameter, stored, needed_for_cp4;
     /// Lines of the motor encoder; four increments each.

@@ -143,8 +143,8 @@ fn drives() -> Vec<Vec<(Idn, Vec<u16>)>> {
         ],
         &[(P(120), &[3]), (P(205), &[0x0101])],
         &[(P(235), &[470])],
-        // Magnets of 580 V at S-0-0113.
-        &[(P(114), &[0x436B, 0x0011])],
+        // 1.5 Nm/A: magnets of 578 V at S-0-0113.
+        &[(P(114), &[0xE360, 0x0016])],
     ];
     more.into_iter().map(|more| words(&[slots, more].concat())).collect()
 }

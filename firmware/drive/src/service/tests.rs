@@ -139,7 +139,7 @@ fn a_write_that_the_loops_cannot_take_leaves_the_way_free_for_the_next() {
 fn magnets_that_make_more_than_the_overvoltage_at_s_0_0113_are_refused_unless_the_link_bears_it() {
     // 0.8 Nm per ampere of amplitude and 4 pole pairs are 0.13333 Vs; sqrt(3) times that at 6 000 rpm is 580.4 V, at 4 548 rpm 439.9 V.
     let magnets = (P(114), [0x436B, 0x0011]);
-    let speed = |rpm: u32| (S(113), [(rpm * 10_000) as u16, (rpm * 10_000 >> 16) as u16]);
+    let speed = |rpm: u32| (S(113), [(rpm * 10_000) as u16, ((rpm * 10_000) >> 16) as u16]);
     for (rpm, weakening, bears, refused) in [
         (6_000, 500, 0, true),
         (6_000, 0, 0, false),

@@ -35,7 +35,8 @@ pub(crate) fn flux_linkage(parameters: &Parameters) -> u32 {
     let pole_pairs = u64::from(parameters.get_word(Idn::product(110)));
     let twice = u64::from(torque_constant(parameters)).saturating_mul(2);
     let divisor = pole_pairs.saturating_mul(3).max(1);
-    u32::try_from(twice.saturating_add(divisor / 2) / divisor).unwrap_or(u32::MAX)
+    let linkage = twice.saturating_add(divisor / 2).checked_div(divisor);
+    linkage.and_then(|linkage| u32::try_from(linkage).ok()).unwrap_or(u32::MAX)
 }
 
 #[cfg(test)]

@@ -190,7 +190,10 @@ pub(super) fn settings(
         })
         .map_err(of(S(110)))?,
         weakening: FieldWeakeningSettings::new(&FieldWeakeningParameters {
-            limit: u16::try_from(u64::from(weakening_current).saturating_mul(10_000) / u64::from(long(S(110)).max(1)))
+            limit: u64::from(weakening_current)
+                .saturating_mul(10_000)
+                .checked_div(long(S(110)).into())
+                .and_then(|limit| u16::try_from(limit).ok())
                 .unwrap_or(u16::MAX),
             voltage: 9_300,
             integral_time: 100,
