@@ -67,7 +67,8 @@ fn keeps_its_place(speed: f64, shown: std::ops::Range<f64>, of_shaft: std::ops::
 
 #[test]
 fn at_10_rpm_the_shaft_follows_within_one_count_of_a_million() {
-    keeps_its_place(10.0, 0.8..1.1, 0.4..0.85);
+    // The largest of 12 000 readings in the noise of the sensors: 0.9 to 1.2 as the zero of the sensors is rounded and the loops start.
+    keeps_its_place(10.0, 0.8..1.25, 0.4..0.85);
 }
 
 #[test]
