@@ -47,11 +47,24 @@ impl Back {
             Some(3 | 11) => {
                 let window = settings.unsigned(Idn(159)).unwrap_or(0) as f64;
                 let known = scene.units.zip(scene.position_feedback()).zip(scene.position_command());
-                known.is_some_and(|((units, feedback), command)| units.way(feedback, command).abs() <= NEAR * window)
+                known.is_some_and(|((units, feedback), command)| {
+                    let way = units.way(feedback, command);
+                    way.abs() <= NEAR * window && !Self::is_beyond_a_limit(feedback + way, scene)
+                })
             }
             Some(2) => [36, 37].iter().all(|idn| scene.wire.command(Idn(*idn)).unwrap_or(0) == 0),
             _ => false,
         }
+    }
+
+    /// Whether a place is beyond S-0-0049 or S-0-0050 where bit 4 of S-0-0055 switches them on. What goes over the border of the data is, as the
+    /// limits lie within it.
+    fn is_beyond_a_limit(place: f64, scene: &Scene) -> bool {
+        let settings = &scene.settings;
+        let acts = settings.word(Idn(55)).is_some_and(|word| word & 0x10 != 0)
+            && scene.units.is_some_and(|units| !units.is_modulo);
+        let limits = settings.signed(Idn(50)).zip(settings.signed(Idn(49)));
+        acts && limits.is_none_or(|(low, high)| place < low as f64 || place > high as f64)
     }
 
     /// The command has not gone anywhere since the drive follows it. Before that it goes with the shaft, which searches its angle.
@@ -217,6 +230,19 @@ mod tests {
             fake.cycle(0xE000, 0x8000);
             fake.run(3, 0xE000, 0xA000);
             assert_eq!(fake.broken().is_none(), lawful, "{slips}: {:?}", fake.broken());
+        }
+    }
+
+    #[test]
+    fn a_command_over_the_border_of_the_data_is_beyond_a_limit_and_in_the_way() {
+        for (bits, lawful) in [(0x10, true), (0, false)] {
+            let mut fake = fake();
+            fake.write(55, &[bits]);
+            fake.data = [(i32::MIN + 999).to_le_bytes().to_vec(), i32::MAX.to_le_bytes().to_vec()];
+            fake.run(12, 0, 0x8000);
+            fake.run(3, 0xE000, 0x8000);
+            fake.run(3, 0xE000, 0xA000);
+            assert_eq!(fake.broken().is_none(), lawful, "{bits:X}: {:?}", fake.broken());
         }
     }
 
