@@ -23,7 +23,7 @@ pub use facts::{BoardKind, Facts, TemperatureSensor};
 pub use fault::{FaultReaction, MotorFault, MotorFaults};
 pub use link::CurrentLink;
 pub use monitoring::Surroundings;
-pub use sequence::{Sequence, SequenceInputs, SequenceOutput};
+pub use sequence::{CALIBRATION_TICKS, Sequence, SequenceInputs, SequenceOutput};
 pub use settings::{CurrentSettings, MotorSettings};
 pub use stage::{Cycle, PowerStage, Samples};
 pub use watched::Watched;

@@ -5,7 +5,7 @@ use sercos::Phase;
 use sercos::diagnostic::{Class1, Class3};
 use servo::axis::Mode;
 use servo::monitor::Commanded;
-use servo::motor::{MotorFaults, SequenceInputs, Surroundings};
+use servo::motor::{CALIBRATION_TICKS, MotorFaults, SequenceInputs, Surroundings};
 use servo::units::{Position, Velocity};
 
 use super::Motion;
@@ -17,9 +17,6 @@ use crate::hardware::Hardware;
 use crate::operation_mode::Reaction;
 use crate::state::Conditions;
 use crate::tasks::Tasks;
-
-/// Ticks of the supervision after the start in which the current sensors have found their zero.
-const CALIBRATION_TICKS: u64 = 500;
 
 impl<B: Bus + Clone, H: Hardware> Motion<B, H> {
     /// Task of the supervision, every 500 us, started by every fourth loop tick: looks after the motor side, steps the state machine, brake
@@ -209,7 +206,7 @@ impl<B: Bus + Clone, H: Hardware> Motion<B, H> {
             telegram_lost: self.ring.shows_loss(),
             bridge_ready: self.inputs.bridge_ready,
             limit_out_of_range: self.cyclic_limits.complains(),
-            not_calibrated: !self.motor.measured().calibrated && self.supervisions > CALIBRATION_TICKS,
+            not_calibrated: !self.motor.measured().calibrated && self.supervisions > u64::from(CALIBRATION_TICKS),
             reached: self.reached(),
         };
         self.status.look(&look);

@@ -63,8 +63,7 @@ pub(super) fn settings(
         0 => default_trip(most, long(S(110)), range),
         trip => amplitude(trip),
     };
-    let of_peak = |current: u32| share(current, long(S(110)));
-    let of_most = |per_mille: u16| of_peak(most.saturating_mul(per_mille.into()) / 1_000);
+    let of_most = |per_mille: u16| share(most.saturating_mul(per_mille.into()) / 1_000, long(S(110)));
     let highest_bus = u32::from(word(P(105))).saturating_mul(4_096).checked_div(full_scale.into()).unwrap_or(0);
     // One and a half times the highest speed, in a cycle, and two increments that a standing encoder may swing.
     let turned = u64::from(maximum_velocity.abs().to_bits().unsigned_abs()).saturating_mul(increments.into());

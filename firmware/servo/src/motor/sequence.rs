@@ -60,7 +60,7 @@ pub struct SequenceInputs {
 }
 
 /// Ticks of the supervision in which the current sensors find their zero, three times over: 250 ms.
-const CALIBRATION_TICKS: u16 = 500;
+pub const CALIBRATION_TICKS: u16 = 500;
 
 impl<B: BoardKind> Motor<B> {
     /// One step of the sequence.
