@@ -7,7 +7,8 @@ use std::fmt::Write as _;
 
 use crate::commissioning::Halted;
 use crate::running::{ADDRESS, Bench, script};
-use bench::{DriveSetup, Executor, demo_with, product};
+use bench::{DriveSetup, Executor, commissioned, demo_with, product};
+use plant::ReferenceAxis;
 use ring::Nanoseconds;
 use ring::ident::{Idn, Value};
 use ring::master::{CommandValues, DriveScript, MasterScript, Motion, Telegram};
@@ -113,24 +114,8 @@ impl Figures {
     }
 }
 
-/// What the user of a press drive does: the bandwidths, P-0-0226, P-0-0220; and what stands in the drive then.
-fn tuned() -> Vec<(Idn, Value)> {
-    const COMPUTE_GAINS: u16 = 0x8000 | 220;
-    const IDENTIFY_INERTIA: u16 = 0x8000 | 226;
-    const EXECUTED: u64 = 3;
-    let mut halted = Halted::with_cycle(10_000);
-    for (idn, value) in [(product(222), Value::Word(1_100)), (product(223), Value::Word(40))] {
-        halted.bench.write(idn.0, value).unwrap();
-    }
-    halted.bench.write(IDENTIFY_INERTIA, Value::Word(3)).unwrap();
-    assert_eq!(halted.end_of(IDENTIFY_INERTIA), EXECUTED);
-    halted.bench.write(COMPUTE_GAINS, Value::Word(3)).unwrap();
-    assert_eq!(halted.numbers([COMPUTE_GAINS]), [EXECUTED]);
-    let found = [Idn(100), Idn(101), Idn(104), Idn(106), Idn(107), Idn(155), Idn(348), product(142), product(231)];
-    let words = found.map(|idn| (idn, Value::Word(u16::try_from(halted.bench.number(idn.0)).unwrap())));
-    println!("{words:?}");
-    words.to_vec()
-}
+/// What stands in a press drive whose user has run P-0-0226 and P-0-0220.
+const COMMISSIONED: [u16; 10] = [100, 101, 104, 106, 107, 155, 348, 0x8000 | 142, 0x8000 | 174, 0x8000 | 175];
 
 #[track_caller]
 fn within(what: &str, value: f64, range: std::ops::Range<f64>) {
@@ -153,34 +138,66 @@ fn is_on_the_page(table: &str) {
 }
 
 #[test]
-fn cubics_and_feed_forwards_make_the_press_smooth_and_its_error_small() {
-    let tuned = tuned();
+fn the_demonstration_is_commissioned_as_p_0_0226_and_p_0_0220_would_do_it() {
+    const COMPUTE_GAINS: u16 = 0x8000 | 220;
+    const IDENTIFY_INERTIA: u16 = 0x8000 | 226;
+    const EXECUTED: u64 = 3;
+    let mut identified = Halted::with_cycle(10_000);
+    identified.bench.write(product(223).0, Value::Word(40)).unwrap();
+    identified.bench.write(IDENTIFY_INERTIA, Value::Word(3)).unwrap();
+    assert_eq!(identified.end_of(IDENTIFY_INERTIA), EXECUTED);
+    identified.bench.write(COMPUTE_GAINS, Value::Word(3)).unwrap();
+    assert_eq!(identified.numbers([COMPUTE_GAINS]), [EXECUTED]);
+    let mut told = Halted::with_cycle(10_000);
+    for (idn, value) in commissioned(&ReferenceAxis::press()) {
+        told.bench.write(idn.0, value).unwrap();
+    }
+    for (idn, (found, told)) in
+        COMMISSIONED.into_iter().zip(identified.numbers(COMMISSIONED).into_iter().zip(told.numbers(COMMISSIONED)))
+    {
+        within(
+            &format!("{} found, {found}, to the one told, {told}", Idn(idn)),
+            found as f64 / told as f64,
+            0.99..1.01,
+        );
+    }
+}
+
+#[test]
+fn cubics_feed_forwards_and_a_low_pass_make_the_press_smooth_and_its_error_small() {
     let lines = (product(141), Value::Word(0));
-    let on_lines: Vec<_> = tuned.iter().cloned().chain([lines.clone()]).collect();
-    let [before, tuned_on_lines, by_default, tuned] =
-        [vec![lines], on_lines, vec![], tuned].map(|parameters| Figures::of(&parameters));
+    let commissioned = commissioned(&ReferenceAxis::press());
+    let with = |more: &[(Idn, Value)]| commissioned.iter().chain(more).cloned().collect::<Vec<_>>();
+    let low_pass_off = (product(174), Value::Word(0));
+    let [before, on_lines, gains_only, noisy, demonstration] =
+        [vec![lines.clone()], with(&[lines]), vec![], with(&[low_pass_off]), with(&[])]
+            .map(|parameters| Figures::of(&parameters));
     let mut table = String::from(
         "| settings | torque on the ramp, rms | peak to peak | at constant speed, rms | largest error, degrees | at constant speed |\n\
          |---|---|---|---|---|---|\n",
     );
     for (name, figures) in [
         ("as it was: lines, nothing fed forward but the velocity", &before),
-        ("lines, tuned", &tuned_on_lines),
-        ("default: cubic", &by_default),
-        ("tuned by P-0-0226 and P-0-0220: cubic, acceleration and friction", &tuned),
+        ("lines, commissioned", &on_lines),
+        ("cubics, nothing fed forward but the velocity", &gains_only),
+        ("cubics, commissioned, without low-pass", &noisy),
+        ("commissioned by P-0-0226 and P-0-0220: the demonstration", &demonstration),
     ] {
         write!(table, "{}", figures.row(name)).unwrap();
     }
     println!("{table}");
     within("ripple on the ramp as it was", before.ramp[0], 3.7..4.5);
     within("peak to peak as it was", before.ramp[1], 14.0..19.0);
+    within("ripple at constant speed as it was", before.constant, 1.0..1.5);
     within("largest error as it was", before.error[0], 0.09..0.13);
-    within("ripple on the ramp by default", by_default.ramp[0], 0.5..0.9);
-    within("ripple on the ramp, tuned", tuned.ramp[0], 0.3..1.0);
-    within("ripple at constant speed, tuned", tuned.constant, 0.7..1.4);
-    within("largest error, tuned", tuned.error[0], 0.01..0.02);
-    within("largest error at constant speed, tuned", tuned.error[1], 0.001..0.004);
-    within("ripple on lines, tuned", tuned_on_lines.ramp[0], 3.7..4.5);
-    within("largest error on lines, tuned", tuned_on_lines.error[0], 0.02..0.06);
+    within("ripple on the ramp with cubics", gains_only.ramp[0], 0.5..0.9);
+    within("ripple on lines", on_lines.ramp[0], 4.0..5.4);
+    within("largest error on lines", on_lines.error[0], 0.02..0.06);
+    within("ripple at constant speed without low-pass", noisy.constant, 0.7..1.4);
+    // What the issue of the servo asks of the demonstration: 1 %, 0.2 % and 0.02 degrees.
+    within("ripple on the ramp", demonstration.ramp[0], 0.05..0.3);
+    within("ripple at constant speed", demonstration.constant, 0.05..0.2);
+    within("largest error", demonstration.error[0], 0.01..0.02);
+    within("largest error at constant speed", demonstration.error[1], 0.001..0.004);
     is_on_the_page(&table);
 }

@@ -130,6 +130,25 @@ fn each_sign_of_the_torque_has_its_own_limit_in_the_mdt() {
 }
 
 #[test]
+fn a_limit_in_the_mdt_stays_in_force_while_parameters_are_written() {
+    let command = |_: ProfilePoint| {
+        limited(CommandValues { torque: 1_000, ..CommandValues::default() }, &[(BIPOLAR_TORQUE, 200)])
+    };
+    let mut bench = in_operation(1, &[Idn::TORQUE_COMMAND, BIPOLAR_TORQUE], vec![], command);
+    bench.run(Nanoseconds::from_millis(100));
+    // Of the motor, around the loops, of the axis.
+    for (idn, value) in [(Idn(82), Value::Word(3_000)), (Idn(57), Value::Long(1_234)), (Idn(100), Value::Word(12_000))]
+    {
+        bench.write(idn.0, value).unwrap();
+        for _ in 0..200 {
+            bench.run(Nanoseconds::from_microseconds(100));
+            let torque = torque(&mut bench);
+            assert!((0.19..0.21).contains(&(torque / STALL_TORQUE)), "{idn}: {torque} Nm");
+        }
+    }
+}
+
+#[test]
 fn a_torque_limit_of_zero_lets_the_axis_coast_and_never_keeps_the_drive_from_stopping_it() {
     for lost in [false, true] {
         let limit = shared(2_000);

@@ -57,7 +57,7 @@ pub use motion::Motion;
 pub use operation_mode::{OperationMode, Polarity, Reaction};
 pub use service::access::{Access, LONGEST_PASSWORD, SHORTEST_PASSWORD};
 pub use settings::invalid::InvalidSetting;
-pub use settings::{CycleSettings, MotionSettings};
+pub use settings::{CycleSettings, DriveSettings, MotionSettings};
 pub use signal::bits::{BitSettings, SIGNAL_BITS};
 pub use signal::command::{Command, CommandValue, CommandValues};
 pub use signal::control_bits::Enable;

@@ -156,6 +156,11 @@ impl CyclicLimits {
         for limit in Limit::all().filter(|limit| self.carried & limit.bit() == 0) {
             self.values.set(limit, stored.get(limit));
         }
+        self.work_out_anew();
+    }
+
+    /// Settings of the parameters are in force in the place of what the MDT carries.
+    pub(crate) fn work_out_anew(&mut self) {
         self.changed = Effects::all();
     }
 
@@ -379,8 +384,9 @@ mod tests {
     }
 
     fn scale() -> LimitScale {
-        crate::settings::MotionSettings::new(&Parameters::new(&DICTIONARY), &crate::service::rig::FACTS, source)
+        crate::settings::DriveSettings::new(&Parameters::new(&DICTIONARY), &crate::service::rig::FACTS, source)
             .unwrap()
+            .motion
             .limit_scale
     }
 

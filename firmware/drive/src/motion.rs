@@ -15,7 +15,7 @@ use sercon816::Bus;
 use sercos::Phase;
 use sercos::diagnostic::Class1;
 use sercos::phase::PhaseError;
-use servo::axis::{Axis, AxisOutput};
+use servo::axis::{Axis, AxisOutput, AxisSettings};
 use servo::encoder::DoubleSampledEncoder;
 use servo::motor::{CurrentLink, Motor, MotorFaults};
 use servo::path::CommandJump;
@@ -63,7 +63,7 @@ use crate::hardware::{Hardware, Inputs, InterruptLine};
 use crate::limits::CyclicLimits;
 use crate::operation_mode::OperationMode;
 use crate::oscilloscope::Oscilloscope;
-use crate::settings::MotionSettings;
+use crate::settings::{DriveSettings, MotionSettings};
 use crate::signal::record::Datum;
 use crate::state::DriveState;
 use crate::tasks::Tasks;
@@ -104,6 +104,9 @@ pub struct Motion<B, H: Hardware> {
     /// Limits of the MDT.
     cyclic_limits: CyclicLimits,
     settings: MotionSettings,
+    /// Of the axis, in the modes with lag and in those without it.
+    with_lag: AxisSettings,
+    without_lag: AxisSettings,
 }
 
 impl<B: Bus + Clone, H: Hardware> Motion<B, H> {
@@ -114,8 +117,9 @@ impl<B: Bus + Clone, H: Hardware> Motion<B, H> {
         mut hardware: H,
         link: &'static CurrentLink,
         scope: &'static mut Scope,
-        settings: MotionSettings,
+        settings: DriveSettings,
     ) -> Self {
+        let DriveSettings { with_lag, without_lag, motor, motion: settings } = settings;
         let encoder = DoubleSampledEncoder::new(settings.encoder, hardware.encoder_count());
         hardware.set_bridge(false);
         hardware.set_brake(false);
@@ -126,8 +130,8 @@ impl<B: Bus + Clone, H: Hardware> Motion<B, H> {
             accompanied: false,
             encoder,
             output: AxisOutput::at_rest(position),
-            axis: Axis::new(settings.with_lag, position),
-            motor: Motor::new(link, settings.motor),
+            axis: Axis::new(with_lag, position),
+            motor: Motor::new(link, motor),
             clock: RingClock::new(settings.cycle.clock),
             status: Status::default(),
             operation: Operation::default(),
@@ -146,6 +150,8 @@ impl<B: Bus + Clone, H: Hardware> Motion<B, H> {
             halves: 0,
             cyclic_limits: CyclicLimits::default(),
             settings,
+            with_lag,
+            without_lag,
         }
     }
 
@@ -418,7 +424,7 @@ impl<B: Bus + Clone, H: Hardware> Motion<B, H> {
     fn apply_axis_settings(&mut self) {
         let before = self.axis.settings().velocity_limits();
         let without_lag = self.operation.is_without_lag();
-        self.axis.apply_settings(if without_lag { self.settings.without_lag } else { self.settings.with_lag });
+        self.axis.apply_settings(if without_lag { &self.without_lag } else { &self.with_lag });
         self.keep_limits(before);
     }
 }

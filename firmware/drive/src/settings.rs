@@ -82,14 +82,24 @@ impl CycleSettings {
     }
 }
 
-/// Everything the hot tasks need of the parameters, scaled.
+/// Everything the hot tasks need of the parameters, scaled: in parts, each of which is handed to them in a few microseconds.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
-pub struct MotionSettings {
+pub struct DriveSettings {
     /// Loops without feed-forward: velocity mode and position mode with lag.
     pub with_lag: AxisSettings,
     /// Loops with feed-forward S-0-0296.
     pub without_lag: AxisSettings,
+    /// Bridge, motor, brake.
+    pub motor: MotorSettings,
+    /// The rest.
+    pub motion: MotionSettings,
+}
+
+/// What stands around the loops: data, modes, limits and windows.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
+pub struct MotionSettings {
     /// Modes of control word bits 11, 9, 8 = 000 to 111 (S-0-0032 to S-0-0035, S-0-0284 to S-0-0287).
     pub modes: [Option<OperationMode>; 8],
     /// Weight of position data without sign: windows and ways.
@@ -136,8 +146,6 @@ pub struct MotionSettings {
     pub positioning: PositioningSettings,
     /// P-0-0140: what an error does to a motor that runs.
     pub reaction: Reaction,
-    /// Bridge, motor, brake.
-    pub motor: MotorSettings,
     /// S-0-0159; zero: not monitored.
     pub monitoring_window: Position,
     /// S-0-0125.
@@ -163,7 +171,7 @@ pub(crate) fn has_feedback_2(parameters: &Parameters) -> bool {
     parameters.get_word(POSITION_FEEDBACK_2_SOURCE) != 0
 }
 
-impl MotionSettings {
+impl DriveSettings {
     /// Scales the parameters. Divides: for the service channel, never for a loop.
     ///
     /// # Errors
@@ -229,46 +237,48 @@ impl MotionSettings {
             })
             .map_err(blamed)?
             .with_setpoint_ahead(ahead),
-            modes: modes(parameters)?,
-            position,
-            coordinates,
-            velocity,
-            torque,
-            torque_threshold: torque.threshold(parameters.get_word(Idn::standard(126))),
-            position_polarity: Polarity::from_parameter(parameters.get_word(Idn::standard(55))),
-            velocity_polarity,
-            torque_polarity: Polarity::from_parameter(parameters.get_word(Idn::standard(85))),
-            encoder: DoubleSampledSettings::new(increments).map_err(invalid(116))?,
-            encoder_reversed: feedback_type & REVERSED != 0,
-            has_feedback_2: has_feedback_2(parameters),
-            cycle,
-            position_window: position.to_position(signed(parameters, 57)),
-            velocity_window: velocity.to_velocity(signed(parameters, 157)),
-            overspeed: Velocity::saturating_from_bits(i64::from(fastest.to_bits()).saturating_mul(5) / 4),
-            standstill_window: velocity.to_velocity(signed(parameters, 124)),
-            position_limits: position_limits(parameters, &coordinates, increments)?,
-            limits,
-            limit_scale,
-            coarse_window: position.to_position(signed(parameters, 261)),
-            positioning: PositioningSettings {
-                limits: limit_scale.positioning(&limits).map_err(|reason| match reason {
-                    SettingsError::TooSmooth { .. } | SettingsError::BrakingTime { .. } => invalid(193)(reason),
-                    _ => invalid(259)(reason),
-                })?,
-                direction: Direction::from_parameter(parameters.get_word(COMMAND_VALUE_MODE))
-                    .ok_or(unsupported(393))?,
-                drops_target: parameters.get_word(COMMAND_VALUE_MODE) & DROPS_TARGET != 0,
-                window_behind: position.to_position(signed(parameters, 418)),
-            },
-            reaction: Reaction::from_parameter(parameters.get_word(Idn::product(140))),
             motor: motor::settings(parameters, facts, &limit_scale.torque_limits(&limits), increments, fastest)?,
-            monitoring_window,
-            velocity_threshold: velocity.to_velocity(signed(parameters, 125)),
-            velocity_monitoring_window: velocity.to_velocity(signed(parameters, 377)),
-            class_2_mask: parameters.get_word(Idn::standard(97)),
-            class_3_mask: parameters.get_word(Idn::standard(98)),
-            bits: BitSettings::new(parameters, sources),
-            home_switch_at_drive: parameters.get_word(Idn::standard(147)) & SWITCH_AT_DRIVE != 0,
+            motion: MotionSettings {
+                modes: modes(parameters)?,
+                position,
+                coordinates,
+                velocity,
+                torque,
+                torque_threshold: torque.threshold(parameters.get_word(Idn::standard(126))),
+                position_polarity: Polarity::from_parameter(parameters.get_word(Idn::standard(55))),
+                velocity_polarity,
+                torque_polarity: Polarity::from_parameter(parameters.get_word(Idn::standard(85))),
+                encoder: DoubleSampledSettings::new(increments).map_err(invalid(116))?,
+                encoder_reversed: feedback_type & REVERSED != 0,
+                has_feedback_2: has_feedback_2(parameters),
+                cycle,
+                position_window: position.to_position(signed(parameters, 57)),
+                velocity_window: velocity.to_velocity(signed(parameters, 157)),
+                overspeed: Velocity::saturating_from_bits(i64::from(fastest.to_bits()).saturating_mul(5) / 4),
+                standstill_window: velocity.to_velocity(signed(parameters, 124)),
+                position_limits: position_limits(parameters, &coordinates, increments)?,
+                limits,
+                limit_scale,
+                coarse_window: position.to_position(signed(parameters, 261)),
+                positioning: PositioningSettings {
+                    limits: limit_scale.positioning(&limits).map_err(|reason| match reason {
+                        SettingsError::TooSmooth { .. } | SettingsError::BrakingTime { .. } => invalid(193)(reason),
+                        _ => invalid(259)(reason),
+                    })?,
+                    direction: Direction::from_parameter(parameters.get_word(COMMAND_VALUE_MODE))
+                        .ok_or(unsupported(393))?,
+                    drops_target: parameters.get_word(COMMAND_VALUE_MODE) & DROPS_TARGET != 0,
+                    window_behind: position.to_position(signed(parameters, 418)),
+                },
+                reaction: Reaction::from_parameter(parameters.get_word(Idn::product(140))),
+                monitoring_window,
+                velocity_threshold: velocity.to_velocity(signed(parameters, 125)),
+                velocity_monitoring_window: velocity.to_velocity(signed(parameters, 377)),
+                class_2_mask: parameters.get_word(Idn::standard(97)),
+                class_3_mask: parameters.get_word(Idn::standard(98)),
+                bits: BitSettings::new(parameters, sources),
+                home_switch_at_drive: parameters.get_word(Idn::standard(147)) & SWITCH_AT_DRIVE != 0,
+            },
         })
     }
 }
@@ -453,13 +463,13 @@ mod tests {
 
     #[test]
     fn the_defaults_of_the_table_make_a_drive() {
-        let settings = MotionSettings::new(&Parameters::new(&DICTIONARY), &FACTS, source).unwrap();
-        assert_eq!(settings.cycle.ticks_per_cycle, 16);
-        assert_eq!(settings.modes[0], Some(OperationMode::Velocity));
-        assert_eq!(settings.modes[1..], [None; 7]);
+        let settings = DriveSettings::new(&Parameters::new(&DICTIONARY), &FACTS, source).unwrap();
+        assert_eq!(settings.motion.cycle.ticks_per_cycle, 16);
+        assert_eq!(settings.motion.modes[0], Some(OperationMode::Velocity));
+        assert_eq!(settings.motion.modes[1..], [None; 7]);
         // Preferred scaling: 3 600 000 increments and 10 000 increments per rpm.
-        assert_eq!(settings.position.to_position(3_600_000), Position::REVOLUTION);
-        assert_eq!(settings.velocity.to_velocity(10_000), Velocity::from_ten_thousandths_rpm(10_000));
+        assert_eq!(settings.motion.position.to_position(3_600_000), Position::REVOLUTION);
+        assert_eq!(settings.motion.velocity.to_velocity(10_000), Velocity::from_ten_thousandths_rpm(10_000));
     }
 
     #[test]
@@ -476,7 +486,7 @@ mod tests {
             (&[(44, 0x0A), (46, 32)], 46),
             (&[(76, 0x0A), (79, 1)], 79),
         ] {
-            let result = MotionSettings::new(&with(changes), &FACTS, source);
+            let result = DriveSettings::new(&with(changes), &FACTS, source);
             assert_eq!(result.map_err(|error| error.idn).err(), Some(Idn::standard(culprit)), "{changes:?}");
         }
     }
@@ -484,7 +494,7 @@ mod tests {
     #[test]
     fn a_motor_faster_than_its_encoder_can_be_counted_is_refused_with_both_rates() {
         let with_encoder =
-            |lines, rpm: u32| MotionSettings::new(&with(&[(116, lines), (113, rpm * 10_000)]), &FACTS, source);
+            |lines, rpm: u32| DriveSettings::new(&with(&[(116, lines), (113, rpm * 10_000)]), &FACTS, source);
         // 2^20 increments at a quarter more than 851 rpm are 18.6 million a second.
         assert!(with_encoder(1 << 18, 851).is_ok());
         let error = with_encoder(1 << 18, 852).unwrap_err();
@@ -500,7 +510,7 @@ mod tests {
             let mut parameters = with(&[(109, motor), (110, 14_000)]);
             parameters.set(Idn::product(106), level.into()).unwrap();
             let [current, ..] =
-                MotionSettings::new(&parameters, &FACTS, source).unwrap().motor.current.protection.to_words();
+                DriveSettings::new(&parameters, &FACTS, source).unwrap().motor.current.protection.to_words();
             f64::from(current)
         };
         // Counts 2^-3 of an amplitude, the range of 25 A being 2 048 counts.
@@ -527,7 +537,7 @@ mod tests {
                 parameters.set(Idn::product(number), value.into()).unwrap();
             }
             let MotorSettings { weakening, alignment, brake, .. } =
-                MotionSettings::new(&parameters, &FACTS, source).unwrap().motor;
+                DriveSettings::new(&parameters, &FACTS, source).unwrap().motor;
             (weakening, alignment, brake)
         };
         assert_eq!(motor_side(7_000, [800, 500, 200]), motor_side(14_000, [400, 250, 100]));
@@ -541,7 +551,7 @@ mod tests {
             let mut parameters = with(&[(109, 1_000), (110, 14_000)]);
             parameters.set(Idn::product(121), per_mille.into()).unwrap();
             parameters.set(Idn::product(120), brake.into()).unwrap();
-            MotionSettings::new(&parameters, &FACTS, source).map_err(|error| error.idn)
+            DriveSettings::new(&parameters, &FACTS, source).map_err(|error| error.idn)
         };
         // 16 counts of 2 048 are 0.1953 A of 25 A, 138 mA RMS.
         assert_eq!(with_proof(137, 1).err(), Some(Idn::product(121)));
@@ -551,7 +561,7 @@ mod tests {
     #[test]
     fn a_feedrate_override_beyond_100_per_cent_is_more_velocity_within_s_0_0091() {
         let positioning =
-            |changes: &[(u16, u32)]| MotionSettings::new(&with(changes), &FACTS, source).unwrap().positioning;
+            |changes: &[(u16, u32)]| DriveSettings::new(&with(changes), &FACTS, source).unwrap().motion.positioning;
         let doubled = positioning(&[(259, 1_000_000), (108, 20_000)]);
         assert_eq!(doubled, positioning(&[(259, 2_000_000)]));
         assert_ne!(doubled, positioning(&[(259, 1_000_000)]));
@@ -584,7 +594,7 @@ mod tests {
             let mut parameters = Parameters::new(&DICTIONARY);
             parameters.set(Idn::product(230), microseconds.cast_unsigned().into()).unwrap();
             assert_eq!(setpoint_ahead(&parameters, &FACTS), 122_800 + i32::from(microseconds) * 1_000);
-            let settings = MotionSettings::new(&parameters, &FACTS, source).unwrap();
+            let settings = DriveSettings::new(&parameters, &FACTS, source).unwrap();
             (settings.with_lag, settings.without_lag)
         };
         let [early, none, late] = [-800, 0, 800].map(shifted);
@@ -594,7 +604,7 @@ mod tests {
     #[test]
     fn a_feed_forward_of_120_per_cent_is_more_than_one_of_100() {
         let [whole, more] =
-            [1_000, 1_200].map(|gain| MotionSettings::new(&with(&[(296, gain)]), &FACTS, source).unwrap());
+            [1_000, 1_200].map(|gain| DriveSettings::new(&with(&[(296, gain)]), &FACTS, source).unwrap());
         assert_ne!(whole.without_lag, more.without_lag);
         assert_eq!(whole.with_lag, more.with_lag);
     }
@@ -602,28 +612,28 @@ mod tests {
     #[test]
     fn parameter_scaling_per_second_is_sixty_times_that_per_minute() {
         // 1 * 10^-6 revolutions per second.
-        let settings = MotionSettings::new(&with(&[(44, 0x2A), (45, 1), (46, -6_i32 as u32)]), &FACTS, source).unwrap();
-        let preferred = MotionSettings::new(&with(&[(44, 0x22)]), &FACTS, source).unwrap();
-        assert_eq!(settings.velocity, preferred.velocity);
-        let difference = settings.velocity.to_velocity(1_000_000) - Velocity::from_ten_thousandths_rpm(600_000);
+        let settings = DriveSettings::new(&with(&[(44, 0x2A), (45, 1), (46, -6_i32 as u32)]), &FACTS, source).unwrap();
+        let preferred = DriveSettings::new(&with(&[(44, 0x22)]), &FACTS, source).unwrap();
+        assert_eq!(settings.motion.velocity, preferred.motion.velocity);
+        let difference = settings.motion.velocity.to_velocity(1_000_000) - Velocity::from_ten_thousandths_rpm(600_000);
         assert!(difference.abs().to_bits() <= 1, "one revolution per second is 60 rpm: {difference:?}");
     }
 
     #[test]
     fn a_torque_command_is_the_inverse_of_the_torque_feedback() {
-        let settings = MotionSettings::new(&with(&[(110, 14_000), (111, 3_500)]), &FACTS, source).unwrap();
+        let settings = DriveSettings::new(&with(&[(110, 14_000), (111, 3_500)]), &FACTS, source).unwrap();
         for command in [-4_000_i64, -1, 0, 1, 1_000, 4_000] {
-            let current = settings.torque.current_of(command);
-            assert!((settings.torque.increments_of(current) - command).abs() <= 1, "{command}");
+            let current = settings.motion.torque.current_of(command);
+            assert!((settings.motion.torque.increments_of(current) - command).abs() <= 1, "{command}");
         }
-        assert_eq!(settings.torque.current_of(1_000).to_bits(), 1 << 13, "100 % of 3.5 A is a quarter of 14 A");
+        assert_eq!(settings.motion.torque.current_of(1_000).to_bits(), 1 << 13, "100 % of 3.5 A is a quarter of 14 A");
     }
 
     #[test]
     fn torque_feedback_is_in_tenths_of_a_per_cent_of_the_stall_current() {
         // Full peak current 14 A is 400.0 % of 3.5 A.
-        let settings = MotionSettings::new(&with(&[(110, 14_000), (111, 3_500)]), &FACTS, source).unwrap();
-        assert_eq!(settings.torque.increments_of(CurrentFraction::MAX), 4_000);
-        assert_eq!(settings.torque.increments_of(CurrentFraction::from_bits(-(1 << 14))), -2_000);
+        let settings = DriveSettings::new(&with(&[(110, 14_000), (111, 3_500)]), &FACTS, source).unwrap();
+        assert_eq!(settings.motion.torque.increments_of(CurrentFraction::MAX), 4_000);
+        assert_eq!(settings.motion.torque.increments_of(CurrentFraction::from_bits(-(1 << 14))), -2_000);
     }
 }

@@ -19,14 +19,15 @@ pub use limits::{
 pub use position_loop::{PositionLoopOutput, PositionLoopSettings};
 pub use settings::{AxisMovements, AxisParameters, AxisSettings};
 pub use tuning::{
-    CurrentGains, VelocityGains, acceleration_feed_forward, acceleration_smoothing, current_gains, position_gain,
-    velocity_gains,
+    CurrentGains, NOISE_DAMPING, VelocityGains, acceleration_feed_forward, acceleration_smoothing, current_gains,
+    noise_filter, position_gain, velocity_gains,
 };
 pub use velocity_estimate::{FilteredVelocity, VelocityEstimate, VelocityFilter};
 pub use velocity_loop::{VelocityLoop, VelocityLoopOutput, VelocityLoopSettings};
 
 use crate::axis::acceleration_gain::FedForward;
 use crate::axis::expected_lag::ExpectedLag;
+use crate::axis::velocity_loop::CURRENT_BITS;
 use crate::path::command_step::CommandJump;
 use crate::path::interpolation::Interpolator;
 use crate::path::limits::MotionLimits;
@@ -151,9 +152,9 @@ pub struct Axis {
     trajectory: Trajectory,
     travel: Travel,
     travel_limits: MotionLimits,
-    /// Of the velocity loop in the last tick.
-    current: CurrentFraction,
     filter: CurrentFilter,
+    /// The next current that passes the filter is the first one.
+    filter_begins: bool,
 }
 
 /// Of the reported velocity: slow enough for the standstill window of a coarse encoder, fast against the cycles in which a master looks at it.
@@ -186,22 +187,20 @@ impl Axis {
             trajectory: Trajectory::start(here),
             travel: Travel::Hold,
             travel_limits: settings.halt,
-            current: CurrentFraction::ZERO,
             filter: CurrentFilter::new(),
+            filter_begins: false,
         }
     }
 
     /// Takes new settings over, also while the axis moves; the state of the loops is kept. Divides when the modulo value changes.
-    pub fn apply_settings(&mut self, settings: AxisSettings) {
+    pub fn apply_settings(&mut self, settings: &AxisSettings) {
         if settings.interpolator.modulo() != self.settings.interpolator.modulo() {
-            self.ranges = ranges_at(&settings, self.measured);
+            self.ranges = ranges_at(settings, self.measured);
             self.interpolator.set_ranges(self.ranges);
         }
-        if !self.settings.filter.is_active() {
-            // Nothing has passed it until now: a section that is switched on while current flows starts with that.
-            self.filter.reset(fine(self.current));
-        }
-        self.settings = settings;
+        // Nothing has passed it until now: a section that is switched on while current flows starts with that.
+        self.filter_begins |= !self.settings.filter.is_active();
+        self.settings = *settings;
     }
 
     /// Exchanges the limits of the velocity command, until new settings are applied.
@@ -245,7 +244,6 @@ impl Axis {
         match mode {
             Mode::Off => {
                 self.velocity_loop.reset();
-                self.current = CurrentFraction::ZERO;
                 self.filter.reset(0);
             }
             Mode::Torque => self.torque_command = CurrentFraction::ZERO,
@@ -395,7 +393,6 @@ impl Axis {
     /// Starts the velocity loop with this current: what held the load when the axis was last switched off.
     pub fn preload(&mut self, current: CurrentFraction) {
         self.velocity_loop.preset(current);
-        self.current = current;
         self.filter.reset(fine(current));
     }
 
@@ -548,10 +545,15 @@ impl Axis {
             feed_forward,
         );
         self.velocity_command = output.velocity_command;
-        self.current = controlled.current;
         output.limiting |= controlled.limiting;
         output.current = if settings.filter.is_active() {
-            let filtered = self.filter.tick(&settings.filter, fine(controlled.current));
+            // What is fed forward comes from commands, without the noise of a measurement: filtered it would only be late.
+            let beside = feed_forward.clamp(-(1 << CURRENT_BITS), (1 << CURRENT_BITS) - 1) << (31 - CURRENT_BITS);
+            let fed_back = fine(controlled.current).saturating_sub(beside);
+            if core::mem::take(&mut self.filter_begins) {
+                self.filter.reset(fed_back);
+            }
+            let filtered = self.filter.tick(&settings.filter, fed_back).saturating_add(beside);
             // A filter may swing beyond the limit that its input keeps.
             limits.apply(CurrentFraction::from_bits((filtered >> 16) as i16)).0
         } else {

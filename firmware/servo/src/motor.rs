@@ -230,7 +230,7 @@ impl<B: BoardKind> Motor<B> {
 
     /// Takes new settings over. Another number of pole pairs or increments, or another direction of the encoder, makes the commutation angle
     /// unknown again.
-    pub fn apply_settings(&mut self, settings: MotorSettings, encoder_reversed: bool) {
+    pub fn apply_settings(&mut self, settings: &MotorSettings, encoder_reversed: bool) {
         let direction = if encoder_reversed { u32::MAX } else { 1 };
         if settings.commutation != self.settings.commutation || direction != self.direction {
             self.commutation = None;
@@ -246,8 +246,13 @@ impl<B: BoardKind> Motor<B> {
         }
         self.direction = direction;
         self.angle_per_increment = settings.angle_per_increment.wrapping_mul(direction);
-        self.settings = settings;
+        self.settings = *settings;
         self.limit_torque(None);
+    }
+
+    /// Settings in force.
+    pub const fn settings(&self) -> &MotorSettings {
+        &self.settings
     }
 
     /// Limits of the control in place of S-0-0082, S-0-0083 and S-0-0092, or these again. They act from the next tick on.
@@ -558,7 +563,7 @@ mod tests {
             for moved in [-60_i32, -1, 0, 7, 60] {
                 let link = Box::leak(Box::new(CurrentLink::new()));
                 let mut motor = Motor::<Example>::new(link, settings);
-                motor.apply_settings(settings, reversed);
+                motor.apply_settings(&settings, reversed);
                 let mut encoder =
                     DoubleSampledEncoder::new(DoubleSampledSettings::new(example::INCREMENTS).unwrap(), 0);
                 motor.set_commutation_angle(encoder.position(), Some(0));

@@ -160,9 +160,33 @@ fn a_filter_that_is_switched_on_while_current_flows_makes_no_bump() {
     bench.ticks(100);
     let low_pass = FilterSection::LowPass { frequency: 1_000, damping: 707 };
     let filter = CurrentFilterSettings::new([low_pass, FilterSection::Off]).unwrap();
-    bench.axis.apply_settings(AxisSettings::new(&servo::axis::AxisParameters { filter, ..settings }).unwrap());
+    bench.axis.apply_settings(&AxisSettings::new(&servo::axis::AxisParameters { filter, ..settings }).unwrap());
     let currents = bench.ticks(20).into_iter().map(|output| output.current);
     assert_eq!(currents.min(), Some(CurrentFraction::from_num(0.25)));
+}
+
+#[test]
+fn what_is_fed_forward_does_not_wait_for_the_filter() {
+    let reference = ReferenceAxis::press();
+    let ramp = Acceleration::from_milliradians_per_second_squared(300_000);
+    // 0.15 kg m2 / 2 Nm/A; at 300 rad/s2 22.5 A of 60 A.
+    let accelerating = servo::axis::AxisParameters {
+        acceleration_gain: 75_000,
+        velocity_ramp: Some((ramp, ramp)),
+        ticks_per_cycle: 4,
+        ..parameters(&reference)
+    };
+    let low_pass = FilterSection::LowPass { frequency: 200, damping: 707 };
+    let filter = CurrentFilterSettings::new([low_pass, FilterSection::Off]).unwrap();
+    let [fast, filtered] = [accelerating, servo::axis::AxisParameters { filter, ..accelerating }].map(|settings| {
+        let mut bench = velocity_bench(&reference, &settings);
+        bench.axis.command_velocity(rpm(1_000.0));
+        bench.ticks(24).into_iter().map(|output| output.current.to_num::<f64>()).collect::<Vec<_>>()
+    });
+    // A low-pass of 20 Hz would leave a twentieth of it in the first millisecond.
+    assert!((0.37..0.40).contains(&fast[0]), "{fast:?}");
+    let late = fast.iter().zip(&filtered).take(8).map(|(fast, filtered)| fast - filtered).fold(0.0, f64::max);
+    assert!((0.01..0.1).contains(&late), "{late}: {fast:?} {filtered:?}");
 }
 
 #[test]
@@ -395,7 +419,7 @@ fn changed_gains_take_effect_while_the_axis_runs() {
     let mut bench = Bench::new(&reference, &settings);
     let (_, constant) = ramp(&mut bench);
     settings.velocity_limits = up_to(rpm(300.0));
-    bench.axis.apply_settings(AxisSettings::new(&settings).unwrap());
+    bench.axis.apply_settings(&AxisSettings::new(&settings).unwrap());
     assert!(to_rpm(constant.last().unwrap().velocity_command) > 590.0);
     assert!(bench.ticks(100).iter().all(|output| output.velocity_command <= rpm(300.0)));
 }

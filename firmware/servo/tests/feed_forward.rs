@@ -24,7 +24,7 @@ fn ramp(path: Interpolation, ticks: u16, fed_forward: bool, smoothing: u16) -> (
     setup.axis.interpolation = path;
     let mut bench = Bench::new(&setup);
     bench.start(Mode::Position);
-    bench.axis.apply_settings(AxisSettings::new(&setup.axis).unwrap().with_setpoint_ahead(AHEAD));
+    bench.axis.apply_settings(&AxisSettings::new(&setup.axis).unwrap().with_setpoint_ahead(AHEAD));
     let mut master = Master::new(ticks);
     let mut seen = Vec::new();
     for _ in 0..12_000 / u32::from(ticks) {

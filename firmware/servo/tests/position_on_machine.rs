@@ -453,7 +453,7 @@ fn new_gains_are_taken_over_in_motion_without_a_bump() {
     parameters.velocity_gain = parameters.velocity_gain * 7 / 10;
     parameters.position_gain /= 2;
     let axis: &mut Axis = &mut bench.axis;
-    axis.apply_settings(AxisSettings::new(&parameters).unwrap().with_setpoint_ahead(31_250));
+    axis.apply_settings(&AxisSettings::new(&parameters).unwrap().with_setpoint_ahead(31_250));
     let seen: Vec<Seen> = (0..50).flat_map(|_| bench.position_cycle(master.next(5.0, 0.0))).collect();
     within("largest following error in counts", largest(following_errors(&seen)), 0.9..2.2);
 }

@@ -138,6 +138,21 @@ impl Watched {
     }
 }
 
+/// What a jerk costs that changes its sign within a tick is lead of the velocity that is left, not of the one that the jerk takes away anyway.
+#[test]
+fn the_slowest_short_movement_takes_no_longer_than_its_profile() {
+    let physical = Physical { velocity: 1.0, acceleration: 1.0, deceleration: 1.0, jerk: Some(1.0) };
+    let way = way_of(physical, 1.0);
+    let (closed, limits) = (physical.closed_form(way), physical.limits());
+    let mut watched = Watched::new(physical, 0);
+    let ticks = (1..1_000).find(|_| {
+        watched.to(&limits, steps(way));
+        watched.trajectory.is_finished()
+    });
+    let ticks = f64::from(ticks.expect("it ends"));
+    assert!((closed - 1.0..closed * 1.02 + 4.0).contains(&ticks), "{ticks} ticks, {closed} at the least");
+}
+
 proptest! {
     #![proptest_config(ProptestConfig::with_cases(CASES))]
 

@@ -49,6 +49,28 @@ pub fn parameters_of(axis: &ReferenceAxis) -> Vec<(Idn, Value)> {
     ]
 }
 
+/// What is written besides once the axis has been commissioned: the friction that P-0-0226 has found, and P-0-0220.
+#[must_use]
+pub fn commissioned(axis: &ReferenceAxis) -> Vec<(Idn, Value)> {
+    let mechanics = &axis.machine.mechanics;
+    let per_ampere = axis.machine.torque_constant() * core::f64::consts::SQRT_2;
+    let rated = axis.machine.torque_constant() * f64::from(axis.standstill_current) / 1_000.0;
+    // 250 rad/s, as the gains of the press.
+    let bandwidth = 40;
+    vec![
+        (product(223), Value::Word(bandwidth)),
+        // 0.1 % of the torque at S-0-0111.
+        (Idn(155), Value::Word((mechanics.coulomb_friction / rated * 1_000.0).round() as u16)),
+        // uA/rpm.
+        (
+            product(142),
+            Value::Word((mechanics.viscous_friction / per_ampere * core::f64::consts::TAU / 60.0 * 1e6).round() as u16),
+        ),
+        (product(220), Value::Word(3)),
+        (product(220), Value::Word(0)),
+    ]
+}
+
 /// The speed in 10^-4 rpm that the board's inputs count: each track keeps its level, two increments, for nine samples of 84 MHz.
 fn countable(encoder: &plant::Encoder) -> u32 {
     let rate = 2.0 * 84e6 / 9.0;

@@ -9,7 +9,7 @@ use ring::master::{
 use ring::wire::BitRate;
 use ring::{Nanoseconds, RingConfiguration};
 
-use crate::axis::parameters_of;
+use crate::axis::{commissioned, parameters_of};
 use crate::executor::Executor;
 use crate::processor::ProcessorError;
 use crate::report::{
@@ -59,15 +59,15 @@ const PLOTTED: usize = 16;
 const PROGRESS_EVERY: Nanoseconds = Nanoseconds::from_millis(50);
 const LONGEST_RUN_SECONDS: u64 = 60;
 
-/// Runs the demonstration; `executor` says where drive 2 runs.
+/// Runs the demonstration with drives that have been commissioned, see [`commissioned`]; `executor` says where drive 2 runs.
 ///
 /// # Errors
 /// [`DemoError`] when the run does not come to its end.
 pub fn demo(executor: &Executor, progress: &mut dyn FnMut(&Progress)) -> Result<DemoReport, DemoError> {
-    demo_with(executor, &[], progress)
+    demo_with(executor, &commissioned(&ReferenceAxis::press()), progress)
 }
 
-/// The same with these parameters written into each drive besides, in CP2.
+/// The same with drives that have the data of their machine and the gains from them, and these parameters besides, written in CP2.
 ///
 /// # Errors
 /// [`DemoError`] when the run does not come to its end.
@@ -88,7 +88,7 @@ pub fn demo_on(
     executor: &dyn Fn(u8) -> Executor,
     progress: &mut dyn FnMut(&Progress),
 ) -> Result<DemoReport, DemoError> {
-    run(executor, &[], progress)
+    run(executor, &commissioned(&ReferenceAxis::press()), progress)
 }
 
 fn run(

@@ -23,7 +23,7 @@ pub mod ring_of_drives;
 pub mod traced;
 pub mod world;
 
-pub use axis::{parameters_of, product};
+pub use axis::{commissioned, parameters_of, product};
 pub use crashing::{Crashing, crashing_drive};
 pub use demo::{DemoError, demo, demo_on, demo_with};
 pub use elf::{Elf, LineEdge, Lines, OnStop, Tape};

@@ -7,7 +7,7 @@ use emulator::{Activations, EmulatorError, Functions, Guest, Listing};
 use plant::ReferenceAxis;
 use ring::ident::{Idn, Value};
 use ring::master::{Activity, CommandValues, DriveScript, MasterError, MasterScript, Motion, ScriptedMaster, Telegram};
-use ring::service_client::Request;
+use ring::service_client::{Request, ServiceError};
 use ring::wire::BitRate;
 use ring::{Nanoseconds, RingConfiguration};
 
@@ -23,8 +23,12 @@ use crate::world::World;
 /// What came of it.
 #[derive(Clone, Debug)]
 pub struct Traced {
-    /// The counts.
+    /// The counts with all that a position cycle can have.
     pub activations: Activations,
+    /// Those while parameters are written, each of which changes another part of the settings.
+    pub written: Activations,
+    /// Those without the low-pass of the current command, in a quarter of the time.
+    pub without_low_pass: Activations,
     /// How long was traced.
     pub window: Nanoseconds,
     /// Communication cycles in that time.
@@ -60,6 +64,14 @@ pub enum TraceError {
     /// The trace could not be had.
     #[error(transparent)]
     Emulator(#[from] EmulatorError),
+    /// A parameter was refused.
+    #[error("{idn} was refused: {error}")]
+    Written {
+        /// Which one.
+        idn: Idn,
+        /// Why.
+        error: ServiceError,
+    },
     /// The drive is not where it should be.
     #[error("the drive does not {what} within {seconds} s of simulated time; the master is {state}")]
     TooLate {
@@ -73,6 +85,8 @@ pub enum TraceError {
 }
 
 const ADDRESS: u8 = 5;
+/// P-0-0174, the kind of the second filter of the current command.
+const LOW_PASS: Idn = product(174);
 /// The shortest cycle that the drive is made for.
 pub const CYCLE: Nanoseconds = Nanoseconds::from_microseconds(500);
 /// The drive has settled on the master's motion this long after its beginning.
@@ -91,6 +105,14 @@ const SWING: f64 = 36_000.0;
 const CYCLES_PER_SWING: f64 = 400.0;
 /// Read while traced: a word, a long word, a text, a list, and the checksum over all parameters, the longest step of all.
 const READ: [u16; 5] = [104, 47, 30, 17, 326];
+
+/// Written while traced: for the motor (S-0-0092), around the loops (S-0-0057), and for the axis, the last of which takes the low-pass away.
+const WRITTEN: [(Idn, Value); 4] = [
+    (Idn(92), Value::Word(2_000)),
+    (Idn(57), Value::Long(1_000)),
+    (product(175), Value::Word(2_001)),
+    (LOW_PASS, Value::Word(0)),
+];
 
 /// Runs the drive up at 500 us with everything on that a position cycle can have, lets it follow a shaft that swings, and counts for 100 ms.
 ///
@@ -113,9 +135,48 @@ pub fn traced(elves: &Elves, listing: Listing, progress: &mut dyn FnMut(&Progres
     for idn in READ {
         world.ring_mut().master_mut().service(0).request(Request::Read(Idn(idn)));
     }
+    let activations = count(&mut world, &drive, listing.clone(), WINDOW, progress)?;
+    let mut written = Activations::new(listing.clone());
+    until_idle(&mut world)?;
+    for (idn, value) in WRITTEN {
+        world.ring_mut().master_mut().service(0).request(Request::Write(idn, value));
+        drive.borrow_mut().guest_mut().begin_trace()?;
+        until_idle(&mut world)?;
+        drive.borrow_mut().guest_mut().end_trace(&mut written)?;
+        while let Some(finished) = world.ring_mut().master_mut().service(0).take_finished() {
+            finished.result.map_err(|error| TraceError::Written { idn, error })?;
+        }
+    }
+    world.run_until(Nanoseconds((world.now().0 / GRID.0 + 1) * GRID.0))?;
+    let without_low_pass = count(&mut world, &drive, listing, Nanoseconds(WINDOW.0 / 4), progress)?;
+    let stack = stack_use(&mut drive.borrow_mut().guest_mut(), statics)?;
+    Ok(Traced { activations, written, without_low_pass, window: WINDOW, cycles: WINDOW.0 / CYCLE.0, stack })
+}
+
+/// Until everything that was asked for over the service channel is there.
+fn until_idle(world: &mut World<ScriptedMaster>) -> Result<(), TraceError> {
+    let limit = world.now() + Nanoseconds::from_millis(1_000);
+    while !world.ring_mut().master_mut().service(0).is_idle() {
+        if world.now() >= limit {
+            let state = world.ring().master().state().to_string();
+            return Err(TraceError::TooLate { what: "answer over the service channel", seconds: 1, state });
+        }
+        world.run_until(world.now() + STEP)?;
+    }
+    Ok(())
+}
+
+fn count(
+    world: &mut World<ScriptedMaster>,
+    drive: &Rc<RefCell<QemuDrive>>,
+    listing: Listing,
+    window: Nanoseconds,
+    progress: &mut dyn FnMut(&Progress),
+) -> Result<Activations, TraceError> {
     drive.borrow_mut().guest_mut().begin_trace()?;
+    let begin = world.now();
     let mut now = begin;
-    while now < begin + WINDOW {
+    while now < begin + window {
         now += STEP;
         world.run_until(now)?;
         let done = (now.0 - begin.0) / STEP.0;
@@ -123,17 +184,16 @@ pub fn traced(elves: &Elves, listing: Listing, progress: &mut dyn FnMut(&Progres
             phase: 4,
             what: "counting instructions".into(),
             done,
-            of: WINDOW.0 / STEP.0,
+            of: window.0 / STEP.0,
             time_us: now.as_microseconds(),
         });
     }
     let mut activations = Activations::new(listing);
     drive.borrow_mut().guest_mut().end_trace(&mut activations)?;
-    if let Some(error) = world.ring().master().report().error.clone() {
-        return Err(error.into());
+    match world.ring().master().report().error.clone() {
+        Some(error) => Err(error.into()),
+        None => Ok(activations),
     }
-    let stack = stack_use(&mut drive.borrow_mut().guest_mut(), statics)?;
-    Ok(Traced { activations, window: WINDOW, cycles: WINDOW.0 / CYCLE.0, stack })
 }
 
 fn stack_use(guest: &mut Guest, statics: u32) -> Result<StackUse, EmulatorError> {
@@ -178,11 +238,14 @@ fn world(elves: &Elves) -> Result<(World<ScriptedMaster>, Rc<RefCell<QemuDrive>>
     Ok((world, drive))
 }
 
-/// Cubic, acceleration feed-forward with its smoothing, friction of 2.1 A and 1.85 mA/rpm; S-0-0296 is on by default.
+/// Cubic, acceleration feed-forward with its smoothing, low-pass of the current, friction of 2.1 A and 1.85 mA/rpm; S-0-0296 is on by default.
 fn everything_fed_forward() -> Vec<(Idn, Value)> {
     vec![
         (product(141), Value::Word(1)),
         (Idn(348), Value::Word(530)),
+        (LOW_PASS, Value::Word(1)),
+        (product(175), Value::Word(2_000)),
+        (product(176), Value::Word(707)),
         (product(231), Value::Word(500)),
         (Idn(155), Value::Word(120)),
         (product(142), Value::Word(1_851)),

@@ -3,7 +3,7 @@
 use std::sync::LazyLock;
 
 use drive::dictionary::{DICTIONARY, records, source};
-use drive::{Facts, MotionSettings, PwmFrequency, TemperatureSensor};
+use drive::{DriveSettings, Facts, PwmFrequency, TemperatureSensor};
 use sercos::command::CommandStatus;
 use sercos::data_block::{DataBlock, Location, NeededFor, Selection};
 use sercos::duration::{self, BitRate};
@@ -53,16 +53,19 @@ pub fn configuration(bytes: &[u8]) {
         assert_fits(&configuration, bit_rate);
         assert_has_records(&configuration);
     }
-    let _ = MotionSettings::new(&slave.parameters, &FACTS, source);
+    let _ = DriveSettings::new(&slave.parameters, &FACTS, source);
     if checked(&mut slave, Idn::CP3_TRANSITION_CHECK) {
         assert_eq!(slave.mst(3), Ok(()));
         while write(&mut slave, &mut bytes) {}
-        let scaled = MotionSettings::new(&slave.parameters, &FACTS, source);
+        let scaled = DriveSettings::new(&slave.parameters, &FACTS, source);
         if checked(&mut slave, Idn::CP4_TRANSITION_CHECK) {
             assert_eq!(slave.mst(4), Ok(()));
             if let Ok(settings) = scaled {
-                assert!(settings.modes[0].is_some(), "{settings:?}");
-                assert!(settings.cycle.ticks_per_cycle > 0 && settings.cycle.cycles_per_command > 0, "{settings:?}");
+                assert!(settings.motion.modes[0].is_some(), "{settings:?}");
+                assert!(
+                    settings.motion.cycle.ticks_per_cycle > 0 && settings.motion.cycle.cycles_per_command > 0,
+                    "{settings:?}"
+                );
             }
         } else {
             assert_eq!(slave.drive.machine.current(), Phase::Cp3);

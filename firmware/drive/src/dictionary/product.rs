@@ -101,7 +101,7 @@ sercos::data_blocks! {
     /// Motor and load at the motor's shaft.
     P 221 "Moment of inertia" ["kg cm^2"] U32/3 written ALWAYS (1 to 1_000_000_000) = 10_000 => Parameter, stored;
     /// At -3 dB, for P-0-0220.
-    P 222 "Bandwidth of the current loop" ["Hz"] U16/0 written ALWAYS (10 to 2_716) = 1_000 => Parameter, stored;
+    P 222 "Bandwidth of the current loop" ["Hz"] U16/0 written ALWAYS (10 to 2_716) = 2_000 => Parameter, stored;
     /// Where its open loop crosses, for P-0-0220.
     P 223 "Bandwidth of the velocity loop" ["Hz"] U16/0 written ALWAYS (1 to 444) = 40 => Parameter, stored;
     /// How far P-0-0225 and P-0-0226 may turn the motor from where it stands; they fail and HALT stops the motor when it is further.

@@ -249,13 +249,13 @@ mod tests {
     use crate::dictionary::{DICTIONARY, source};
     use crate::service::commissioning;
     use crate::service::rig::FACTS;
-    use crate::settings::{MotionSettings, homing};
+    use crate::settings::{DriveSettings, homing};
     use sercos::parameters::Parameters;
 
     fn start_homing(function: &mut Function) -> bool {
         let parameters = Parameters::new(&DICTIONARY);
-        let settings = MotionSettings::new(&parameters, &FACTS, source).unwrap();
-        let (settings, limits) = homing(&parameters, &settings).unwrap();
+        let settings = DriveSettings::new(&parameters, &FACTS, source).unwrap();
+        let (settings, limits) = homing(&parameters, &settings.motion).unwrap();
         function.start_homing(Position::ZERO, settings, limits)
     }
 

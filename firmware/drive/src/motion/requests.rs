@@ -20,7 +20,7 @@ use super::ring_clock::{ClockMonitor, PHASE_ERROR_CLASSES};
 use crate::diagnosis::faults::Findings;
 use crate::diagnosis::words::Circumstances;
 use crate::hardware::{Hardware, ResetCause};
-use crate::settings::{CycleSettings, MotionSettings};
+use crate::settings::{CycleSettings, DriveSettings, MotionSettings};
 use crate::signal::bits::BitSettings;
 use crate::signal::command::{Command, CommandValue};
 use crate::signal::control_bits::Enable;
@@ -65,27 +65,75 @@ impl<B: Bus + Clone, H: Hardware> Motion<B, H> {
         self.ring.set_records(records);
     }
 
-    /// Settings from changed parameters. Another encoder resolution starts the position at zero again.
-    pub fn apply_settings(&mut self, settings: MotionSettings) {
+    /// Settings from changed parameters, all at once: for a ring that is not in operation. The tasks of the cycle wait for it meanwhile, so that in
+    /// operation `service::hand_over` does it by parts.
+    pub fn apply_settings(&mut self, settings: &DriveSettings) {
+        self.apply_motor_settings(settings);
+        self.take_axis_settings(settings, false);
+        self.take_axis_settings(settings, true);
+        self.put_axis_settings_in_force();
+        self.apply_motion_settings(&settings.motion);
+    }
+
+    /// The motor's part.
+    pub(crate) fn apply_motor_settings(&mut self, settings: &DriveSettings) {
+        self.motor.apply_settings(&settings.motor, settings.motion.encoder_reversed);
+        self.obey_carried_limits();
+    }
+
+    /// The axis' part for the modes without lag, or for those with it.
+    pub(crate) fn take_axis_settings(&mut self, settings: &DriveSettings, without_lag: bool) {
+        if without_lag {
+            self.without_lag = settings.without_lag;
+        } else {
+            self.with_lag = settings.with_lag;
+        }
+    }
+
+    /// What has been taken over for the axis acts from now on.
+    pub(crate) fn put_axis_settings_in_force(&mut self) {
+        self.apply_axis_settings();
+        self.obey_carried_limits();
+    }
+
+    /// The part around the loops. Another encoder resolution starts the position at zero again.
+    pub(crate) fn apply_motion_settings(&mut self, settings: &MotionSettings) {
         let encoder =
             settings.encoder != self.settings.encoder || settings.encoder_reversed != self.settings.encoder_reversed;
         let clock = settings.cycle.clock != self.settings.cycle.clock;
-        self.settings = settings;
-        self.motor.apply_settings(settings.motor, settings.encoder_reversed);
+        // From here on from its own place: the compiler would copy all of it a second time for what is read below.
+        self.settings = *settings;
+        self.cyclic_limits.rescale(&self.settings.limits);
         if clock {
-            self.clock.restart(settings.cycle.clock);
+            self.restart_clock();
         }
         if encoder {
-            let count = self.hardware.encoder_count();
-            self.encoder = DoubleSampledEncoder::new(settings.encoder, self.counted(count));
-            self.axis = Axis::new(settings.with_lag, self.encoder.position());
-            self.reference.forget();
-            self.positioning.forget();
+            self.restart_encoder();
         }
-        self.cyclic_limits.rescale(&self.settings.limits);
+        self.obey_carried_limits();
+    }
+
+    #[cold]
+    #[inline(never)]
+    fn restart_clock(&mut self) {
+        self.clock.restart(self.settings.cycle.clock);
+    }
+
+    #[cold]
+    #[inline(never)]
+    fn restart_encoder(&mut self) {
+        let count = self.hardware.encoder_count();
+        self.encoder = DoubleSampledEncoder::new(self.settings.encoder, self.counted(count));
+        self.axis = Axis::new(self.with_lag, self.encoder.position());
+        self.reference.forget();
+        self.positioning.forget();
         self.apply_axis_settings();
+    }
+
+    /// Not for a cycle may the parameters be in force in the place of what the MDT carries.
+    fn obey_carried_limits(&mut self) {
         if self.cyclic_limits.is_carried() {
-            // Not for a cycle may the parameters be in force in the place of what the MDT carries.
+            self.cyclic_limits.work_out_anew();
             self.obey_limits();
         }
     }
@@ -99,8 +147,13 @@ impl<B: Bus + Clone, H: Hardware> Motion<B, H> {
     }
 
     /// What the loops work with, for tests and tools beside the ring.
-    pub const fn settings(&self) -> &MotionSettings {
-        &self.settings
+    pub const fn settings(&self) -> DriveSettings {
+        DriveSettings {
+            with_lag: self.with_lag,
+            without_lag: self.without_lag,
+            motor: *self.motor.settings(),
+            motion: self.settings,
+        }
     }
 
     /// The error that supervision has found, once.

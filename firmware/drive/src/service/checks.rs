@@ -79,7 +79,7 @@ where
                 self.rescaling.take_over(parameters);
                 self.checks.invalid_for_cp4 = InvalidData::default();
                 self.checks.finding = None;
-                self.motion.lock(|motion| motion.apply_settings(settings));
+                self.motion.lock(|motion| motion.apply_settings(&settings));
                 self.phases.permit_cp4(ready);
                 return CommandState::Executed;
             }

@@ -9,7 +9,10 @@ use core::fmt;
 use sercos::Idn;
 use sercos::parameters::Parameters;
 use servo::SettingsError;
-use servo::axis::{acceleration_feed_forward, acceleration_smoothing, current_gains, position_gain, velocity_gains};
+use servo::axis::{
+    NOISE_DAMPING, acceleration_feed_forward, acceleration_smoothing, current_gains, noise_filter, position_gain,
+    velocity_gains,
+};
 use servo::current::PwmFrequency;
 use servo::identification::{
     FluxSettings, IdentificationError, IdentificationParameters, InductanceSettings, Inertia, InertiaSettings,
@@ -109,14 +112,29 @@ pub(crate) fn compute_gains(
     let inductance = data.get(P(112)).min(data.get(P(113)));
     let current = current_gains(data.get(P(111)), inductance, data.get(P(222)), frequency)?;
     let current_loop = u64::from(inductance).saturating_mul(1_000).checked_div(current.proportional.into());
-    let small_times = u64::from(data.get(S(392)))
-        .saturating_add(filter_delay(data, 170))
-        .saturating_add(filter_delay(data, 174))
-        .saturating_add(current_loop.unwrap_or(0));
     let bandwidth = data.get(P(223));
-    let small_times = u32::try_from(small_times).unwrap_or(u32::MAX);
-    // Per ampere RMS, as S-0-0100 counts them.
-    let velocity = velocity_gains(data.get(P(221)), data.get(P(114)), bandwidth, small_times)?;
+    let velocity_with = |filters: u64| {
+        let small_times = u64::from(data.get(S(392))).saturating_add(filters).saturating_add(current_loop.unwrap_or(0));
+        let small_times = u32::try_from(small_times).unwrap_or(u32::MAX);
+        // Per ampere RMS, as S-0-0100 counts them.
+        velocity_gains(data.get(P(221)), data.get(P(114)), bandwidth, small_times)
+    };
+    let [first, second] = [170, 174].map(|first| current_filter(data, first));
+    let others = filter_delay(&first);
+    // A notch is somebody's answer to a resonance, and one low-pass is enough.
+    let keeps = second[0] == NOTCH || first[0] == LOW_PASS;
+    let velocity = velocity_with(if keeps { others.saturating_add(filter_delay(&second)) } else { others })?;
+    let increments = data.get(S(116)).saturating_mul(4);
+    let peak = data.get(S(109)).min(data.get(S(110)));
+    let [kind, frequency, width, _] = if keeps {
+        second
+    } else {
+        noise_filter(velocity.proportional, increments, peak, bandwidth)
+            .map(|frequency| [LOW_PASS, frequency.into(), NOISE_DAMPING.into(), 0])
+            // Where it would cost the bandwidth that was asked for, there is none.
+            .filter(|filter| velocity_with(others.saturating_add(filter_delay(filter))).is_ok())
+            .unwrap_or([0, second[1], second[2], 0])
+    };
     let position = position_gain(bandwidth)?;
     let feed_forward = acceleration_feed_forward(data.get(P(221)), data.get(P(114)))?;
     let smoothing = acceleration_smoothing(data.get_word(S(1)));
@@ -132,6 +150,9 @@ pub(crate) fn compute_gains(
             (S(107), current_time),
             (S(348), feed_forward.into()),
             (P(231), smoothing.into()),
+            (P(174), kind),
+            (P(175), frequency),
+            (P(176), width),
         ],
         check,
     )
@@ -228,18 +249,26 @@ fn put<const N: usize>(
     result
 }
 
-/// By how many microseconds a filter of the current command delays what is slow against it; `first` is its first parameter.
-fn filter_delay(parameters: &Parameters, first: u16) -> u64 {
+/// Kinds of filter, P-0-0170 and P-0-0174.
+const LOW_PASS: u32 = 1;
+const NOTCH: u32 = 2;
+
+/// The four parameters of a filter of the current command, from its first one on: kind, frequency, width and depth.
+fn current_filter(parameters: &Parameters, first: u16) -> [u32; 4] {
+    [0, 1, 2, 3].map(|offset| parameters.get(P(first.saturating_add(offset))))
+}
+
+/// By how many microseconds a filter of the current command delays what is slow against it.
+fn filter_delay(filter: &[u32; 4]) -> u64 {
     // 2 pi in 10^-4.
     const TWO_PI: u64 = 62_832;
-    let get = |offset: u16| u64::from(parameters.get(P(first.saturating_add(offset))));
-    let (frequency, width) = (get(1), get(2));
-    match get(0) {
+    let [_, frequency, width, depth] = filter.map(u64::from);
+    match filter[0] {
         // 2 damping / (2 pi f), of 10^-3 and 0.1 Hz.
-        1 => width.saturating_mul(2 * 10_000 * 10_000).checked_div(frequency.saturating_mul(TWO_PI)),
+        LOW_PASS => width.saturating_mul(2 * 10_000 * 10_000).checked_div(frequency.saturating_mul(TWO_PI)),
         // (1 - depth) width / (2 pi f^2), of 10^-4 and 0.1 Hz.
-        2 => {
-            let taken = 10_000_u64.saturating_sub(get(3));
+        NOTCH => {
+            let taken = 10_000_u64.saturating_sub(depth);
             let square = frequency.saturating_mul(frequency).saturating_mul(TWO_PI);
             taken.saturating_mul(width).saturating_mul(1_000 * 10_000).checked_div(square)
         }
@@ -350,14 +379,14 @@ mod tests {
     #[test]
     fn a_filter_of_the_current_command_makes_the_velocity_loop_slower() {
         let mut parameters = Parameters::new(&DICTIONARY);
-        assert_eq!(filter_delay(&parameters, 170), 0);
+        assert_eq!(filter_delay(&current_filter(&parameters, 170)), 0);
         parameters.set(P(170), 1).unwrap();
         // 2 * 0.707 / (2 pi 800 Hz).
-        assert_eq!(filter_delay(&parameters, 170), 281);
+        assert_eq!(filter_delay(&current_filter(&parameters, 170)), 281);
         parameters.set(P(170), 2).unwrap();
         parameters.set(P(172), 2_000).unwrap();
         parameters.set(P(173), 5_000).unwrap();
         // Half of 200 Hz / (2 pi 800^2).
-        assert_eq!(filter_delay(&parameters, 170), 24);
+        assert_eq!(filter_delay(&current_filter(&parameters, 170)), 24);
     }
 }

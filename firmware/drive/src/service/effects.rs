@@ -26,7 +26,7 @@ use crate::dictionary::procedures::Procedure;
 use crate::motion::identification::Plan;
 use crate::oscilloscope::{self, Configuration};
 use crate::settings::invalid::InvalidSetting;
-use crate::settings::{MotionSettings, POSITION_FEEDBACK_2_SOURCE, homing};
+use crate::settings::{DriveSettings, POSITION_FEEDBACK_2_SOURCE, homing};
 use crate::signal::command::COMMAND_VALUES;
 
 /// Data of the user's own, which the drive keeps and gives back.
@@ -41,7 +41,7 @@ const KEPT_FOR_THE_USER: [(Idn, &str); 4] = [
 #[derive(Clone, Debug, PartialEq)]
 struct Effects {
     cycle: Result<CyclicConfiguration, Vec<Invalid>>,
-    loops: Result<MotionSettings, InvalidSetting>,
+    loops: Result<DriveSettings, InvalidSetting>,
     homing: Result<(HomingSettings, MotionLimits), InvalidSetting>,
     probing: Option<ProbeSettings>,
     identifications: [Result<Plan, CommissioningFinding>; 3],
@@ -67,7 +67,7 @@ impl Effects {
             let gains = commissioning::compute_gains(&mut computed, FACTS.frequency, |_| Ok(()));
             Self {
                 cycle: cycle.map(|(cycle, _)| cycle).map_err(|invalid| invalid.findings().to_vec()),
-                homing: loops.and_then(|settings| homing(parameters, &settings)),
+                homing: loops.and_then(|settings| homing(parameters, &settings.motion)),
                 loops,
                 probing: ProbeSettings::new(parameters.get_word(PROBE_CONTROL)).ok(),
                 identifications: [Procedure::IdentifyWinding, Procedure::IdentifyFlux, Procedure::IdentifyInertia]

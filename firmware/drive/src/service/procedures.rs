@@ -180,8 +180,9 @@ where
     fn home(&mut self, parameters: &Parameters) -> Result<CommandState, ServiceError> {
         const NO_SWITCH_NO_MARKER: u16 = 1 << 5 | 1 << 6;
         const STOP_AT_REFERENCE: u16 = 1 << 7;
-        let settings =
-            loops::settings::<H>(parameters).and_then(|settings| homing(parameters, &settings)).map_err(|setting| {
+        let settings = loops::settings::<H>(parameters)
+            .and_then(|settings| homing(parameters, &settings.motion))
+            .map_err(|setting| {
                 self.checks.finding = Some(Finding::Settings(setting));
                 ServiceError::CommandInvalidParameters
             })?;

@@ -214,7 +214,7 @@ impl Rig {
         let cyclic = self.checks.cyclic.as_ref().unwrap();
         let ready = transition::check_cp4(&self.parameters, &capabilities, cyclic, true).unwrap();
         self.phases.permit_cp4(ready);
-        self.motion.apply_settings(loops::settings::<Still>(&self.parameters).unwrap());
+        self.motion.apply_settings(&loops::settings::<Still>(&self.parameters).unwrap());
     }
 
     pub(super) fn is_in_cp4(&self) -> bool {

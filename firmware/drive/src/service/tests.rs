@@ -19,7 +19,7 @@ use super::loops;
 use super::rig::{FACTS, Rig, Still, words_of};
 use crate::dictionary::DICTIONARY;
 use crate::settings::invalid::InvalidSetting;
-use crate::settings::{CycleSettings, MotionSettings};
+use crate::settings::{CycleSettings, DriveSettings};
 
 pub(super) const fn S(number: u16) -> Idn {
     Idn::standard(number)
@@ -29,7 +29,7 @@ pub(super) const fn P(number: u16) -> Idn {
     Idn::product(number)
 }
 
-fn settings(parameters: &Parameters) -> Result<MotionSettings, InvalidSetting> {
+fn settings(parameters: &Parameters) -> Result<DriveSettings, InvalidSetting> {
     loops::settings::<Still>(parameters)
 }
 
@@ -39,7 +39,7 @@ fn assert_in_effect(rig: &Rig, what: &str) {
     if rig.is_in_cp4() {
         assert_eq!(rig.check_for_cp4(), Ok(()), "{what}");
     }
-    assert_eq!(Ok(*rig.motion.settings()), settings(&rig.parameters), "{what}");
+    assert_eq!(Ok(rig.motion.settings()), settings(&rig.parameters), "{what}");
 }
 
 fn writable(phase: Phase) -> impl Iterator<Item = &'static DataBlock> {
@@ -215,8 +215,8 @@ fn before_s_0_0128_a_master_writes_in_any_order_and_after_it_only_what_goes_toge
 fn the_cycle_that_s_0_0127_accepts_counts_in_cp3_whatever_else_does_not_go_together() {
     let mut rig = Rig::in_cp3(&[(S(201), &[1_400]), (S(2), &[4_000])]);
     assert!(settings(&rig.parameters).is_err());
-    assert_eq!(Ok(rig.motion.settings().cycle), CycleSettings::new(&rig.parameters, FACTS.loop_timer_counts));
-    assert_eq!(rig.motion.settings().cycle.ticks_per_cycle, 32);
+    assert_eq!(Ok(rig.motion.settings().motion.cycle), CycleSettings::new(&rig.parameters, FACTS.loop_timer_counts));
+    assert_eq!(rig.motion.settings().motion.cycle.ticks_per_cycle, 32);
     rig.write(S(201), &[1_200]).unwrap();
     assert_in_effect(&rig, "all of it");
 }
@@ -269,11 +269,11 @@ fn no_command_changes_in_cp4_what_cp4_protects() {
         // A value of its own wherever a default could come back.
         let mut rig = Rig::in_cp4(&[(S(79), &[0, 16]), (S(76), &[0x0A]), (S(110), &[17_000, 0]), (S(33), &[2])]);
         rig.write(S(104), &[250]).unwrap();
-        let before = (protected(&rig), *rig.motion.settings());
+        let before = (protected(&rig), rig.motion.settings());
         let answer = rig.write(block.idn, &[3]);
         assert_eq!(protected(&rig), before.0, "{}: {answer:04X?}", block.idn);
         if answer.is_err() {
-            assert_eq!(*rig.motion.settings(), before.1, "{}", block.idn);
+            assert_eq!(rig.motion.settings(), before.1, "{}", block.idn);
         }
         assert_in_effect(&rig, &block.idn.to_string());
     }

@@ -11,7 +11,7 @@ use servo::probe::ProbeSettings;
 use super::context::Context;
 use super::finding::Finding;
 use super::procedures::{HOMING_PARAMETER, PROBE_CONTROL, REFERENCE_DISTANCE};
-use super::{loops, scope};
+use super::{hand_over, loops, scope};
 use crate::dictionary::access::Access;
 use crate::dictionary::access_of;
 use crate::dictionary::numbers::Number;
@@ -85,7 +85,7 @@ where
         if !self.loops_work() {
             self.settings_changed = true;
         } else {
-            // Some 200 us, which the step is held for: its answer depends on it, and what is acknowledged is in effect.
+            // Up to 1.7 ms, which the step is held for: its answer depends on it, and what is acknowledged is in effect.
             let settings = match (loops::settings::<H>(parameters), self.first_invalid(parameters)) {
                 (Ok(settings), None) => settings,
                 (Err(setting), _) => {
@@ -97,7 +97,7 @@ where
                     return Err(ServiceError::InvalidData);
                 }
             };
-            self.motion.lock(|motion| motion.apply_settings(settings));
+            hand_over::by_parts(self.motion, &settings);
         }
         if block.idn == PROBE_CONTROL {
             // S-0-0170 has no end of its own after which it could be taken over.

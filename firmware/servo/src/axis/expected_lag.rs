@@ -163,14 +163,14 @@ mod tests {
         // faster by half its period.
         let velocity = Velocity::from_bits(((10_i64 << 36) / 8_000) as i32);
         let mut watched = Watched::new(375, 0, Position::from_bits(1), Velocity::ZERO);
-        for (looks, seconds) in [(4_i64, 0.002), (40, 0.02), (200, 0.1)] {
+        for (looks, seconds) in [(4_i64, 0.002_f64), (40, 0.02), (200, 0.1)] {
             let mut lag = watched.lag;
             for period in 1..=looks {
                 watched.look(period * way(velocity), 0, velocity);
             }
             core::mem::swap(&mut lag, &mut watched.lag);
             let found = lag.lag as f64 / (1_i64 << 38) as f64;
-            let expected = 0.16 * (1.0 - (-62.5 * seconds as f64).exp());
+            let expected = 0.16 * (1.0 - (-62.5 * seconds).exp());
             assert!((found / expected - 1.0).abs() < 0.006, "{seconds} s: {found} for {expected}");
         }
     }

@@ -7,6 +7,7 @@
 //! | current | the zero of the controller lies on the pole of the winding; gain for the bandwidth | 60 degrees or more |
 //! | velocity | gain for the bandwidth; integral action time 4 / bandwidth: the ideal loop is critically damped | 45 degrees or more |
 //! | position | a quarter of the velocity bandwidth | |
+//! | encoder's steps | a low-pass at five times the velocity bandwidth, where they would be felt | 16 degrees less, of what small times may take |
 //! | feed-forward | the current that the inertia takes, smoothed as the rounding of the commands asks for | |
 //!
 //! All of it divides: for commands and parameters, not for a tick.
@@ -15,6 +16,7 @@ use crate::arithmetic::division::{TEN_TO_15, TWO_PI_TIMES_TEN_TO_15, divide_roun
 use crate::arithmetic::trigonometry::Rotation;
 use crate::current::settings::PwmFrequency;
 use crate::error::{SettingsError, in_range};
+use crate::units::LOOP_TICKS_PER_SECOND;
 
 /// Gains of the current loop.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -191,6 +193,25 @@ pub const fn acceleration_smoothing(cycle: u16) -> u16 {
     }
 }
 
+/// Frequency in 0.1 Hz of the low-pass of the current command that keeps the steps of an encoder of `increments` a revolution out of the torque;
+/// `None` where they are too fine to be felt. `gain`: S-0-0100 in mA s/rad; `peak`: the peak current in mA, both amplitudes or both RMS;
+/// `bandwidth`: of the velocity loop in Hz.
+///
+/// At constant speed a count more or less in a tick is a step of `gain * 2 pi / increments / 125 us`. On the press axis that is a quarter of the
+/// peak current, the velocity filter leaves 1.25 % rms of it, and a low-pass at five times the bandwidth a tenth of that
+/// (`tests/paths.rs`). It takes 16 degrees of phase at the crossing, see [`NOISE_DAMPING`]. Steps of a fiftieth of the peak current, 0.1 %
+/// rms, are left alone.
+#[must_use]
+pub fn noise_filter(gain: u32, increments: u32, peak: u32, bandwidth: u32) -> Option<u16> {
+    let step = i128::from(gain).saturating_mul(TWO_PI_TIMES_TEN_TO_15).saturating_mul(LOOP_TICKS_PER_SECOND.into());
+    let felt = i128::from(peak).saturating_mul(increments.into()).saturating_mul(TEN_TO_15) / 50;
+    let frequency = bandwidth.saturating_mul(50).clamp(100, 35_000);
+    (step > felt).then_some(frequency as u16)
+}
+
+/// Damping in 0.001 of the low-pass of [`noise_filter`].
+pub const NOISE_DAMPING: u16 = 707;
+
 fn limited_to_u32(value: i64) -> u32 {
     value.clamp(0, u32::MAX.into()) as u32
 }
@@ -199,6 +220,19 @@ fn limited_to_u32(value: i64) -> u32 {
 mod tests {
     use super::*;
     use core::f64::consts::{PI, TAU};
+
+    #[test]
+    fn a_coarse_encoder_gets_a_low_pass_at_five_times_the_bandwidth_and_a_fine_one_none() {
+        // 13.3 A s/rad, 42.4 A: a count of 65 536 is 24 % of peak, the 50th is reached at 12 times as many.
+        assert_eq!(noise_filter(13_329, 65_536, 42_426, 40), Some(2_000));
+        let share = |increments: f64| 13.329 * TAU / increments / 125e-6 / 42.426;
+        let limit = (share(1.0) * 50.0) as u32;
+        assert!((share(limit.into()) - 0.02).abs() < 1e-6);
+        assert_eq!(noise_filter(13_329, limit - 2, 42_426, 40), Some(2_000));
+        assert_eq!(noise_filter(13_329, limit + 2, 42_426, 40), None);
+        assert_eq!(noise_filter(u32::MAX, 1, 1, 1), Some(100));
+        assert_eq!(noise_filter(u32::MAX, 1, 1, u32::MAX), Some(35_000));
+    }
 
     /// k of the closed form.
     fn gain_of_the_open_loop(bandwidth: f64, hertz: f64) -> f64 {

@@ -120,7 +120,7 @@ impl Bench {
             ticks: 0,
             first: true,
         };
-        bench.motor.apply_settings(motor_settings, false);
+        bench.motor.apply_settings(&motor_settings, false);
         bench.motor.set_commutation_angle(position, Some(setup.electrical_angle()));
         bench.ticks(CALIBRATION);
         assert!(bench.motor.measured().calibrated && bench.first);

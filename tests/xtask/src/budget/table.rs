@@ -1,6 +1,6 @@
 //! The result as tables: aligned for a terminal, or as Markdown.
 
-use super::verdict::{CHECKS, ChainReport, PRICE, Report, TaskReport, load};
+use super::verdict::{CHECKS, ChainReport, HandOver, PRICE, Report, TaskReport, load};
 use crate::elf::Depth;
 use emulator::Spread;
 
@@ -100,6 +100,11 @@ fn response_times(report: &Report) -> Rows {
             timing.response.map_or("TOO LONG".to_owned(), microseconds),
             tenths(timing.share),
         ]);
+    }
+    if let Some(HandOver { longest, response }) = report.hand_over {
+        let response = response.map_or("TOO LONG".to_owned(), microseconds);
+        let name = "while settings are handed over";
+        rows.push(row([name, "-", "-", "-", "-", "-", "-", "-", &microseconds(longest), &response, "-"]));
     }
     rows.push(row(["in all", "", "", "", "", "", "", "", "", "", &tenths(load(&report.tasks))]));
     rows
@@ -225,12 +230,14 @@ mod tests {
             chains: Vec::new(),
             functions: Vec::new(),
             stack: None,
+            hand_over: Some(HandOver { longest: 8_400, response: Some(66_600) }),
             failures: Vec::new(),
         });
         let expected = ["edge", "4", "500", "1000", "2", "10.1", "3 x", "12.1", "2.0", "40.1", "2.5"];
         assert_eq!(rows[1], expected);
         assert!(rows.iter().all(|row| row.len() == rows[0].len()));
-        assert_eq!(rows[2].last().unwrap(), "2.5");
+        assert_eq!(rows[2], ["while settings are handed over", "-", "-", "-", "-", "-", "-", "-", "8.4", "66.6", "-"]);
+        assert_eq!(rows[3].last().unwrap(), "2.5");
     }
 
     #[test]

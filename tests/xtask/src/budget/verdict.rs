@@ -88,6 +88,15 @@ impl StackReport {
 /// An exception stacks so much of the one that it interrupts, with floating point and its alignment (ARM DDI 0403E B1.5.7).
 const EXCEPTION_FRAME: u32 = 108;
 
+/// What a parameter that is written costs the tasks of the cycle, in ns. It is seldom, so that it is no part of their response times.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) struct HandOver {
+    /// The longest time for which they are held up at once.
+    pub(crate) longest: u64,
+    /// The longest response of one of them then; `None`: longer than its period.
+    pub(crate) response: Option<u64>,
+}
+
 /// All of it.
 #[derive(Clone, Debug)]
 pub(crate) struct Report {
@@ -95,6 +104,7 @@ pub(crate) struct Report {
     pub(crate) chains: Vec<ChainReport>,
     pub(crate) functions: Vec<FunctionReport>,
     pub(crate) stack: Option<StackReport>,
+    pub(crate) hand_over: Option<HandOver>,
     /// One line for each gate that does not hold.
     pub(crate) failures: Vec<String>,
 }
@@ -126,8 +136,14 @@ pub(crate) fn listing(graph: &Graph, gates: Gates) -> Result<Listing> {
 
 /// Judges.
 pub(crate) fn judge(graph: &Graph, traced: &Traced, gates: Gates) -> Report {
-    let mut report =
-        Report { tasks: Vec::new(), chains: Vec::new(), functions: Vec::new(), stack: None, failures: Vec::new() };
+    let mut report = Report {
+        tasks: Vec::new(),
+        chains: Vec::new(),
+        functions: Vec::new(),
+        stack: None,
+        hand_over: None,
+        failures: Vec::new(),
+    };
     for task in gates.tasks {
         let vector = graph.program.vector(task.vector);
         let count = vector.and_then(|(_, exception)| traced.activations.tasks().get(&exception).copied());
@@ -135,6 +151,7 @@ pub(crate) fn judge(graph: &Graph, traced: &Traced, gates: Gates) -> Report {
         report.tasks.push(TaskReport { task: *task, count, found, timing: None });
     }
     add_timing(&mut report.tasks, locked_by(traced.activations.thread()));
+    report.hand_over = hand_over(graph, traced, gates, &report.tasks);
     for function in gates.functions {
         let of_name = |name: &str| name.contains(function.symbol);
         let present = graph.program.functions().iter().any(|function| of_name(&function.name));
@@ -142,12 +159,24 @@ pub(crate) fn judge(graph: &Graph, traced: &Traced, gates: Gates) -> Report {
         let count = counts.map(|(_, count)| *count).reduce(merged);
         report.functions.push(FunctionReport { symbol: function.symbol, budget: function.budget, present, count });
     }
-    report.chains =
-        gates.chains.iter().map(|&chain| ChainReport { chain, count: chained(chain, &report.tasks) }).collect();
+    let exceptions = |name: &str| {
+        let task = gates.tasks.iter().find(|task| task.name == name)?;
+        graph.program.vector(task.vector).map(|(_, exception)| exception)
+    };
+    report.chains = gates
+        .chains
+        .iter()
+        .map(|&chain| {
+            let activations = if chain.low_pass { &traced.activations } else { &traced.without_low_pass };
+            let count = |name: &str| activations.tasks().get(&exceptions(name)?).map(|count| count.own);
+            ChainReport { chain, count: chained(chain, count) }
+        })
+        .collect();
     report.failures = report.tasks.iter().flat_map(failures_of_task).collect();
     report.failures.extend(report.chains.iter().filter_map(failure_of_chain));
     report.failures.extend(failure_of_load(load(&report.tasks), gates.load));
     report.failures.extend(report.functions.iter().filter_map(failure_of_function));
+    report.failures.extend(failure_of_hand_over(report.hand_over, gates.hand_over));
     report.stack = stack_report(graph, gates, traced.stack);
     match &report.stack {
         Some(stack) => report.failures.extend(failures_of_stack(stack)),
@@ -202,9 +231,8 @@ fn failures_of_stack(stack: &StackReport) -> Vec<String> {
 }
 
 /// One activation of each task, at least, at most and on average: as if they all had their longest one at once.
-fn chained(chain: Chain, tasks: &[TaskReport]) -> Option<Spread> {
-    let of_task = |name: &&str| tasks.iter().find(|report| report.task.name == *name)?.count.map(|count| count.own);
-    let counts: Vec<Spread> = chain.tasks.iter().map(of_task).collect::<Option<_>>()?;
+fn chained(chain: Chain, of_task: impl Fn(&str) -> Option<Spread>) -> Option<Spread> {
+    let counts: Vec<Spread> = chain.tasks.iter().map(|name| of_task(name)).collect::<Option<_>>()?;
     let count = counts.iter().map(|count| count.count).min()?;
     Some(Spread {
         count,
@@ -240,6 +268,37 @@ fn merged(first: Spread, second: Spread) -> Spread {
 /// Longest critical section, in ns.
 fn locked_by(count: &TaskCount) -> u64 {
     PRICE.nanoseconds(count.worst.lock)
+}
+
+fn hand_over(graph: &Graph, traced: &Traced, gates: Gates, tasks: &[TaskReport]) -> Option<HandOver> {
+    let background = gates.tasks.iter().filter(|task| task.priority < CEILING);
+    let locks = background.filter_map(|task| {
+        let (_, exception) = graph.program.vector(task.vector)?;
+        traced.written.tasks().get(&exception).map(locked_by)
+    });
+    let longest = locks.max()?;
+    let mut tasks = tasks.to_vec();
+    add_timing(&mut tasks, longest);
+    let of_the_cycle = tasks.iter().filter(|report| report.task.priority == CEILING);
+    let responses: Option<Vec<u64>> =
+        of_the_cycle.filter_map(|report| report.timing).map(|timing| timing.response).collect();
+    Some(HandOver { longest, response: responses.and_then(|responses| responses.into_iter().max()) })
+}
+
+fn failure_of_hand_over(hand_over: Option<HandOver>, limit: u64) -> Option<String> {
+    let us = |ns: u64| ns as f64 / 1e3;
+    match hand_over {
+        None => Some("the hand-over of settings did not run while it was traced: nothing is known of it".into()),
+        Some(HandOver { longest, .. }) if longest > limit => Some(format!(
+            "the hand-over of settings holds the cycle up for {:.1} us at once, {:.1} us are allowed",
+            us(longest),
+            us(limit)
+        )),
+        Some(HandOver { response: None, .. }) => {
+            Some("a task of the cycle is not done within its period while settings are handed over".into())
+        }
+        Some(_) => None,
+    }
 }
 
 /// What a task asks for between two of its causes, or groups of causes: how long they are apart, and what it asks for.
@@ -446,17 +505,23 @@ mod tests {
 
     #[test]
     fn a_chain_is_the_sum_of_its_tasks_and_fails_above_its_budget_or_without_one_of_them() {
-        let chain = |budget| Chain { name: "both", tasks: &["tick", "tock"], budget };
-        let mut tasks = [report(Some(100), Vec::new()), report(Some(30), Vec::new())];
-        tasks[1].task.name = "tock";
-        let count = chained(chain(130), &tasks);
+        let chain = |budget| Chain { name: "both", tasks: &["tick", "tock"], low_pass: false, budget };
+        let count = chained(chain(130), |name| Some(once(if name == "tick" { 100 } else { 30 })));
         assert_eq!(count, Some(once(130)));
         assert_eq!(failure_of_chain(&ChainReport { chain: chain(130), count }), None);
         let failure = failure_of_chain(&ChainReport { chain: chain(129), count });
         assert_eq!(failure.unwrap(), "both: 130 instructions together, 129 are their budget");
-        tasks[1].count = None;
-        let count = chained(chain(130), &tasks);
+        let count = chained(chain(130), |name| (name == "tick").then_some(once(100)));
         assert!(failure_of_chain(&ChainReport { chain: chain(130), count }).unwrap().contains("did not run"));
+    }
+
+    #[test]
+    fn a_hand_over_that_is_too_long_or_was_not_seen_fails() {
+        let of = |longest, response| Some(HandOver { longest, response });
+        assert_eq!(failure_of_hand_over(of(10_000, Some(60_000)), 10_000), None);
+        assert!(failure_of_hand_over(of(10_001, Some(60_000)), 10_000).unwrap().contains("10.0 us are allowed"));
+        assert!(failure_of_hand_over(of(1_000, None), 10_000).unwrap().contains("not done within its period"));
+        assert!(failure_of_hand_over(None, 10_000).unwrap().contains("did not run"));
     }
 
     #[test]

@@ -3,8 +3,11 @@
 use super::data::{Acknowledgement, DemoReport, DriveReplay};
 use super::numbers;
 
-/// Largest following error allowed at constant speed, in degrees.
-pub(crate) const FOLLOWING_ERROR_LIMIT_DEGREES: f64 = 0.05;
+/// Largest following error allowed, in degrees.
+pub(crate) const FOLLOWING_ERROR_LIMIT_DEGREES: f64 = 0.02;
+
+/// Torque ripple allowed on the ramp and at constant speed, rms in % of the peak torque.
+const RIPPLE_LIMITS_PERCENT: [f64; 2] = [1.0, 0.2];
 
 /// One expectation and what came of it.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -21,7 +24,8 @@ pub(crate) struct Check {
 pub(crate) fn of_demo(report: &DemoReport) -> Vec<Check> {
     let in_operation = report.phases_reached.iter().filter(|phase| **phase == 4).count();
     let missed = report.missed;
-    let error = report.following.constant_speed_max_degrees;
+    let error = report.following.overall_max_degrees;
+    let ripple = [report.torque_ripple.accelerating_rms_percent, report.torque_ripple.constant_speed_rms_percent];
     vec![
         Check {
             what: "every drive of the ring in CP4",
@@ -39,11 +43,16 @@ pub(crate) fn of_demo(report: &DemoReport) -> Vec<Check> {
             passed: missed.mst == 0 && missed.mdt == 0 && missed.at == 0,
         },
         Check {
-            what: "following error at constant speed below 0.05°",
+            what: "following error of the whole motion below 0.02°",
             found: numbers::degrees(error),
             // A motion without a stretch of constant speed proves nothing; NaN fails the comparison.
             passed: error < FOLLOWING_ERROR_LIMIT_DEGREES
                 && report.segments.iter().any(|segment| segment.constant_speed && segment.end_us > segment.start_us),
+        },
+        Check {
+            what: "torque ripple below 1 % rms on the ramp and 0.2 % at constant speed",
+            found: ripple.map(|percent| format!("{percent:.2} %")).join(" and "),
+            passed: ripple.iter().zip(RIPPLE_LIMITS_PERCENT).all(|(ripple, limit)| *ripple < limit),
         },
     ]
 }
@@ -109,13 +118,20 @@ mod tests {
 
         for error in [FOLLOWING_ERROR_LIMIT_DEGREES, f64::NAN] {
             let mut report = examples::demo();
-            report.following.constant_speed_max_degrees = error;
-            assert_eq!(failed(&report), ["following error at constant speed below 0.05°"]);
+            report.following.overall_max_degrees = error;
+            assert_eq!(failed(&report), ["following error of the whole motion below 0.02°"]);
         }
 
         let mut report = examples::demo();
         report.segments.clear();
-        assert_eq!(failed(&report), ["following error at constant speed below 0.05°"]);
+        assert_eq!(failed(&report), ["following error of the whole motion below 0.02°"]);
+
+        for (ramp, constant) in [(1.0, 0.1), (0.1, 0.2), (f64::NAN, 0.1), (0.1, f64::NAN)] {
+            let mut report = examples::demo();
+            report.torque_ripple.accelerating_rms_percent = ramp;
+            report.torque_ripple.constant_speed_rms_percent = constant;
+            assert_eq!(failed(&report), ["torque ripple below 1 % rms on the ramp and 0.2 % at constant speed"]);
+        }
     }
 
     #[test]

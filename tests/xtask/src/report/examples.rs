@@ -51,9 +51,9 @@ pub(crate) fn demo() -> DemoReport {
             overall_rms_degrees: rms(&all),
         },
         torque_ripple: TorqueRipple {
-            accelerating_rms_percent: 0.71,
-            accelerating_peak_to_peak_percent: 3.9,
-            constant_speed_rms_percent: 1.25,
+            accelerating_rms_percent: 0.15,
+            accelerating_peak_to_peak_percent: 1.6,
+            constant_speed_rms_percent: 0.12,
         },
         segments: vec![
             segment("standstill", 4_400_000, 4_700_000, false),
@@ -80,7 +80,7 @@ fn sample(time_us: u64) -> Sample {
     let accelerating =
         f64::from(u8::from((4.7..5.4).contains(&time))) - f64::from(u8::from((8.4..9.1).contains(&time)));
     let ripple = 0.006 * (time * 40.0).sin() * ramp;
-    let error = 0.08 * accelerating * (1.0 - (-(time - 4.7).max(0.0) * 12.0).exp()) + ripple;
+    let error = 0.008 * accelerating * (1.0 - (-(time - 4.7).max(0.0) * 12.0).exp()) + ripple;
     Sample {
         time_us,
         command_degrees: turns,
