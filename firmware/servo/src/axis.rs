@@ -8,6 +8,7 @@ pub(crate) mod position_loop;
 pub(crate) mod settings;
 pub(crate) mod tuning;
 pub(crate) mod velocity_estimate;
+pub(crate) mod velocity_guard;
 pub(crate) mod velocity_loop;
 
 pub use filter::{CurrentFilter, CurrentFilterSettings, FilterSection};
@@ -25,6 +26,7 @@ pub use velocity_estimate::{FilteredVelocity, VelocityEstimate, VelocityFilter};
 pub use velocity_loop::{VelocityLoop, VelocityLoopOutput, VelocityLoopSettings};
 
 use crate::axis::acceleration_gain::FedForward;
+use crate::axis::velocity_guard::VelocityGuard;
 use crate::path::command_step::CommandJump;
 use crate::path::interpolation::Interpolator;
 use crate::path::limits::MotionLimits;
@@ -143,6 +145,8 @@ pub struct Axis {
     setpoint_velocity: Velocity,
     /// In [`Mode::Torque`]: the velocity, some milliseconds behind.
     slow_velocity: Velocity,
+    /// And what keeps it within its limit.
+    guard: VelocityGuard,
     velocity_loop: VelocityLoop,
     /// For the acceleration of the path to a position command.
     fed_forward: FedForward,
@@ -180,6 +184,7 @@ impl Axis {
             expected_velocity: FilteredVelocity::new(Velocity::ZERO),
             setpoint_velocity: Velocity::ZERO,
             slow_velocity: Velocity::ZERO,
+            guard: VelocityGuard::new(Velocity::ZERO),
             velocity_loop: VelocityLoop::new(),
             fed_forward: FedForward::NONE,
             velocity_command: Velocity::ZERO,
@@ -249,7 +254,10 @@ impl Axis {
                 self.current = CurrentFraction::ZERO;
                 self.filter.reset(0);
             }
-            Mode::Torque => self.torque_command = CurrentFraction::ZERO,
+            Mode::Torque => {
+                self.torque_command = CurrentFraction::ZERO;
+                self.guard = VelocityGuard::new(self.velocity.velocity());
+            }
             Mode::Velocity => {
                 self.velocity_interpolator = VelocityInterpolator::new(setpoint.velocity);
                 self.trajectory = Trajectory::start(setpoint);
@@ -562,27 +570,18 @@ impl Axis {
     }
 
     /// The torque command, or less where the velocity limit S-0-0091 stands in its way.
-    ///
-    /// The velocity loop runs along towards the limit with its integral part held at the commanded torque: below the limit it would give
-    /// more than the command, above it gives less, and the one passes into the other without a step.
     fn torque(&mut self, limits: &TorqueLimits, output: &mut AxisOutput) {
         let settings = &self.settings;
         let (slow, now) = (self.slow_velocity.to_bits(), output.velocity.to_bits());
         self.slow_velocity = Velocity::from_bits(slow.wrapping_add(now.wrapping_sub(slow) >> SLOW_SHIFT));
         let (wanted, limiting) = limits.apply(self.torque_command);
-        let forwards = wanted >= CurrentFraction::ZERO;
         let velocity_limits = &settings.velocity_limits;
-        let limit = if forwards { velocity_limits.positive } else { velocity_limits.negative };
-        let held = self.velocity_loop.tick(&settings.velocity_loop, limits, limit, output.loop_velocity, 0);
-        let too_fast = if forwards { held.current < wanted } else { held.current > wanted };
-        if too_fast {
-            output.current = held.current;
-            output.limiting = velocity_limits.met_by(limit);
-            return;
-        }
-        self.velocity_loop.preset(wanted);
-        output.current = wanted;
-        output.limiting = limiting;
+        let limit = if wanted >= CurrentFraction::ZERO { velocity_limits.positive } else { velocity_limits.negative };
+        let velocities = [limit, output.loop_velocity];
+        let guarded = self.guard.tick(&settings.velocity_loop, limits, velocities, wanted);
+        self.velocity_loop.preset(guarded.lasting);
+        output.current = guarded.current;
+        output.limiting = if guarded.is_held { velocity_limits.met_by(limit) } else { limiting };
     }
 
     /// Keeps the modulo range near the axis: to be called once in [`crate::units::LOOP_TICKS_PER_SUPERVISION`] ticks at least.
