@@ -48,6 +48,8 @@ pub struct MotorSideState {
     phases: [u16; 2],
     index_seen: u32,
     probes: [[Option<u32>; 2]; 2],
+    /// Positive ones of probe 1.
+    probe_1_edges: u32,
     timer: ModulationTimer,
     /// When the bridge was last switched off while it was on, and the coil's current.
     off: [Option<Nanoseconds>; 2],
@@ -156,6 +158,7 @@ impl MotorSideState {
             phases: [0; 2],
             index_seen: 0,
             probes: [[None; 2]; 2],
+            probe_1_edges: 0,
             timer: ModulationTimer::new(clock_ppm),
             off: [None; 2],
             late_cycles: 0,
@@ -179,7 +182,7 @@ impl MotorSideState {
             bridge_ready: self.inputs.bridge_ready,
             safe_torque: self.inputs.safe_torque_1 && self.inputs.safe_torque_2,
             home_switch: self.inputs.home_switch,
-            probe_1: self.inputs.probe_1,
+            probe_1_edges: self.probe_1_edges,
             late: self.late_cycles > 0,
         }
     }
@@ -207,6 +210,9 @@ impl MotorSideState {
         }
         if self.breaks && !self.inputs.bridge_ready {
             self.trip(now);
+        }
+        if self.inputs.probe_1 && !before.probe_1 {
+            self.probe_1_edges += 1;
         }
         for (probe, before, after) in
             [(0, before.probe_1, self.inputs.probe_1), (1, before.probe_2, self.inputs.probe_2)]

@@ -22,8 +22,8 @@ pub struct Sight {
     pub safe_torque: bool,
     /// Pin: the home switch.
     pub home_switch: bool,
-    /// Pin: probe 1.
-    pub probe_1: bool,
+    /// Positive edges that the pin of probe 1 has had: two of them may come between two looks.
+    pub probe_1_edges: u32,
     /// The processor is kept from its work.
     pub late: bool,
 }
