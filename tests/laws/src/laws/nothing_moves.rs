@@ -49,7 +49,7 @@ impl NothingMoves {
     fn record(&mut self, scene: &Scene) {
         let wire = &scene.wire;
         let moves = scene.drive_moves_the_axis();
-        let steady = wire.phase == 4 && wire.asks_to_follow() && wire.follows() && !wire.has_error() && !moves;
+        let steady = scene.is_operating() && wire.asks_to_follow() && wire.follows() && !wire.has_error() && !moves;
         let same = wire.control_before & 0x0B00 == wire.control & 0x0B00 && scene.asked_mode() == scene.actual_mode();
         let alone = scene.is_left_alone(GRACE) && !scene.within(scene.overpowered, GRACE);
         let known = scene.units.zip(scene.sense()).filter(|_| steady && same && alone);
@@ -96,7 +96,7 @@ impl NothingMoves {
 
     fn follow(&mut self, scene: &Scene) -> Verdict {
         // Without a new command the drive goes on with the old one, and then stops: that is the law of stops.
-        if scene.now.saturating_sub(scene.wire.mdt.min(scene.wire.mst)) > scene.cycles(1, 500) || scene.wire.phase != 4
+        if scene.now.saturating_sub(scene.wire.mdt.min(scene.wire.mst)) > scene.cycles(1, 500) || !scene.is_operating()
         {
             self.followed = Followed::Nothing;
             self.outside.end();
@@ -133,7 +133,8 @@ impl NothingMoves {
     fn hold(&mut self, scene: &Scene) -> Verdict {
         let wire = &scene.wire;
         let moves = scene.drive_moves_the_axis();
-        let halted = wire.phase == 4 && wire.asks_for_torque() && !wire.asks_to_follow() && !wire.has_error() && !moves;
+        let halted =
+            scene.is_operating() && wire.asks_for_torque() && !wire.asks_to_follow() && !wire.has_error() && !moves;
         let machine = &scene.sight.machine;
         if !halted
             || !scene.sight.bridge

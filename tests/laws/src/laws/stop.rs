@@ -28,6 +28,8 @@ const BACK: (f64, f64) = (0.005, 8e-3);
 /// What was braked shortly before the stop was braked with all that the loop has, and its integral part turns the shaft back: a speed is forgotten
 /// with this time constant in seconds.
 const RECENT: f64 = 10e-3;
+/// And this share of what is left of it is no speed that the stop has made.
+const SWING: f64 = 0.4;
 /// After a change of the load the shaft may do what it must for so long.
 const RECOVERY: Nanoseconds = Nanoseconds::from_millis(300);
 
@@ -138,7 +140,7 @@ impl Stop {
             return Verdict::Silent;
         }
         let driving = machine.torque * machine.velocity > 0.0;
-        if speed > running.speed + running.tolerance && driving {
+        if speed > running.speed.max(SWING * running.recent) + running.tolerance && driving {
             let since = *running.faster.get_or_insert(scene.now);
             if scene.now.saturating_sub(since) > LASTING {
                 let rpm = |speed: f64| speed * 60.0 / core::f64::consts::TAU;
