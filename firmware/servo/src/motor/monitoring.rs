@@ -30,14 +30,13 @@ pub struct Surroundings {
 const REACH: i16 = i16::MAX / 16;
 
 impl<B: BoardKind> Motor<B> {
-    /// Looks at everything once.
+    /// Looks at what is over in milliseconds: bus, current loop, encoder and field weakening, and puts the limits of the torque together. To be
+    /// called once in [`crate::units::LOOP_TICKS_PER_SUPERVISION`] ticks, as [`Motor::supervise_heat`] is, at other ticks.
     pub fn supervise(&mut self, surroundings: &Surroundings) -> MotorFaults {
         let mut faults = MotorFaults::NONE;
         self.watch_bus(surroundings.torque, &mut faults);
         self.watch_current_loop(&mut faults);
         self.watch_encoder(surroundings, &mut faults);
-        self.watch_temperatures(&mut faults);
-        self.watch_loads(&mut faults);
         self.weakening_limit = None;
         self.within_reach = None;
         self.limiting = Limiting::empty();
@@ -69,6 +68,14 @@ impl<B: BoardKind> Motor<B> {
             self.weakening_limit = Some(output.quadrature_limit);
             self.combine_limits();
         }
+    }
+
+    /// Looks at what takes seconds: temperatures and loads.
+    pub fn supervise_heat(&mut self) -> MotorFaults {
+        let mut faults = MotorFaults::NONE;
+        self.watch_temperatures(&mut faults);
+        self.watch_loads(&mut faults);
+        faults
     }
 
     /// Field weakening, and what it leaves for the torque.
