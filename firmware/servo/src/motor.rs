@@ -379,6 +379,10 @@ impl<B: BoardKind> Motor<B> {
         if let Some(commutation) = &mut self.commutation {
             commutation.shift(difference);
         }
+        if let Some(alignment) = &mut self.alignment {
+            alignment.shift(difference);
+        }
+        self.brake.shift(difference);
     }
 
     /// Sends the current loop its order for this tick: the current that the loops want, at the velocity that they measured.

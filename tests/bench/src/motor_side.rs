@@ -50,6 +50,8 @@ pub struct MotorSideState {
     probes: [[Option<u32>; 2]; 2],
     /// Positive ones of probe 1.
     probe_1_edges: u32,
+    /// Of main power, gate drivers and safe torque off.
+    pin_changes: u32,
     timer: ModulationTimer,
     /// When the bridge was last switched off while it was on, and the coil's current.
     off: [Option<Nanoseconds>; 2],
@@ -159,6 +161,7 @@ impl MotorSideState {
             index_seen: 0,
             probes: [[None; 2]; 2],
             probe_1_edges: 0,
+            pin_changes: 0,
             timer: ModulationTimer::new(clock_ppm),
             off: [None; 2],
             late_cycles: 0,
@@ -180,6 +183,7 @@ impl MotorSideState {
             coil: self.brake_open,
             main_power: self.inputs.main_power,
             bridge_ready: self.inputs.bridge_ready,
+            pin_changes: self.pin_changes,
             safe_torque: self.inputs.safe_torque_1 && self.inputs.safe_torque_2,
             home_switch: self.inputs.home_switch,
             probe_1_edges: self.probe_1_edges,
@@ -210,6 +214,11 @@ impl MotorSideState {
         }
         if self.breaks && !self.inputs.bridge_ready {
             self.trip(now);
+        }
+        let pins =
+            |inputs: &Inputs| (inputs.main_power, inputs.bridge_ready, inputs.safe_torque_1, inputs.safe_torque_2);
+        if pins(&before) != pins(&self.inputs) {
+            self.pin_changes += 1;
         }
         if self.inputs.probe_1 && !before.probe_1 {
             self.probe_1_edges += 1;

@@ -166,7 +166,7 @@ impl Observer {
         if sight.machine.load_torque != 0.0 && scene.load_is_stronger() {
             scene.overpowered = Some(sight.time);
         }
-        if sight.is_troubled(scene.machine.supply.voltage) {
+        if sight.is_troubled(scene.machine.supply.voltage) || before.pin_changes != sight.pin_changes {
             scene.troubled = Some(sight.time);
         }
         let lies = |sight: &Sight| sight.machine.blind || sight.machine.encoder_frozen;
@@ -178,7 +178,7 @@ impl Observer {
         // What is switched on now has looked for its angle again, and is told the truth, unless the count has slipped while it was, or by so much that
         // an angle that is still the old one is wrong.
         scene.deceived &= before.bridge || !sight.bridge || lies(&sight) || slips || scene.is_out_of_step();
-        let pins = |sight: &Sight| (sight.main_power, sight.bridge_ready, sight.safe_torque);
+        let pins = |sight: &Sight| (sight.main_power, sight.bridge_ready, sight.safe_torque, sight.pin_changes);
         if pins(&before) != pins(&sight) {
             scene.pins_changed = Some(sight.time);
         }

@@ -77,6 +77,9 @@ const POSITION_MODES: [u16; 4] = [3, 4, 11, 12];
 /// Amplitude in A of 1 mA RMS.
 pub(crate) const AMPLITUDE: f64 = 1e-3 * core::f64::consts::SQRT_2;
 
+/// A bridge reaches this share of its longest vector; the rest is what a current is controlled with.
+const REACH: f64 = 0.93;
+
 /// 93 % of P-0-0105, less what a small link rises by within a millisecond.
 const LINK_FULL: f64 = 0.88;
 
@@ -235,10 +238,19 @@ impl Scene {
         self.machine.brake.is_some_and(|brake| hurries(206, brake.release_delay) || hurries(207, brake.engage_delay))
     }
 
-    /// The shaft is faster than 1.2 times S-0-0113.
+    /// The shaft is faster than 1.2 times S-0-0113, or so fast that the largest weakening current P-0-0107 does not bring the voltage of the magnets
+    /// below that of the DC link: it drives currents of its own.
     #[must_use]
     pub fn outruns_its_motor(&self) -> bool {
-        self.settings.unsigned(Idn(113)).is_some_and(|most| self.sight.rpm().abs() > 1.2e-4 * most as f64)
+        let number = |idn: u16| self.settings.unsigned(Idn(idn)).map(|value| value as f64);
+        let beyond = number(113).is_some_and(|most| self.sight.rpm().abs() > 1.2e-4 * most);
+        let most = number(109).zip(number(110)).map(|(motor, amplifier)| motor.min(amplifier) * AMPLITUDE);
+        // What is not known is no excuse.
+        let weakening = most.zip(number(0x8000 | 107)).map_or(f64::INFINITY, |(most, share)| most * share * 1e-3);
+        let windings = &self.machine.windings;
+        let speed = self.sight.machine.velocity.abs() * f64::from(windings.pole_pairs);
+        let voltage = speed * (windings.flux - windings.inductance_d * weakening);
+        beyond || voltage > REACH * self.sight.machine.bus_voltage / f64::sqrt(3.0)
     }
 
     /// The load is stronger than what the limits leave to the motor that holds it: the load, not the drive, moves the shaft.

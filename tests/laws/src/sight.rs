@@ -18,6 +18,8 @@ pub struct Sight {
     pub main_power: bool,
     /// Pin: the gate drivers are ready.
     pub bridge_ready: bool,
+    /// How often main power, gate drivers or a channel of safe torque off have come or gone so far: a pulse may lie between two looks.
+    pub pin_changes: u32,
     /// Pins: both channels of safe torque off allow torque.
     pub safe_torque: bool,
     /// Pin: the home switch.

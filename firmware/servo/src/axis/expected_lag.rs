@@ -170,7 +170,7 @@ mod tests {
             }
             core::mem::swap(&mut lag, &mut watched.lag);
             let found = lag.lag as f64 / (1_i64 << 38) as f64;
-            let expected = 0.16 * (1.0 - (-62.5 * seconds as f64).exp());
+            let expected = 0.16 * (1.0 - (-62.5_f64 * seconds).exp());
             assert!((found / expected - 1.0).abs() < 0.006, "{seconds} s: {found} for {expected}");
         }
     }

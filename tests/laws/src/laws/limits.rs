@@ -287,6 +287,20 @@ mod tests {
     }
 
     #[test]
+    fn currents_that_the_magnets_drive_beyond_the_voltage_of_the_link_are_no_currents_of_the_drive() {
+        // 1.27 Vs of the magnets over all pole pairs, of which 7 A of weakening take 0.1, and 300 V that the bridge reaches.
+        for (rpm, lawful) in [(1_500.0, false), (2_350.0, false), (3_000.0, true)] {
+            let mut fake = Fake::in_cp4(Current::default());
+            fake.write(113, &[0xFFFF, 0x7FFF]);
+            fake.sight.bridge = true;
+            fake.sight.machine.velocity = rpm / 60.0 * TAU;
+            fake.sight.machine.current = [0.0, 30.0];
+            fake.run(10, 0xE000, 0xC008);
+            assert_eq!(fake.broken().is_none(), lawful, "{rpm}: {:?}", fake.broken());
+        }
+    }
+
+    #[test]
     fn an_axis_that_goes_on_beyond_its_position_limit_breaks_it() {
         for (brakes, lawful) in [(true, true), (false, false)] {
             let mut fake = Fake::in_cp4(PositionLimits::default());
