@@ -242,6 +242,10 @@ impl Axis {
             return;
         }
         let setpoint = self.hand_over(mode);
+        if setpoint.velocity.abs() > self.velocity_command.abs().max(self.settings.standstill_window) {
+            // A loop that was turning the shaft back had an error against its integral part, which would drive the shaft on without it.
+            self.velocity_loop.keep_at_most(self.current);
+        }
         let follows = matches!(mode, Mode::Velocity | Mode::Position);
         if self.mode == Mode::Torque && !follows && self.gains_speed() {
             self.velocity_loop.reset();

@@ -142,6 +142,13 @@ impl VelocityLoop {
         (self.integral > 0 && velocity.to_bits() > 0) || (self.integral < 0 && velocity.to_bits() < 0)
     }
 
+    /// The velocity error is over at once, and what the proportional part made of it: no more of the integral part is kept than what flowed of
+    /// both together.
+    pub fn keep_at_most(&mut self, current: CurrentFraction) {
+        let flowed = i64::from(current.to_bits()) << (MORE_BITS + 32);
+        self.integral = flowed.clamp(self.integral.min(0), self.integral.max(0));
+    }
+
     /// Starts with this current at zero velocity error: bumpless start against a known load.
     pub fn preset(&mut self, current: CurrentFraction) {
         self.integral = i64::from(current.to_bits()) << (MORE_BITS + 32);
