@@ -98,8 +98,8 @@ pub struct MotorModel {
     quadrature: i32,
     /// Half of that of the magnets.
     half_magnet: i32,
-    /// Flux-producing current that takes the flux of the magnets away, 2^-16 of peak; 0: not known.
-    cancelling: u32,
+    /// Flux of the peak current as a share of that of the magnets, 2^-16; 0: not known.
+    flux_of_peak: u32,
 }
 
 impl MotorModel {
@@ -126,24 +126,34 @@ impl MotorModel {
         };
         let of_inductance = |inductance: u32| i128::from(inductance).saturating_mul(peak_current.into());
         let of_peak = u64::from(direct_inductance).saturating_mul(peak_current.into());
-        let cancelling = u64::from(flux).saturating_mul(1_000 << 16).checked_div(of_peak).unwrap_or(0);
+        // uH * mA are nVs.
+        let flux_of_peak = (of_peak << 16).checked_div(u64::from(flux).saturating_mul(1_000)).unwrap_or(0);
         Ok(Self {
             direct: factor(of_inductance(direct_inductance))?,
             quadrature: factor(of_inductance(quadrature_inductance))?,
             half_magnet: factor(i128::from(flux).saturating_mul(1_000))? >> 1,
-            cancelling: u32::try_from(cancelling).unwrap_or(u32::MAX),
+            flux_of_peak: u32::try_from(flux_of_peak).unwrap_or(u32::MAX),
         })
     }
 
-    /// Flux-producing current, 0 or negative, with which magnets that induce `magnets` leave no more than `held`, both in volt 2^-14. Divides.
+    /// Flux-producing current, 0 or negative, with which magnets that induce `magnets` leave hardly more than `held`, both in volt 2^-14.
+    ///
+    /// It is looked for bit by bit: nothing divides where it is asked for.
     #[must_use]
     pub fn weakening(&self, magnets: i32, held: i32) -> CurrentFraction {
-        // In volt 2^-5: up to 2^15 of them.
-        let [magnets, held] = [magnets, held].map(|voltage| voltage.unsigned_abs() >> 9);
-        let excess = u64::from(magnets.saturating_sub(held));
-        let share = (excess << 15).checked_div(magnets.into()).unwrap_or(0);
-        let current = share.saturating_mul(self.cancelling.into()) >> 16;
-        CurrentFraction::from_bits(i16::try_from(current).unwrap_or(i16::MAX).wrapping_neg())
+        // In volt 2^-5, 2 047 V at most.
+        let [magnets, held] = [magnets, held].map(|voltage| (voltage.unsigned_abs() >> 9).min(0xFFFF));
+        let excess = u64::from(magnets.saturating_sub(held)) << 15;
+        let of_peak = u64::from(magnets).wrapping_mul(self.flux_of_peak.into()) >> 16;
+        if excess == 0 || of_peak == 0 {
+            return CurrentFraction::ZERO;
+        }
+        let current = (0..15).rev().fold(0_i16, |current, bit| {
+            let more = current | 1 << bit;
+            // Below 2^47.
+            if of_peak.wrapping_mul(u64::from(more.unsigned_abs())) <= excess { more } else { current }
+        });
+        CurrentFraction::from_bits(current.wrapping_neg())
     }
 
     /// Voltages (d, q) in volt 2^-14 that the rotation induces at this electrical speed, in 2^-32 revolution per tick.

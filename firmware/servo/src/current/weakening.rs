@@ -94,7 +94,7 @@ impl FieldWeakening {
         self.direct = 0;
     }
 
-    /// Starts with what a bridge needs that is switched on while the magnets induce this voltage, volt 2^-14. Divides.
+    /// Starts with what a bridge needs that is switched on while the magnets induce this voltage, volt 2^-14.
     pub fn preset(
         &mut self,
         settings: &FieldWeakeningSettings,
