@@ -120,7 +120,10 @@ impl NothingMoves {
                 let window = scene.settings.unsigned(Idn(159)).unwrap_or(0) as f64 / units.increments;
                 let window = SLACK + if window > 0.0 { window } else { UNMONITORED };
                 let turned = machine.angle - start;
-                let outside = turned < low - window || turned > high + window;
+                // Nor does anybody stop a shaft that runs on with its inertia: the motor brakes it with all its torque.
+                let monitored = scene.settings.unsigned(Idn(159)).unwrap_or(0) > 0;
+                let driven = machine.torque * machine.velocity > 0.0;
+                let outside = (turned < low - window || turned > high + window) && (monitored || driven);
                 Verdict::of(!self.outside.lasts(outside, scene.now, LASTING), || {
                     format!(
                         "the shaft is {turned:.3} revolutions from where it began, commanded were {low:.3} to {high:.3}"
@@ -228,6 +231,20 @@ mod tests {
         fake.sight.machine.velocity = 10.0;
         fake.run(200, 0xE000, 0xC008);
         assert!(fake.broken().is_some_and(|words| words.contains("never more than 0.0 rpm")));
+    }
+
+    #[test]
+    fn without_s_0_0159_a_shaft_that_runs_on_is_nobodys_doing_and_one_that_is_driven_on_is_the_drives() {
+        for (monitored, torque, lawful) in [(0, -10.0, true), (0, 10.0, false), (300, -10.0, false)] {
+            let mut fake = following(11);
+            fake.write(159, &[monitored, 0]);
+            fake.cycle(0xC000, 0xC000);
+            fake.run(3, 0xE000, 0xC008);
+            fake.sight.machine.velocity = 50.0;
+            fake.sight.machine.torque = torque;
+            fake.run(150, 0xE000, 0xC008);
+            assert_eq!(fake.broken().is_none(), lawful, "{monitored} {torque}: {:?}", fake.broken());
+        }
     }
 
     #[test]
