@@ -159,21 +159,13 @@ fn run_up(run: &mut Run) -> Result<(), Stop> {
     written.retain(|idn| !is_list(*idn) && !TELEGRAMS.contains(idn));
     written.retain(|idn| TAKEN_BACK.contains(idn) || !COMMANDS_AND_BITS.contains(idn));
     let originals: Vec<(u16, i64)> = written.iter().map(|&idn| (idn, original(run, idn))).collect();
-    if run.rig.bridge_is_on() {
-        match let_go(run) {
-            // What the life has written may forbid it; it is written back below. A law that breaks meanwhile is kept by its observer.
-            Ok(()) | Err(Stop::Refused(_)) => {}
-            Err(Stop::Broken { law, .. }) if law == LAW => {}
-            other => return other,
-        }
-    }
     let before = run.rig.axis.settings.clone();
     for (idn, value) in originals {
         if setting(&run.rig.axis, idn).is_none() {
             run.rig.axis.settings.push((idn, value));
         }
     }
-    let result = run.run_up(true, &[]);
+    let result = let_go(run).and_then(|()| run.run_up(true, &[]));
     run.rig.axis.settings = before;
     match result {
         Err(Stop::Refused(reason)) => {
@@ -195,10 +187,15 @@ fn run_up(run: &mut Run) -> Result<(), Stop> {
 }
 
 /// An axis that its brake did not hold is held by its torque, in every phase, until it is switched on and off again. As long as it is, the
-/// defaults are not loaded.
+/// defaults are not loaded: it runs up with its own data without them first.
 fn let_go(run: &mut Run) -> Result<(), Stop> {
+    if !run.rig.bridge_is_on() {
+        return Ok(());
+    }
     run.coverage.count("peace", "of an axis that was held by its torque");
-    run.run_up(false, &[])?;
+    let is_another = std::mem::replace(&mut run.rig.is_another, false);
+    run.run_up(true, &[])?;
+    run.rig.is_another = is_another;
     come_back_from(run)?;
     run.rig.master().switch(0);
     stand(run)
