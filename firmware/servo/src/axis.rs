@@ -9,6 +9,7 @@ pub(crate) mod position_loop;
 pub(crate) mod settings;
 pub(crate) mod tuning;
 pub(crate) mod velocity_estimate;
+pub(crate) mod velocity_guard;
 pub(crate) mod velocity_loop;
 
 pub use filter::{CurrentFilter, CurrentFilterSettings, FilterSection};
@@ -27,6 +28,7 @@ pub use velocity_loop::{VelocityLoop, VelocityLoopOutput, VelocityLoopSettings};
 
 use crate::axis::acceleration_gain::FedForward;
 use crate::axis::expected_lag::ExpectedLag;
+use crate::axis::velocity_guard::VelocityGuard;
 use crate::axis::velocity_loop::CURRENT_BITS;
 use crate::path::command_step::CommandJump;
 use crate::path::interpolation::Interpolator;
@@ -143,6 +145,8 @@ pub struct Axis {
     setpoint_velocity: Velocity,
     /// In [`Mode::Torque`]: the velocity, some milliseconds behind.
     slow_velocity: Velocity,
+    /// And what keeps it within its limit.
+    guard: VelocityGuard,
     velocity_loop: VelocityLoop,
     /// For the acceleration of the path to a position command.
     fed_forward: FedForward,
@@ -152,6 +156,8 @@ pub struct Axis {
     trajectory: Trajectory,
     travel: Travel,
     travel_limits: MotionLimits,
+    /// Of the velocity loop in the last tick.
+    current: CurrentFraction,
     filter: CurrentFilter,
     /// The next current that passes the filter is the first one.
     filter_begins: bool,
@@ -180,6 +186,7 @@ impl Axis {
             expected_velocity: FilteredVelocity::new(Velocity::ZERO),
             setpoint_velocity: Velocity::ZERO,
             slow_velocity: Velocity::ZERO,
+            guard: VelocityGuard::new(Velocity::ZERO),
             velocity_loop: VelocityLoop::new(),
             fed_forward: FedForward::NONE,
             velocity_command: Velocity::ZERO,
@@ -187,6 +194,7 @@ impl Axis {
             trajectory: Trajectory::start(here),
             travel: Travel::Hold,
             travel_limits: settings.halt,
+            current: CurrentFraction::ZERO,
             filter: CurrentFilter::new(),
             filter_begins: false,
         }
@@ -236,6 +244,10 @@ impl Axis {
             return;
         }
         let setpoint = self.hand_over(mode);
+        if setpoint.velocity.abs() > self.velocity_command.abs().max(self.settings.standstill_window) {
+            // A loop that was turning the shaft back had an error against its integral part, which would drive the shaft on without it.
+            self.velocity_loop.keep_at_most(self.current);
+        }
         let follows = matches!(mode, Mode::Velocity | Mode::Position);
         if self.mode == Mode::Torque && !follows && self.gains_speed() {
             self.velocity_loop.reset();
@@ -244,9 +256,13 @@ impl Axis {
         match mode {
             Mode::Off => {
                 self.velocity_loop.reset();
+                self.current = CurrentFraction::ZERO;
                 self.filter.reset(0);
             }
-            Mode::Torque => self.torque_command = CurrentFraction::ZERO,
+            Mode::Torque => {
+                self.torque_command = CurrentFraction::ZERO;
+                self.guard = VelocityGuard::new(self.velocity.velocity());
+            }
             Mode::Velocity => {
                 self.velocity_interpolator = VelocityInterpolator::new(setpoint.velocity);
                 self.trajectory = Trajectory::start(setpoint);
@@ -393,6 +409,7 @@ impl Axis {
     /// Starts the velocity loop with this current: what held the load when the axis was last switched off.
     pub fn preload(&mut self, current: CurrentFraction) {
         self.velocity_loop.preset(current);
+        self.current = current;
         self.filter.reset(fine(current));
     }
 
@@ -545,6 +562,7 @@ impl Axis {
             feed_forward,
         );
         self.velocity_command = output.velocity_command;
+        self.current = controlled.current;
         output.limiting |= controlled.limiting;
         output.current = if settings.filter.is_active() {
             // What is fed forward comes from commands, without the noise of a measurement: filtered it would only be late.
@@ -562,27 +580,18 @@ impl Axis {
     }
 
     /// The torque command, or less where the velocity limit S-0-0091 stands in its way.
-    ///
-    /// The velocity loop runs along towards the limit with its integral part held at the commanded torque: below the limit it would give
-    /// more than the command, above it gives less, and the one passes into the other without a step.
     fn torque(&mut self, limits: &TorqueLimits, output: &mut AxisOutput) {
         let settings = &self.settings;
         let (slow, now) = (self.slow_velocity.to_bits(), output.velocity.to_bits());
         self.slow_velocity = Velocity::from_bits(slow.wrapping_add(now.wrapping_sub(slow) >> SLOW_SHIFT));
         let (wanted, limiting) = limits.apply(self.torque_command);
-        let forwards = wanted >= CurrentFraction::ZERO;
         let velocity_limits = &settings.velocity_limits;
-        let limit = if forwards { velocity_limits.positive } else { velocity_limits.negative };
-        let held = self.velocity_loop.tick(&settings.velocity_loop, limits, limit, output.loop_velocity, 0);
-        let too_fast = if forwards { held.current < wanted } else { held.current > wanted };
-        if too_fast {
-            output.current = held.current;
-            output.limiting = velocity_limits.met_by(limit);
-            return;
-        }
-        self.velocity_loop.preset(wanted);
-        output.current = wanted;
-        output.limiting = limiting;
+        let limit = if wanted >= CurrentFraction::ZERO { velocity_limits.positive } else { velocity_limits.negative };
+        let velocities = [limit, output.loop_velocity];
+        let guarded = self.guard.tick(&settings.velocity_loop, limits, velocities, wanted);
+        self.velocity_loop.preset(guarded.lasting);
+        output.current = guarded.current;
+        output.limiting = if guarded.is_held { velocity_limits.met_by(limit) } else { limiting };
     }
 
     /// Looks after the axis: keeps the modulo range near it, and finds out whether it is further from the lag that its command makes it

@@ -158,6 +158,11 @@ impl BrakeSequencer {
         }
     }
 
+    /// Moves the zero of the position by `difference` without a movement.
+    pub fn shift(&mut self, difference: Position) {
+        self.reference = self.reference + difference;
+    }
+
     /// One tick of the supervision.
     #[inline]
     pub fn tick(&mut self, settings: &BrakeSettings, inputs: &BrakeInputs) -> BrakeOutput {

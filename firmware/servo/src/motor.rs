@@ -79,7 +79,9 @@ pub struct Motor<B: BoardKind> {
     link: &'static CurrentLink,
     /// The current loop is ordered to regulate, and the bridge follows a step later.
     bridge_on: bool,
-    /// The bridge was closed at the last step of the sequence.
+    /// The bridge was told to be closed at the last step of the sequence.
+    told: bool,
+    /// And was, or was told so for the first time.
     closed: bool,
     /// Of positive current in counts, 1 or -1.
     direction: u32,
@@ -221,6 +223,7 @@ impl<B: BoardKind> Motor<B> {
             limiting: Limiting::empty(),
             watched: Watched::default(),
             bridge_on: false,
+            told: false,
             closed: false,
             direction: 1,
             angle_per_increment,
@@ -381,6 +384,10 @@ impl<B: BoardKind> Motor<B> {
         if let Some(commutation) = &mut self.commutation {
             commutation.shift(difference);
         }
+        if let Some(alignment) = &mut self.alignment {
+            alignment.shift(difference);
+        }
+        self.brake.shift(difference);
     }
 
     /// Sends the current loop its order for this tick: the current that the loops want, at the velocity that they measured.

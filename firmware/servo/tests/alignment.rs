@@ -304,3 +304,29 @@ fn no_current_is_refused() {
         assert_eq!(result, Err(CommutationError::Current { actual }));
     }
 }
+
+#[test]
+fn a_zero_that_moves_during_the_search_does_not_disturb_it() {
+    // Of homing, at the instants at which the stages of the search are under way.
+    for ticks in [1, 40, 400, 900, 1_400] {
+        for difference in [-555.25, 0.001, 200_000.0] {
+            let mut motor = Motor::new(180.0, 0.05, 10_000, 0.7);
+            let zero = Position::from_bits((difference * 2_f64.powi(32)) as i64);
+            let mut alignment = Alignment::start(settings(motor.resolution), motor.position());
+            let mut shift = Position::ZERO;
+            let state = (0..40_000).find_map(|tick| {
+                if tick == ticks {
+                    alignment.shift(zero);
+                    shift = zero;
+                }
+                let output = alignment.tick(motor.position() + shift);
+                let error = (degrees(output.angle) - motor.angle.to_degrees() + 540.0).rem_euclid(360.0) - 180.0;
+                motor.tick(&output);
+                (output.state != AlignmentState::Running).then_some((output.state, error))
+            });
+            let (state, error) = state.unwrap();
+            assert_eq!(state, AlignmentState::Done, "{difference} revolutions at tick {ticks}");
+            assert!(error.abs() < 0.3, "{error} degrees, {difference} revolutions at tick {ticks}");
+        }
+    }
+}

@@ -475,3 +475,25 @@ proptest! {
         }
     }
 }
+
+#[test]
+fn a_zero_that_moves_is_no_movement_of_an_axis_that_its_brake_holds() {
+    for ticks in [1, 59, 61, 100, 200] {
+        let mut bench = Bench::released(PARAMETERS);
+        bench.inputs.request = BrakeRequest::Engage;
+        bench.run(ticks);
+        let zero = Position::from_bits(-(555 << 32));
+        bench.inputs.position = bench.inputs.position + zero;
+        bench.sequencer.shift(zero);
+        bench.until(|output| output.finished);
+        assert!(!bench.output.torque && bench.events.is_empty(), "{ticks}: {:?}", bench.events);
+    }
+    // Nor does it show that a brake has opened.
+    let mut bench = Bench::released(PARAMETERS);
+    let zero = Position::from_bits(555 << 32);
+    bench.inputs.position = bench.inputs.position + zero;
+    bench.sequencer.shift(zero);
+    bench.inputs.blocked = true;
+    bench.run(40);
+    assert!(matches!(bench.events[..], [BrakeError::BrakeStuck { .. }]), "{:?}", bench.events);
+}

@@ -457,3 +457,25 @@ fn new_gains_are_taken_over_in_motion_without_a_bump() {
     let seen: Vec<Seen> = (0..50).flat_map(|_| bench.position_cycle(master.next(5.0, 0.0))).collect();
     within("largest following error in counts", largest(following_errors(&seen)), 0.9..2.2);
 }
+
+#[test]
+fn a_halt_while_the_loops_turn_the_shaft_back_does_not_make_it_faster() {
+    for sign in [1.0, -1.0] {
+        for standing in [8, 9, 10, 11, 12, 13, 15] {
+            let setup = Setup::of(ReferenceAxis::catalogue()).with_cycle(8);
+            let mut bench = Bench::new(&setup);
+            bench.start(Mode::Position);
+            let mut place = 0.0;
+            for cycle in 0..30 + standing {
+                place += if cycle < 30 { -sign * 667.0 / 60_000.0 } else { 0.0 };
+                bench.position_cycle(revolutions(place));
+            }
+            let before = of_radians(bench.tick().velocity) * sign;
+            bench.axis.set_mode(Mode::Halt);
+            let fastest = highest(bench.run(0.1).iter().map(|seen| of_radians(seen.velocity) * sign));
+            println!("{standing} ms: {before:.1} rpm, then {fastest:.1} rpm");
+            // Left alone it comes to 207 rpm.
+            assert!(before > 80.0 && fastest < 222.0, "{standing} ms: {before} rpm, then {fastest} rpm");
+        }
+    }
+}

@@ -7,6 +7,7 @@ mod alignment_on_machine;
 mod bench;
 mod brake;
 mod brake_load;
+mod caught_on_machine;
 mod closed_loop;
 mod current_bench;
 mod current_on_machine;

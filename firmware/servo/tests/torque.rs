@@ -29,12 +29,12 @@ fn the_current_is_the_command_until_the_velocity_limit_takes_over_without_a_step
         let first_held = outputs.iter().position(|output| !output.limiting.is_empty()).unwrap();
         assert!(outputs[..first_held].iter().all(|output| output.current == fraction(sign * 0.2)));
         let at_hand_over = sign * to_rpm(outputs[first_held].velocity);
-        assert!((0.9 * LIMIT_RPM..1.02 * LIMIT_RPM).contains(&at_hand_over), "{at_hand_over} rpm");
+        assert!((0.65 * LIMIT_RPM..0.9 * LIMIT_RPM).contains(&at_hand_over), "{at_hand_over} rpm");
         let last = &outputs[20_000..];
         let off = largest(last.iter().map(|output| to_rpm(output.velocity) - sign * LIMIT_RPM));
         assert!(off < 0.02 * LIMIT_RPM, "{off} rpm off the limit");
         let overshoot = largest(outputs.iter().map(|output| to_rpm(output.velocity))) - LIMIT_RPM;
-        assert!((0.0..5.0).contains(&overshoot), "{overshoot} rpm");
+        assert!((0.0..1.5).contains(&overshoot), "{overshoot} rpm");
         let steps =
             largest(outputs[1..].windows(2).map(|pair| f64::from((pair[1].current - pair[0].current).to_num::<f32>())));
         assert!(steps < 0.1, "{steps} of the peak current in a tick");
@@ -76,10 +76,12 @@ fn torque_commands_are_ignored_in_other_modes_and_start_at_zero() {
 fn the_way_into_velocity_mode_keeps_the_current() {
     let mut bench = torque_bench(1.0);
     bench.axis.command_torque(fraction(0.2));
-    let before = *bench.ticks(2_000).last().unwrap();
+    let seen = bench.ticks(2_000);
+    // At the limit the current swings with the steps of the encoder.
+    let before: f64 = seen[1_600..].iter().map(|output| output.current.to_num::<f64>()).sum::<f64>() / 400.0;
     bench.axis.set_mode(Mode::Velocity);
     let after = bench.tick();
-    let step = (after.current - before.current).to_num::<f64>().abs();
+    let step = (after.current.to_num::<f64>() - before).abs();
     assert!(step < 0.02, "{step} of the peak current");
 }
 

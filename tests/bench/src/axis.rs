@@ -71,9 +71,9 @@ pub fn commissioned(axis: &ReferenceAxis) -> Vec<(Idn, Value)> {
     ]
 }
 
-/// The speed in 10^-4 rpm that the board's inputs count: each track keeps its level, two increments, for nine samples of 84 MHz.
+/// The speed in 10^-4 rpm that the board's inputs count: a little less than each track keeping its level, two increments, for nine samples of 84 MHz.
 fn countable(encoder: &plant::Encoder) -> u32 {
-    let rate = 2.0 * 84e6 / 9.0;
+    let rate = 18.6e6;
     // Overspeed is a quarter above S-0-0113.
     (rate / 1.25 / f64::from(encoder.increments_per_revolution) * 60.0 * 1e4) as u32 - 20_000
 }

@@ -48,6 +48,10 @@ pub struct MotorSideState {
     phases: [u16; 2],
     index_seen: u32,
     probes: [[Option<u32>; 2]; 2],
+    /// Positive ones of probe 1.
+    probe_1_edges: u32,
+    /// Of main power, gate drivers and safe torque off.
+    pin_changes: u32,
     timer: ModulationTimer,
     /// When the bridge was last switched off while it was on, and the coil's current.
     off: [Option<Nanoseconds>; 2],
@@ -156,6 +160,8 @@ impl MotorSideState {
             phases: [0; 2],
             index_seen: 0,
             probes: [[None; 2]; 2],
+            probe_1_edges: 0,
+            pin_changes: 0,
             timer: ModulationTimer::new(clock_ppm),
             off: [None; 2],
             late_cycles: 0,
@@ -177,9 +183,10 @@ impl MotorSideState {
             coil: self.brake_open,
             main_power: self.inputs.main_power,
             bridge_ready: self.inputs.bridge_ready,
+            pin_changes: self.pin_changes,
             safe_torque: self.inputs.safe_torque_1 && self.inputs.safe_torque_2,
             home_switch: self.inputs.home_switch,
-            probe_1: self.inputs.probe_1,
+            probe_1_edges: self.probe_1_edges,
             late: self.late_cycles > 0,
         }
     }
@@ -207,6 +214,14 @@ impl MotorSideState {
         }
         if self.breaks && !self.inputs.bridge_ready {
             self.trip(now);
+        }
+        let pins =
+            |inputs: &Inputs| (inputs.main_power, inputs.bridge_ready, inputs.safe_torque_1, inputs.safe_torque_2);
+        if pins(&before) != pins(&self.inputs) {
+            self.pin_changes += 1;
+        }
+        if self.inputs.probe_1 && !before.probe_1 {
+            self.probe_1_edges += 1;
         }
         for (probe, before, after) in
             [(0, before.probe_1, self.inputs.probe_1), (1, before.probe_2, self.inputs.probe_2)]

@@ -170,6 +170,11 @@ impl Coverage {
                 never.push(format!("{name} written in CP4 and accepted"));
             }
         }
+        for (law, looked) in self.seen.get("law looked").into_iter().flatten() {
+            if *looked == 0 {
+                never.push(format!("law with something to look at: {law}"));
+            }
+        }
         for mode in ["1", "2", "3", "11", "19", "27", "531", "539"] {
             if !has("mode followed", mode) {
                 never.push(format!("operation mode {mode} followed"));

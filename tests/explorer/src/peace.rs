@@ -67,6 +67,7 @@ pub(crate) fn make(run: &mut Run) -> Result<(), Stop> {
     if alive && run.services.may_be_locked {
         run.rig.unlock()?;
     }
+    run.told_an_angle |= run.services.has_taken(COMMUTATION_ANGLE);
     run.rig.is_another |= run.services.started.iter().any(|idn| WRITERS.contains(idn));
     if !alive || run.rig.is_another || !restore(run)? {
         run.coverage.count("peace", "by a run-up");
@@ -164,12 +165,12 @@ fn run_up(run: &mut Run) -> Result<(), Stop> {
             run.rig.axis.settings.push((idn, value));
         }
     }
-    let result = run.run_up(true, &[]);
+    let result = let_go(run).and_then(|()| run.run_up(true, &[]));
     run.rig.axis.settings = before;
     match result {
         Err(Stop::Refused(reason)) => {
-            if !run.proven {
-                // Perhaps it is not what was tried that is refused, but the axis.
+            // Perhaps it is not what was tried that is refused, but the axis; what was tried in CP2 may have mended it.
+            if !run.proven || !run.rig.axis.also.is_empty() {
                 Rig::new(&run.rig.axis)?.run_up()?;
             }
             Err(Stop::Broken { law: LAW.to_owned(), detail: format!("the last run-up is refused: {reason}") })
@@ -183,6 +184,21 @@ fn run_up(run: &mut Run) -> Result<(), Stop> {
         }
         other => other,
     }
+}
+
+/// An axis that its brake did not hold is held by its torque, in every phase, until it is switched on and off again. As long as it is, the
+/// defaults are not loaded: it runs up with its own data without them first.
+fn let_go(run: &mut Run) -> Result<(), Stop> {
+    if !run.rig.bridge_is_on() {
+        return Ok(());
+    }
+    run.coverage.count("peace", "of an axis that was held by its torque");
+    let is_another = std::mem::replace(&mut run.rig.is_another, false);
+    run.run_up(true, &[])?;
+    run.rig.is_another = is_another;
+    come_back_from(run)?;
+    run.rig.master().switch(0);
+    stand(run)
 }
 
 /// For the coverage: what the drive says about itself.
@@ -212,9 +228,10 @@ fn reset(run: &mut Run) -> Result<(), Stop> {
     Ok(())
 }
 
-/// An axis whose angle was kept elsewhere gets it again, if the drive has lost it.
+/// An axis whose angle was kept elsewhere gets it again, if the drive has lost it or was told another one.
 fn know_the_angle(run: &mut Run) -> Result<(), Stop> {
-    if run.rig.axis.aligned && run.rig.read(COMMUTATION_STATE)? == Some(0) && run.rig.rpm().abs() < 0.5 {
+    let unknown = run.told_an_angle || run.rig.axis.aligned && run.rig.read(COMMUTATION_STATE)? == Some(0);
+    if unknown && run.rig.rpm().abs() < 0.5 {
         let angle = run.rig.commutation_angle();
         if let Err(code) = run.rig.write(COMMUTATION_ANGLE, angle)? {
             let detail = format!("P-0-0118 is refused with {code:04X}H at rest, without torque");

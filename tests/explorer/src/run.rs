@@ -52,6 +52,8 @@ pub(crate) struct Run {
     going_on: Option<(Fault, u64)>,
     /// The axis was in CP4 with its own settings.
     pub(crate) proven: bool,
+    /// P-0-0118 was written by the life: not with the angle of the motor.
+    pub(crate) told_an_angle: bool,
     /// When CP4 began, moved on by what run-ups take.
     base: Nanoseconds,
     hash: u64,
@@ -88,6 +90,7 @@ fn live_on(life: &Life) -> Outcome {
                 unexplained: None,
                 going_on: None,
                 proven: false,
+                told_an_angle: false,
                 base: Nanoseconds::ZERO,
                 hash: 0,
             };

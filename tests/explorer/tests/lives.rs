@@ -1,6 +1,7 @@
 //! Lives that once broke a law, lived again, and what the explorer promises of itself.
 
 use explorer::dice::seed_of_life;
+use explorer::life::Action;
 use explorer::work::told;
 use explorer::{Ending, Life, life_of, live};
 use std::path::Path;
@@ -67,4 +68,37 @@ fn a_life_reads_like_a_sentence() {
     let text = life.to_string();
     assert!(text.starts_with("axis ") && text.contains("; CP4; at ") && text.ends_with(" ms more."), "{text}");
     assert_eq!(text.lines().count(), 1);
+}
+
+/// Laws that need an axis which rests while nothing disturbs it.
+const QUIET_LAWS: [&str; 3] = [
+    "what the drive does by itself goes the way that it was told",
+    "after homing with a marker, the reference point lies S-0-0150 from it",
+    "after the cause is gone, S-0-0099 and a fresh edge always bring the axis back",
+];
+
+#[test]
+fn lives_that_begin_in_peace_give_every_quiet_law_something_to_look_at() {
+    let mut looked = [0; QUIET_LAWS.len()];
+    // Homing that is waited for, of an axis that knows its angle, right at the beginning.
+    let begins_at_rest = |life: &Life| {
+        let begun = life.events.iter().position(|event| matches!(event.action, Action::Start(148)));
+        let ended = life.events.iter().position(|event| matches!(event.action, Action::Cancel(148)));
+        let waits = |begun: usize, ended: usize| life.events[ended].at >= life.events[begun].at + 400_000;
+        life.axis.aligned
+            && life.axis.also.is_empty()
+            && begun.zip(ended).is_some_and(|(begun, ended)| begun < 8 && waits(begun, ended))
+    };
+    let lives = (0..2_000).map(|index| life_of(seed_of_life(4, index))).filter(begins_at_rest).take(12);
+    for mut life in lives {
+        let homed = life.events.iter().position(|event| matches!(event.action, Action::Cancel(148))).unwrap();
+        life.events.truncate(homed + 2);
+        let outcome = live(&life);
+        assert!(!matches!(outcome.ending, Ending::Broken { .. }), "{}", told(&life, &outcome));
+        let seen = &outcome.coverage.seen["law looked"];
+        for (looked, law) in looked.iter_mut().zip(QUIET_LAWS) {
+            *looked += seen[law];
+        }
+    }
+    assert!(looked.iter().all(|looked| *looked > 0), "{looked:?}");
 }

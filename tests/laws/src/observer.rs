@@ -32,6 +32,11 @@ const CHANGERS: [(u16, &[u16]); 4] = [
     (0x8000 | 226, &[0x8000 | 221]),
 ];
 
+/// Commands that begin with an axis without a reference, or end with another one.
+const HOMINGS: [u16; 3] = [148, 191, 447];
+/// P-0-0118.
+const COMMUTATION_ANGLE: u16 = 0x8000 | 118;
+
 /// A count that has slipped is found so late: in four loop ticks, and what is between them.
 const SLIP: Nanoseconds = Nanoseconds::from_millis(1);
 /// An MST that comes so much too early or too late is not in time.
@@ -88,6 +93,7 @@ impl Observer {
             troubled: None,
             deceived: false,
             slipped: None,
+            in_step_at: 0,
             pins_changed: None,
             bridge_changed: None,
             command: None,
@@ -160,7 +166,7 @@ impl Observer {
         if sight.machine.load_torque != 0.0 && scene.load_is_stronger() {
             scene.overpowered = Some(sight.time);
         }
-        if sight.is_troubled(scene.machine.supply.voltage) {
+        if sight.is_troubled(scene.machine.supply.voltage) || before.pin_changes != sight.pin_changes {
             scene.troubled = Some(sight.time);
         }
         let lies = |sight: &Sight| sight.machine.blind || sight.machine.encoder_frozen;
@@ -169,9 +175,10 @@ impl Observer {
         }
         let slips = scene.slipped.is_some_and(|then| sight.time.saturating_sub(then) <= SLIP);
         scene.deceived |= lies(&sight) || slips;
-        // What is switched on now has looked for its angle again, and is told the truth, unless the count has slipped while it was.
-        scene.deceived &= before.bridge || !sight.bridge || lies(&sight) || slips;
-        let pins = |sight: &Sight| (sight.main_power, sight.bridge_ready, sight.safe_torque);
+        // What is switched on now has looked for its angle again, and is told the truth, unless the count has slipped while it was, or by so much that
+        // an angle that is still the old one is wrong.
+        scene.deceived &= before.bridge || !sight.bridge || lies(&sight) || slips || scene.is_out_of_step();
+        let pins = |sight: &Sight| (sight.main_power, sight.bridge_ready, sight.safe_torque, sight.pin_changes);
         if pins(&before) != pins(&sight) {
             scene.pins_changed = Some(sight.time);
         }
@@ -218,12 +225,18 @@ impl Observer {
                 if COMMANDS.contains(&idn.0) {
                     scene.commanded = Some(scene.now);
                 }
+                if idn.0 == COMMUTATION_ANGLE {
+                    scene.in_step_at = scene.sight.machine.slipped;
+                }
                 if matches!(idn.0, 148 | 447) {
                     scene.homing = words[..] == [3];
                 }
                 match words[..] {
                     [3] => {
                         scene.command = Some(*idn);
+                        if HOMINGS.contains(&idn.0) {
+                            scene.settings.forget(Idn(403));
+                        }
                         for changed in
                             CHANGERS.iter().filter(|(command, _)| *command == idn.0).flat_map(|(_, all)| *all)
                         {

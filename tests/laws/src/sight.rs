@@ -18,12 +18,14 @@ pub struct Sight {
     pub main_power: bool,
     /// Pin: the gate drivers are ready.
     pub bridge_ready: bool,
+    /// How often main power, gate drivers or a channel of safe torque off have come or gone so far: a pulse may lie between two looks.
+    pub pin_changes: u32,
     /// Pins: both channels of safe torque off allow torque.
     pub safe_torque: bool,
     /// Pin: the home switch.
     pub home_switch: bool,
-    /// Pin: probe 1.
-    pub probe_1: bool,
+    /// Positive edges that the pin of probe 1 has had: two of them may come between two looks.
+    pub probe_1_edges: u32,
     /// The processor is kept from its work.
     pub late: bool,
 }

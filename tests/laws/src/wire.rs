@@ -9,6 +9,8 @@ use crate::settings::Settings;
 
 /// This many telegrams in a row that do not come are a lost ring (sercos2.md 2.4), and half a cycle more until it is sure.
 const LOST_AFTER_HALF_CYCLES: u64 = 5;
+/// An MST is taken for sure within this.
+const WINDOW: Nanoseconds = Nanoseconds::from_microseconds(1);
 /// Control word bits 15 and 14.
 const SWITCHED_ON: u16 = control::ON | control::ENABLE;
 
@@ -73,7 +75,7 @@ impl Wire {
     pub(crate) fn arrived(&mut self, end: Nanoseconds, bytes: &[u8], settings: &Settings) -> Option<Telegram> {
         match *bytes {
             [BROADCAST, phase] => {
-                self.take_phase(end, phase);
+                self.take_phase(end, phase, settings);
                 Some(Telegram::Mst)
             }
             [address, ref data @ ..] => {
@@ -91,10 +93,10 @@ impl Wire {
         }
     }
 
-    fn take_phase(&mut self, end: Nanoseconds, phase: u8) {
+    fn take_phase(&mut self, end: Nanoseconds, phase: u8, settings: &Settings) {
         self.mst_before = self.mst;
         self.mst = end;
-        if phase == self.phase {
+        if phase == self.phase || self.misses(settings) {
             return;
         }
         self.disordered = phase != 0 && (self.disordered || phase != self.phase + 1 || phase > 4);
@@ -107,6 +109,14 @@ impl Wire {
         self.released = false;
         self.records = 0;
         self.answers = 0;
+    }
+
+    /// From CP3 on the chip may not take an MST that is beside its time, and the drive does not see its phase. If it does it falls silent, which is
+    /// a lost ring. One that comes after a gap is taken.
+    fn misses(&self, settings: &Settings) -> bool {
+        let cycle = settings.unsigned(Idn::CYCLE).unwrap_or(2_000).unsigned_abs() * 1_000;
+        let beside = self.mst.saturating_sub(self.mst_before).0.abs_diff(cycle);
+        self.phase >= 3 && beside > WINDOW.0 && beside < cycle / 4
     }
 
     fn take_record(&mut self, end: Nanoseconds, own: &[u8], settings: &Settings) {
@@ -250,6 +260,18 @@ mod tests {
         // Telegram type 4 is the default.
         assert_eq!(wire.command(Idn::POSITION_COMMAND), Some(123_456));
         assert!(!wire.disordered);
+    }
+
+    #[test]
+    fn an_mst_beside_its_time_brings_no_phase() {
+        for (late, phase) in [(0, 2), (900, 2), (-900, 2), (6_000, 4), (-6_000, 4), (2_000_000, 2)] {
+            let (settings, mut wire) = (Settings::default(), Wire::new(1));
+            for (cycle, phase) in (0..).zip([0, 1, 2, 3, 4, 4]) {
+                wire.arrived(Nanoseconds(cycle * 2_000_000), &[255, phase], &settings);
+            }
+            wire.arrived(Nanoseconds(12_000_000_u64.strict_add_signed(late)), &[255, 2], &settings);
+            assert_eq!((wire.phase, wire.disordered), (phase, phase != 4), "{late} ns");
+        }
     }
 
     #[test]

@@ -39,4 +39,6 @@ pub struct Glance {
     pub kicks: u32,
     /// How often so far the encoder was given counts that no movement had caused.
     pub slips: u32,
+    /// What they add up to.
+    pub slipped: i32,
 }

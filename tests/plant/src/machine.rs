@@ -61,6 +61,8 @@ pub struct Machine {
     last_cable: Cable,
     /// How often the shaft was given a velocity, and the encoder counts that no movement had caused.
     interventions: [u32; 2],
+    /// Counts that the encoder was given without a movement.
+    slipped: i32,
     /// A whole step has left the state as it was, bit for bit: so will every other one until an input changes.
     still: bool,
     asked: Asked,
@@ -117,6 +119,7 @@ impl Machine {
             last_outside: outside,
             last_cable: Cable::sound(),
             interventions: [0; 2],
+            slipped: 0,
             still: false,
             asked: Asked(None),
         }
@@ -183,7 +186,10 @@ impl Machine {
     fn apply(&mut self, input: Input) {
         let state = &mut self.state;
         self.interventions[0] += u32::from(matches!(input, Input::Velocity(_)));
-        self.interventions[1] += u32::from(matches!(input, Input::Slip(_)));
+        if let Input::Slip(counts) = input {
+            self.interventions[1] += 1;
+            self.slipped = self.slipped.wrapping_add(counts);
+        }
         match input {
             Input::Velocity(velocity) => {
                 state.shafts = self.settings.mechanics.together(state.shafts.turn, velocity);

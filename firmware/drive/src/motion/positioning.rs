@@ -109,6 +109,12 @@ impl Positioning {
         self.source.is_some()
     }
 
+    /// The next step begins from where the axis is: a mode with a target has just become active, or the movement goes on.
+    #[inline]
+    pub(super) const fn takes_over(&self) -> bool {
+        self.source.is_some() && self.begins
+    }
+
     /// A phase begins: nothing is left of the last one.
     pub(super) fn reset(&mut self) {
         *self = Self::default();

@@ -44,6 +44,10 @@ impl<B: Bus + Clone, H: Hardware> Motion<B, H> {
         }
         self.look_after_the_motor(index);
         self.update_state();
+        if self.positioning.takes_over() {
+            // From where the axis has just been looked at: by the other half a load that sags has gone on.
+            self.position_to_target();
+        }
         let index = index.map(|count| self.encoder.position_of(count));
         self.function.note_marker(index);
         self.step_sequence(index);
@@ -132,10 +136,12 @@ impl<B: Bus + Clone, H: Hardware> Motion<B, H> {
         let (axis, encoder, output) = (&self.axis, &self.encoder, &self.output);
         let in_operation = self.operation.state().is_in_operation();
         let range = self.settings.coordinates.range;
-        self.reference.is_left(self.settings.position_limits, || {
+        let (reference, limits) = (self.reference, self.settings.position_limits);
+        self.reference.is_left(limits, || {
             let position = encoder.position();
             // With the zero of the data: the nearer one of a modulo axis.
-            let measured = range.around_zero(axis.cyclic_position(position));
+            let swing = limits.map_or(Position::ZERO, |limits| limits.swing);
+            let measured = reference.beside_the_last(range, axis.cyclic_position(position), swing);
             let commanded = match axis.mode() {
                 _ if !in_operation => Commanded::Nothing,
                 // A stop leads nowhere, and a place is held where the axis has come to.

@@ -28,6 +28,8 @@ pub struct VelocityLoopSettings {
     /// What the proportional gain makes of the error, to 2^-57 of the peak current per tick.
     integral: i32,
     acceleration: AccelerationGain,
+    /// 2^ so many ticks are half of the integral action time.
+    time_constant: u32,
 }
 
 impl VelocityLoopSettings {
@@ -57,7 +59,10 @@ impl VelocityLoopSettings {
         let denominator = u128::from(peak_current).saturating_mul(1 << 11).saturating_mul(unit);
         let factor = quotient(numerator, denominator).filter(|factor| *factor < HIGHEST_GAIN << 64).ok_or(too_high)?;
         let proportional = LimitedGain::from_ratio(numerator, denominator).ok_or(too_high)?;
-        // A tick is 1.25 times 0.1 ms.
+        // To the nearest power of two; a tick is 1.25 times 0.1 ms.
+        let half = u32::from(integral_time).saturating_mul(2) / 5;
+        let square = half.saturating_mul(half).saturating_mul(2);
+        let time_constant = square.checked_ilog2().map_or(TIME_CONSTANT, |bits| bits / 2);
         let times = u128::from(integral_time).saturating_mul(4);
         let per_tick = factor.saturating_mul(5).checked_div(times).unwrap_or(0);
         // fraction [2^-25] = a [2^-42 rev/tick²] * 2^-17 * 2 pi * 8000² * gain / peak current
@@ -68,6 +73,7 @@ impl VelocityLoopSettings {
             proportional,
             integral: proportional.mantissa_of(per_tick),
             acceleration: AccelerationGain::from_ratio(of_acceleration, per_peak).ok_or(too_high)?,
+            time_constant,
         })
     }
 
@@ -78,11 +84,25 @@ impl VelocityLoopSettings {
         self.acceleration.apply(acceleration)
     }
 
+    /// What the proportional part makes of a velocity, in 2^-25 of the peak current, within 16 peaks.
+    pub(crate) fn current_for(&self, velocity: i32) -> i32 {
+        self.proportional.apply(velocity)
+    }
+
+    /// The time in which the proportional part alone would take the shaft to its command: half of the integral action time at most, in 2^ so
+    /// many ticks.
+    pub(crate) const fn time_constant(&self) -> u32 {
+        self.time_constant
+    }
+
     /// From an acceleration to that current.
     pub(crate) const fn acceleration(&self) -> AccelerationGain {
         self.acceleration
     }
 }
+
+/// Of a loop without integral part: 2^5 ticks, 4 ms.
+const TIME_CONSTANT: u32 = 5;
 
 /// A velocity step may make 2^-7 of the peak current.
 const HIGHEST_GAIN: u128 = 1 << 18;
@@ -120,6 +140,13 @@ impl VelocityLoop {
     #[must_use]
     pub const fn pushes(&self, velocity: Velocity) -> bool {
         (self.integral > 0 && velocity.to_bits() > 0) || (self.integral < 0 && velocity.to_bits() < 0)
+    }
+
+    /// The velocity error is over at once, and what the proportional part made of it: no more of the integral part is kept than what flowed of
+    /// both together.
+    pub fn keep_at_most(&mut self, current: CurrentFraction) {
+        let flowed = i64::from(current.to_bits()) << (MORE_BITS + 32);
+        self.integral = flowed.clamp(self.integral.min(0), self.integral.max(0));
     }
 
     /// Starts with this current at zero velocity error: bumpless start against a known load.

@@ -158,6 +158,11 @@ enum Stage {
 }
 
 impl Alignment {
+    /// Moves the zero of the position by `difference` without a movement.
+    pub fn shift(&mut self, difference: Position) {
+        self.origin = self.origin + difference;
+    }
+
     /// Begins at this position; the motor stands, its brake is open.
     #[must_use]
     pub const fn start(settings: AlignmentSettings, position: Position) -> Self {

@@ -98,6 +98,8 @@ pub struct MotorModel {
     quadrature: i32,
     /// Half of that of the magnets.
     half_magnet: i32,
+    /// Flux of the peak current as a share of that of the magnets, 2^-16; 0: not known.
+    flux_of_peak: u32,
 }
 
 impl MotorModel {
@@ -123,11 +125,35 @@ impl MotorModel {
             }
         };
         let of_inductance = |inductance: u32| i128::from(inductance).saturating_mul(peak_current.into());
+        let of_peak = u64::from(direct_inductance).saturating_mul(peak_current.into());
+        // uH * mA are nVs.
+        let flux_of_peak = (of_peak << 16).checked_div(u64::from(flux).saturating_mul(1_000)).unwrap_or(0);
         Ok(Self {
             direct: factor(of_inductance(direct_inductance))?,
             quadrature: factor(of_inductance(quadrature_inductance))?,
             half_magnet: factor(i128::from(flux).saturating_mul(1_000))? >> 1,
+            flux_of_peak: u32::try_from(flux_of_peak).unwrap_or(u32::MAX),
         })
+    }
+
+    /// Flux-producing current, 0 or negative, with which magnets that induce `magnets` leave hardly more than `held`, both in volt 2^-14.
+    ///
+    /// It is looked for bit by bit: nothing divides where it is asked for.
+    #[must_use]
+    pub fn weakening(&self, magnets: i32, held: i32) -> CurrentFraction {
+        // In volt 2^-5, 2 047 V at most.
+        let [magnets, held] = [magnets, held].map(|voltage| (voltage.unsigned_abs() >> 9).min(0xFFFF));
+        let excess = u64::from(magnets.saturating_sub(held)) << 15;
+        let of_peak = u64::from(magnets).wrapping_mul(self.flux_of_peak.into()) >> 16;
+        if excess == 0 || of_peak == 0 {
+            return CurrentFraction::ZERO;
+        }
+        let current = (0..15).rev().fold(0_i16, |current, bit| {
+            let more = current | 1 << bit;
+            // Below 2^47.
+            if of_peak.wrapping_mul(u64::from(more.unsigned_abs())) <= excess { more } else { current }
+        });
+        CurrentFraction::from_bits(current.wrapping_neg())
     }
 
     /// Voltages (d, q) in volt 2^-14 that the rotation induces at this electrical speed, in 2^-32 revolution per tick.
@@ -164,6 +190,23 @@ mod tests {
         assert!((volts(quadrature) - omega * (0.2 - 0.005 * 5.0)).abs() < 0.01, "{}", volts(quadrature));
         assert_eq!(MotorModel::new(0, 0, 2_500_000, 1), Err(SettingsError::FluxLinkage));
         assert_eq!(MotorModel::new(300_000, 0, 1, 10_000), Err(SettingsError::FluxLinkage));
+    }
+
+    #[test]
+    fn what_weakens_the_field_takes_the_voltage_of_the_magnets_to_what_is_held_in_both_directions() {
+        // 0.2 Vs, 5 mH at 10 A: the peak current makes a quarter of the flux.
+        let model = MotorModel::new(5_000, 8_000, 200_000, 10_000).unwrap();
+        let volts = |volts: f64| (volts * 16_384.0) as i32;
+        for (magnets, held) in [(200.0, 181.0), (-200.0, 181.0), (1_000.0, 990.0), (60.0, 50.0)] {
+            let current = model.weakening(volts(magnets), volts(held)).to_num::<f64>();
+            let expected = -(1.0 - held / f64::abs(magnets)) * 4.0;
+            assert!((current - expected).abs() < 0.003, "{magnets} V: {current}, not {expected}");
+        }
+        assert_eq!(model.weakening(volts(180.0), volts(181.0)), CurrentFraction::ZERO, "there is voltage enough");
+        assert_eq!(model.weakening(0, 0), CurrentFraction::ZERO);
+        assert_eq!(model.weakening(volts(500.0), 0), CurrentFraction::from_bits(-i16::MAX), "never beyond the peak");
+        let unknown = MotorModel::new(0, 0, 200_000, 10_000).unwrap();
+        assert_eq!(unknown.weakening(volts(500.0), volts(181.0)), CurrentFraction::ZERO);
     }
 
     #[test]

@@ -3,8 +3,11 @@
 //! An integrator compares the length of the voltage vector with a share of the longest one. It needs no data of the motor but one: its
 //! limit must not be above the current that cancels the flux of the magnets, flux / inductance, because beyond it more current raises
 //! the voltage again. What the peak current leaves beside the flux-producing current is the limit of the torque-producing one.
+//!
+//! A bridge that is closed on a motor that is already too fast leaves the integrator no time: within a millisecond the magnets would drive more
+//! current than the bridge bears. There it starts with what the data of the motor say.
 
-use super::command::BusScale;
+use super::command::{BusScale, MotorModel};
 use super::readings::CurrentReadings;
 use crate::arithmetic::division::divide_rounding;
 use crate::arithmetic::trigonometry::high_product;
@@ -30,7 +33,8 @@ pub struct FieldWeakeningParameters {
 pub struct FieldWeakeningSettings {
     /// Largest flux-producing current, 2^-30 of peak.
     limit: i32,
-    /// Square of the voltage that is held, 2^-30 of the longest vector's.
+    /// Voltage that is held, 2^-31 of the longest vector, and its square, 2^-30.
+    held: i32,
     square: i32,
     /// From the difference of squares, 2^-30, to the current per tick of the supervision, 2^-30 of peak, in 2^-32.
     rate: i32,
@@ -38,7 +42,7 @@ pub struct FieldWeakeningSettings {
 
 impl FieldWeakeningSettings {
     /// Without field weakening.
-    pub const OFF: Self = Self { limit: 0, square: 0, rate: 0 };
+    pub const OFF: Self = Self { limit: 0, held: 0, square: 0, rate: 0 };
 
     /// Scales the parameters. Divides.
     ///
@@ -52,6 +56,7 @@ impl FieldWeakeningSettings {
         // All below 2^31. A tick is 5 times 0.1 ms.
         Ok(Self {
             limit: divide_rounding(i128::from(limit) << 30, 10_000) as i32,
+            held: divide_rounding(i128::from(voltage) << 31, 10_000) as i32,
             square: divide_rounding(square << 30, 100_000_000) as i32,
             rate: divide_rounding(5 << 32, time.into()) as i32,
         })
@@ -84,9 +89,23 @@ impl FieldWeakening {
         Self { direct: 0 }
     }
 
-    /// Back to the full field: for the moment when the bridge is switched on.
+    /// Back to the full field: without a bridge there is nothing to weaken it with.
     pub fn reset(&mut self) {
         self.direct = 0;
+    }
+
+    /// Starts with what a bridge needs that is switched on while the magnets induce this voltage, volt 2^-14.
+    pub fn preset(
+        &mut self,
+        settings: &FieldWeakeningSettings,
+        model: &MotorModel,
+        magnets: i32,
+        bus: &BusScale,
+    ) -> WeakeningOutput {
+        let held = high_product(bus.longest, settings.held).wrapping_shl(1);
+        let wanted = i32::from(model.weakening(magnets, held).to_bits()).wrapping_shl(15);
+        self.direct = wanted.max(settings.limit.wrapping_neg());
+        self.output()
     }
 
     /// One tick of the supervision, with what the current loop gave last and the bus voltage that it worked with.
@@ -103,6 +122,11 @@ impl FieldWeakening {
         let margin = settings.square.wrapping_sub(direct.wrapping_add(quadrature));
         let grown = self.direct.wrapping_add(high_product(margin, settings.rate));
         self.direct = grown.min(0).max(settings.limit.wrapping_neg());
+        self.output()
+    }
+
+    #[inline]
+    fn output(&self) -> WeakeningOutput {
         // Within -0.9 ..= 0 of 2^15.
         let direct = (self.direct.wrapping_add(1 << 14) >> 15) as i16;
         WeakeningOutput {
@@ -204,6 +228,28 @@ mod tests {
         assert!(!weakening.tick(&settings, &readings(&bus, 0.5, 0.5), &bus).active);
         let off = FieldWeakening::new().tick(&FieldWeakeningSettings::OFF, &readings(&bus, 1.0, 0.5), &bus);
         assert!(!off.active && off.quadrature_limit == CurrentFraction::MAX);
+    }
+
+    #[test]
+    fn a_start_at_speed_asks_for_what_the_magnets_have_too_much_and_for_no_more_than_the_limit() {
+        let settings = FieldWeakeningSettings::new(&PARAMETERS).unwrap();
+        // 0.2 Vs, 5 mH at 20 A: the peak current takes half of the flux away.
+        let model = MotorModel::new(5_000, 5_000, 200_000, 20_000).unwrap();
+        let bus = bus(320);
+        let longest = f64::from(bus.longest()) / 16_384.0;
+        let start = |magnets: f64| {
+            let mut weakening = FieldWeakening { direct: -1 << 20 };
+            weakening.preset(&settings, &model, (magnets * 16_384.0) as i32, &bus)
+        };
+        for sign in [-1.0, 1.0] {
+            let output = start(sign * longest);
+            assert!(output.active && (output.direct.to_num::<f64>() + 0.1).abs() < 0.001, "5 % of it: {output:?}");
+            assert_eq!(start(sign * 3.0 * longest).direct, CurrentFraction::from_num(-0.6));
+            let below = start(sign * 0.94 * longest);
+            assert!(!below.active && below.quadrature_limit == CurrentFraction::MAX, "{below:?}");
+        }
+        let off = FieldWeakening::new().preset(&FieldWeakeningSettings::OFF, &model, i32::MAX, &bus);
+        assert!(!off.active, "{off:?}");
     }
 
     #[test]

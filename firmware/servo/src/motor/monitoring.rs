@@ -44,11 +44,30 @@ impl<B: BoardKind> Motor<B> {
         if self.bridge_on && self.closed {
             self.weaken(&mut faults);
         } else {
-            self.weakening.reset();
-            self.weakened = CurrentFraction::ZERO;
+            self.keep_the_field();
         }
         self.combine_limits();
         faults
+    }
+
+    pub(super) fn keep_the_field(&mut self) {
+        self.weakening.reset();
+        self.weakened = CurrentFraction::ZERO;
+    }
+
+    /// The bridge closes, on a motor that may already be faster than the voltage allows.
+    pub(super) fn begin_to_weaken(&mut self) {
+        if !self.commutates() {
+            return;
+        }
+        let (settings, bus) = (&self.settings, &self.bus_scale);
+        // No current has been asked for: what the rotation induces are the magnets alone.
+        let output = self.weakening.preset(&settings.weakening, &settings.model, self.induced, bus);
+        self.weakened = output.direct;
+        if output.active {
+            self.weakening_limit = Some(output.quadrature_limit);
+            self.combine_limits();
+        }
     }
 
     /// Looks at what takes seconds: temperatures and loads.

@@ -89,7 +89,6 @@ impl<B: BoardKind> Motor<B> {
                 blocked: inputs.blocked,
             },
         );
-        self.closed = inputs.bridge_on;
         if !inputs.bridge_on {
             // What is asked of an open bridge winds up in the current loop.
             self.brake_output.torque_scale = TorqueScale::ZERO;
@@ -102,14 +101,27 @@ impl<B: BoardKind> Motor<B> {
         let bridge = aligning || output.torque;
         // The order has reached the current loop by the next step: then its voltage is that of the turning rotor, and the bridge no short circuit.
         let regulated = core::mem::replace(&mut self.bridge_on, bridge);
+        self.close(bridge && regulated, inputs.bridge_on);
         SequenceOutput {
             released: request == BrakeRequest::Release && output.finished,
             torque_off: !bridge,
-            bridge: bridge && regulated,
+            bridge: self.told,
             brake: output.energise || (aligning && self.settings.has_brake),
             // Only a brake hands a load over. Without one the last current may be that of an axis that was blocked: it would be thrown.
             preload: output.preload.filter(|_| self.settings.has_brake),
             anchor: output.anchor,
+        }
+    }
+
+    /// The bridge is told to be closed or open. When it is told to close it does so before the next order of a tick, which is to have the
+    /// flux-producing current that a fast motor needs from the beginning.
+    fn close(&mut self, told: bool, bridge_on: bool) {
+        let begins = !core::mem::replace(&mut self.told, told);
+        let was_closed = core::mem::replace(&mut self.closed, told && (begins || bridge_on));
+        if !self.closed {
+            self.keep_the_field();
+        } else if !was_closed {
+            self.begin_to_weaken();
         }
     }
 

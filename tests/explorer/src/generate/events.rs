@@ -13,6 +13,9 @@ pub(super) const HALT: u8 = 0b110;
 pub(super) const OFF: u8 = 0b011;
 const DISABLE: u8 = 0b101;
 pub(super) const NOTHING: u8 = 0;
+/// In ms: a load that has changed is forgotten, and a shaft that was fast stands; an axis that has been switched on stays on.
+pub(super) const QUIET: f64 = 600.0;
+const IN_OPERATION: f64 = 320.0;
 
 pub(crate) const FAULTS: [Fault; 26] = [
     Fault::Overcurrent,
@@ -104,8 +107,38 @@ impl Writer<'_> {
             self.event(Action::Switches(FOLLOW));
             self.pause();
             self.wait_for_the_angle();
+            // Before anything has happened, while nothing disturbs what some laws look at.
+            match self.dice.weighted(&[(88, 0_u8), (6, 1), (3, 2), (3, 3)]) {
+                Some(1) => self.home_in_peace(),
+                Some(2) => {
+                    self.wait(QUIET);
+                    self.identify();
+                }
+                Some(3) => self.wait(IN_OPERATION),
+                _ => {}
+            }
         }
         self.overload_at_once();
+    }
+
+    /// A control that waits until all is quiet, resets, switches on and sees that it lasts.
+    pub(super) fn come_back_in_peace(&mut self) {
+        self.event(Action::Switches(NOTHING));
+        self.event(Action::Repair);
+        for idn in [36, 37] {
+            if self.axis.mdt.contains(&idn) {
+                self.event(Action::Set(idn, 0));
+            }
+        }
+        self.event(Action::Align(true));
+        self.event(Action::Load(0));
+        self.wait(QUIET);
+        self.event(Action::Start(99));
+        self.wait(20.0);
+        self.event(Action::Cancel(99));
+        self.wait(20.0);
+        self.event(Action::Switches(FOLLOW));
+        self.wait(IN_OPERATION);
     }
 
     /// A few events that belong together.
@@ -135,6 +168,7 @@ impl Writer<'_> {
             (1, 21),
             (1, 22),
             (1, 24),
+            (1, 25),
             (1, 23),
         ]);
         match kind.unwrap_or(0) {
@@ -161,6 +195,7 @@ impl Writer<'_> {
             21 => self.run_up_with_changes(),
             22 => self.identify(),
             24 => self.probe(),
+            25 => self.come_back_in_peace(),
             23 => self.foreign_data(),
             _ => self.leave_alone(),
         }

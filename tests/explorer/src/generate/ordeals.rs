@@ -2,7 +2,7 @@
 
 use fault_matrix::Fault;
 
-use super::events::{FOLLOW, HALT, NOTHING, Writer};
+use super::events::{FOLLOW, HALT, NOTHING, QUIET, Writer};
 use crate::dice::Dice;
 use crate::life::{Action, Axis, Plant};
 
@@ -62,6 +62,32 @@ impl Writer<'_> {
             2 => self.positive_stop(),
             _ => self.skip_a_check(),
         }
+    }
+
+    /// Homing with a marker or a switch of an axis that rests and that nothing disturbs, to its end.
+    pub(super) fn home_in_peace(&mut self) {
+        self.wait(QUIET);
+        let place = self.value(52);
+        self.event(Action::Write(52, place));
+        if self.dice.chance(60) {
+            let degrees = self.dice.spread(1.0, 300.0);
+            self.event(Action::Write(150, self.units.degrees(degrees)));
+        }
+        // Bits 0: backwards, 2: the switch is at the drive, 5 and 6: without switch, without marker, 7: stops at the reference point.
+        let way = self.dice.pick(&[0x20, 0x20, 0x21, 0xA0, 0xA1, 0x04, 0x05, 0x84, 0x44, 0x45]).unwrap_or(0x20);
+        self.event(Action::Write(147, way));
+        let rpm = 300.0 + 700.0 * self.dice.share();
+        self.event(Action::Write(41, Self::long(self.units.rpm * rpm).max(1)));
+        self.event(Action::Start(148));
+        if way & 0x20 == 0 {
+            self.wait(90.0);
+            self.event(Action::HomeSwitch(true));
+        }
+        self.wait(400.0);
+        self.event(Action::Cancel(148));
+        self.event(Action::Read(403));
+        self.wait(20.0);
+        self.event(Action::HomeSwitch(false));
     }
 
     /// Torque at its limit against a blocked axis, until the motor has had enough.

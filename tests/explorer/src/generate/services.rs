@@ -45,6 +45,8 @@ const SCALING: [u16; 12] = [44, 45, 76, 77, 79, 103, 121, 122, 123, 160, 161, 55
 const SIZED: [u16; 10] = [41, 42, 57, 91, 124, 125, 138, 157, 159, 261];
 /// What a phase protects, to be looked at.
 const PROTECTED: [u16; 12] = [32, 43, 44, 55, 76, 79, 85, 103, 109, 113, 116, 160];
+/// P-0-0118.
+const COMMUTATION_ANGLE: u16 = 0x8000 | 118;
 /// P-0-0003.
 const FINDING: u16 = 0x8003;
 /// S-0-0301 and 303: what a real-time bit can set, and something that it cannot.
@@ -191,6 +193,10 @@ impl Writer<'_> {
     /// A value for a data block of fixed length, within its limits or not.
     pub(super) fn value(&mut self, idn: u16) -> i64 {
         let Some(block) = DICTIONARY.find(sercos::Idn(idn)) else { return 0 };
+        if idn == COMMUTATION_ANGLE {
+            // Another angle than the motor's would turn it anywhere: the drive does what it is told.
+            return self.outside(block).unwrap_or(i64::from(i32::MAX));
+        }
         if MACHINE.contains(&idn) {
             return self.own_or_refused(block);
         }

@@ -132,8 +132,8 @@ impl Law for PositionLimits {
         let homing = scene.command.is_some_and(|idn| matches!(idn.0, 148 | 447 | 191));
         let known =
             scene.position_feedback().zip(settings.signed(Idn(49))).zip(settings.signed(Idn(50))).zip(scene.sense());
-        let sees =
-            acts && referenced && !homing && scene.is_left_alone(GRACE) && scene.wire.phase == 4 && scene.sight.bridge;
+        let alone = scene.is_left_alone(GRACE) && !scene.within(scene.overpowered, GRACE);
+        let sees = acts && referenced && !homing && alone && scene.wire.phase == 4 && scene.sight.bridge;
         let Some((((position, high), low), sense)) = known.filter(|_| sees) else {
             *self = Self::default();
             return Verdict::Silent;

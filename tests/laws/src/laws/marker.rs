@@ -16,6 +16,8 @@ const NO_MARKER: u16 = 0x40;
 const STANDSTILL: f64 = 0.05;
 /// ATs until what stands is shown.
 const SHOWN: u32 = 4;
+/// Values of 32 bits.
+const DATA: f64 = 4_294_967_296.0;
 /// Beside the encoder's steps: its pulse is one of them wide, and has two edges.
 const TOLERANCE: (f64, f64) = (3.0, 3.0);
 
@@ -56,7 +58,9 @@ impl Marker {
         }
         // Every revolution has the marker: how many of them lie between is not told.
         let turned = sense * (machine.angle - scene.machine.encoder.index_at) * units.increments;
-        let off = (feedback - at_marker as f64 - turned).rem_euclid(units.increments);
+        // Data of 32 bits go round, and not after whole revolutions.
+        let way = feedback - at_marker as f64 - turned;
+        let off = (way - DATA * (way / DATA).round()).rem_euclid(units.increments);
         let off = off.min(units.increments - off);
         Verdict::of(off <= TOLERANCE.0 * scene.quantum(&units) + TOLERANCE.1, || {
             format!("S-0-0051 would be {off:.0} increments beside {at_marker}, S-0-0052 less S-0-0150, at the marker")
@@ -95,10 +99,15 @@ mod tests {
 
     /// S-0-0052 is 5 000, S-0-0150 1 000, S-0-0147 as given; the shaft stands a tenth of a revolution behind the marker.
     fn homed(way: u16, feedback: i32) -> Fake {
+        homed_to(5_000, way, feedback)
+    }
+
+    /// The same with another S-0-0052.
+    fn homed_to(place: i32, way: u16, feedback: i32) -> Fake {
         let mut machine = ReferenceAxis::press().machine;
         machine.encoder.index_at = 0.3;
         let mut fake = Fake::of(Marker::default(), machine);
-        fake.write(52, &[5_000, 0]);
+        fake.write(52, &[place as u16, (place >> 16) as u16]);
         fake.write(150, &[1_000, 0]);
         fake.write(147, &[way]);
         fake.sight.machine.angle = 7.4;
@@ -117,6 +126,16 @@ mod tests {
         }
         for off in [2_000, -2_000] {
             assert!(homed(0x20, 364_000 + off).broken().is_some_and(|words| words.contains("2000 increments beside")));
+        }
+    }
+
+    #[test]
+    fn a_reference_point_at_the_end_of_the_data_is_one_beyond_it() {
+        // The marker has -2^31 - 1 000 + 500, which is beyond the data, and the shaft stands 0.1 revolutions behind it.
+        let place = i32::MIN + 500;
+        for (off, lawful) in [(0, true), (2_000, false)] {
+            let fake = homed_to(place, 0x20, place.wrapping_sub(1_000).wrapping_add(360_000 + off));
+            assert_eq!(fake.broken().is_none(), lawful, "{off}: {:?}", fake.broken());
         }
     }
 

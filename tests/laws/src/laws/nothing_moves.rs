@@ -49,7 +49,7 @@ impl NothingMoves {
     fn record(&mut self, scene: &Scene) {
         let wire = &scene.wire;
         let moves = scene.drive_moves_the_axis();
-        let steady = wire.phase == 4 && wire.asks_to_follow() && wire.follows() && !wire.has_error() && !moves;
+        let steady = scene.is_operating() && wire.asks_to_follow() && wire.follows() && !wire.has_error() && !moves;
         let same = wire.control_before & 0x0B00 == wire.control & 0x0B00 && scene.asked_mode() == scene.actual_mode();
         let alone = scene.is_left_alone(GRACE) && !scene.within(scene.overpowered, GRACE);
         let known = scene.units.zip(scene.sense()).filter(|_| steady && same && alone);
@@ -96,7 +96,7 @@ impl NothingMoves {
 
     fn follow(&mut self, scene: &Scene) -> Verdict {
         // Without a new command the drive goes on with the old one, and then stops: that is the law of stops.
-        if scene.now.saturating_sub(scene.wire.mdt.min(scene.wire.mst)) > scene.cycles(1, 500) || scene.wire.phase != 4
+        if scene.now.saturating_sub(scene.wire.mdt.min(scene.wire.mst)) > scene.cycles(1, 500) || !scene.is_operating()
         {
             self.followed = Followed::Nothing;
             self.outside.end();
@@ -120,7 +120,10 @@ impl NothingMoves {
                 let window = scene.settings.unsigned(Idn(159)).unwrap_or(0) as f64 / units.increments;
                 let window = SLACK + if window > 0.0 { window } else { UNMONITORED };
                 let turned = machine.angle - start;
-                let outside = turned < low - window || turned > high + window;
+                // Nor does anybody stop a shaft that runs on with its inertia: the motor brakes it with all its torque.
+                let monitored = scene.settings.unsigned(Idn(159)).unwrap_or(0) > 0;
+                let driven = machine.torque * machine.velocity > 0.0;
+                let outside = (turned < low - window || turned > high + window) && (monitored || driven);
                 Verdict::of(!self.outside.lasts(outside, scene.now, LASTING), || {
                     format!(
                         "the shaft is {turned:.3} revolutions from where it began, commanded were {low:.3} to {high:.3}"
@@ -133,7 +136,8 @@ impl NothingMoves {
     fn hold(&mut self, scene: &Scene) -> Verdict {
         let wire = &scene.wire;
         let moves = scene.drive_moves_the_axis();
-        let halted = wire.phase == 4 && wire.asks_for_torque() && !wire.asks_to_follow() && !wire.has_error() && !moves;
+        let halted =
+            scene.is_operating() && wire.asks_for_torque() && !wire.asks_to_follow() && !wire.has_error() && !moves;
         let machine = &scene.sight.machine;
         if !halted
             || !scene.sight.bridge
@@ -227,6 +231,20 @@ mod tests {
         fake.sight.machine.velocity = 10.0;
         fake.run(200, 0xE000, 0xC008);
         assert!(fake.broken().is_some_and(|words| words.contains("never more than 0.0 rpm")));
+    }
+
+    #[test]
+    fn without_s_0_0159_a_shaft_that_runs_on_is_nobodys_doing_and_one_that_is_driven_on_is_the_drives() {
+        for (monitored, torque, lawful) in [(0, -10.0, true), (0, 10.0, false), (300, -10.0, false)] {
+            let mut fake = following(11);
+            fake.write(159, &[monitored, 0]);
+            fake.cycle(0xC000, 0xC000);
+            fake.run(3, 0xE000, 0xC008);
+            fake.sight.machine.velocity = 50.0;
+            fake.sight.machine.torque = torque;
+            fake.run(150, 0xE000, 0xC008);
+            assert_eq!(fake.broken().is_none(), lawful, "{monitored} {torque}: {:?}", fake.broken());
+        }
     }
 
     #[test]

@@ -25,6 +25,11 @@ const SETTLING: Nanoseconds = Nanoseconds::from_millis(50);
 /// of the moment adds, which may be that of a stop before. At the torque limit
 /// (P-0-0140 = 0) the set-point is a step to zero, behind which the integral part turns a motor without friction back with a quarter of its speed.
 const BACK: (f64, f64) = (0.005, 8e-3);
+/// What was braked shortly before the stop was braked with all that the loop has, and its integral part turns the shaft back: a speed is forgotten
+/// with this time constant in seconds.
+const RECENT: f64 = 10e-3;
+/// And this share of what is left of it is no speed that the stop has made.
+const SWING: f64 = 0.4;
 /// After a change of the load the shaft may do what it must for so long.
 const RECOVERY: Nanoseconds = Nanoseconds::from_millis(300);
 
@@ -32,6 +37,8 @@ const RECOVERY: Nanoseconds = Nanoseconds::from_millis(300);
 #[derive(Default)]
 pub(crate) struct Stop {
     running: Option<Running>,
+    /// The highest speed of the last milliseconds in rad/s, fading with [`RECENT`].
+    recent: f64,
     error: bool,
     lost: bool,
 }
@@ -52,6 +59,8 @@ struct Running {
     stood: Option<Nanoseconds>,
     /// What the torque of the moment adds to it.
     added: f64,
+    /// The speed of which a loop that was braking already comes back.
+    recent: f64,
     /// The way that the shaft turned when the stop began, 1 or -1, and how far it has come that way, in revolutions.
     direction: f64,
     furthest: f64,
@@ -94,12 +103,15 @@ impl Stop {
             faster: None,
             stood: None,
             added: acceleration * lag,
+            recent: self.recent.max(speed),
             direction,
             furthest: scene.sight.machine.angle * direction,
         });
     }
 
     fn watch(&mut self, scene: &Scene) -> Verdict {
+        let span = scene.sight.time.saturating_sub(scene.before.time).as_seconds();
+        self.recent = (self.recent * (-span / RECENT).exp()).max(scene.sight.machine.velocity.abs());
         if !scene.sight.bridge || scene.deceived {
             self.running = None;
             return Verdict::Silent;
@@ -111,6 +123,7 @@ impl Stop {
         if scene.now <= running.effect {
             running.furthest = way;
             running.speed = running.speed.max(speed);
+            running.recent = running.recent.max(speed);
             return Verdict::Silent;
         }
         if scene.within(scene.disturbed, RECOVERY)
@@ -120,13 +133,14 @@ impl Stop {
         {
             // Another load is another stop: it counts from where it leaves the shaft.
             running.speed = running.speed.max(speed);
+            running.recent = running.recent.max(speed);
             running.faster = None;
             running.deadline = None;
             running.furthest = way;
             return Verdict::Silent;
         }
         let driving = machine.torque * machine.velocity > 0.0;
-        if speed > running.speed + running.tolerance && driving {
+        if speed > running.speed.max(SWING * running.recent) + running.tolerance && driving {
             let since = *running.faster.get_or_insert(scene.now);
             if scene.now.saturating_sub(since) > LASTING {
                 let rpm = |speed: f64| speed * 60.0 / core::f64::consts::TAU;
@@ -139,12 +153,18 @@ impl Stop {
         } else {
             running.faster = None;
         }
+        // A stop that has settled is over when something else moves the shaft: whoever stops it then is another matter.
+        let settled = running.stood.is_some_and(|since| scene.now.saturating_sub(since) > SETTLING);
+        if settled && !driving && speed > STANDSTILL.0 + STANDSTILL.1 * running.speed {
+            self.running = None;
+            return Verdict::Silent;
+        }
         // What a load turns back, or a shaft that unwinds, is not the drive's doing.
         if !driving || way > running.furthest {
             running.furthest = running.furthest.max(way);
         }
         let back = running.furthest - way;
-        if driving && back > BACK.0 + BACK.1 * (running.speed + running.added) / core::f64::consts::TAU {
+        if driving && back > BACK.0 + BACK.1 * (running.recent + running.added) / core::f64::consts::TAU {
             let (cause, begun) = (running.cause, running.begun);
             return Verdict::Broken(format!(
                 "stopped by {cause} at {begun}, the shaft is turned back by {back:.4} revolutions"
@@ -278,6 +298,49 @@ mod tests {
         assert_eq!(stopped(4.0, -60.0), None, "0.16 rad come back");
         assert!(stopped(6.0, -60.0).is_some_and(|words| words.contains("turned back")), "0.24 rad come back");
         assert_eq!(stopped(5.0, 60.0), None, "a load does it");
+    }
+
+    #[test]
+    fn a_loop_that_was_braking_before_the_stop_comes_back_from_the_speed_that_it_had() {
+        let stopped = |before: f64, milliseconds: usize| {
+            let mut fake = at_speed(before);
+            for _ in 0..milliseconds / 2 {
+                fake.turning(FOLLOW, FOLLOWS, (10.0 - before) / (milliseconds as f64 * 1e-3), torque(-60.0));
+            }
+            fake.sight.machine.velocity = 10.0;
+            fake.run(1, 0xC000, 0xC000);
+            fake.sight.machine.velocity = -5.0;
+            for _ in 0..25 {
+                fake.turning(0xC000, 0xC000, 0.0, torque(-60.0));
+            }
+            fake.broken()
+        };
+        assert!(stopped(10.0, 10).is_some_and(|words| words.contains("turned back")), "0.25 rad of 10 rad/s come back");
+        assert_eq!(stopped(70.0, 10), None, "70 rad/s were braked within 10 ms");
+        assert!(stopped(70.0, 60).is_some(), "what was braked long ago is forgotten");
+    }
+
+    #[test]
+    fn a_load_that_breaks_away_after_the_stop_begins_another_one() {
+        let caught = |rests: usize, load: f64| {
+            let mut fake = at_speed(10.0);
+            for _ in 0..12 {
+                fake.turning(0xC000, 0xC000, -400.0, torque(-60.0));
+            }
+            fake.sight.machine.velocity = 0.0;
+            fake.run(rests, 0xC000, 0xC000);
+            for _ in 0..5 {
+                fake.turning(0xC000, 0xC000, -1_500.0, torque(load));
+            }
+            // Caught, and a little too much of it.
+            fake.sight.machine.velocity = 13.0;
+            fake.sight.machine.torque = 10.0;
+            fake.run(2, 0xC000, 0xA000);
+            fake.broken()
+        };
+        assert_eq!(caught(50, 10.0), None);
+        assert!(caught(10, 10.0).is_some_and(|words| words.contains("the shaft has")), "it has not settled yet");
+        assert!(caught(50, -10.0).is_some_and(|words| words.contains("the shaft has")), "the motor does it");
     }
 
     #[test]

@@ -14,6 +14,9 @@ const STANDSTILL: f64 = 0.3;
 /// From standstill to the end of the torque, beside the brake: jerk-limited ends of ramps, and the brake's own test.
 const AFTERMATH: Nanoseconds = Nanoseconds::from_millis(1_000);
 
+/// S-0-0099.
+const RESET: Idn = Idn(99);
+
 /// A DC link that is so much above P-0-0104 has energy left.
 const LINK: f64 = 1.1;
 /// Main power that has gone within this is why the torque goes.
@@ -40,6 +43,8 @@ impl TorqueGoes {
             || wire.edge.is_none()
             || wire.control & (control::ON | control::ENABLE) != control::ON | control::ENABLE
             || wire.has_error()
+            // An error of just now is cleared before an AT could show it.
+            || [scene.command, scene.starting].contains(&Some(RESET))
     }
 
     /// Main power has gone, nothing else is wrong, and the DC link could have stopped the shaft that turns still.
@@ -161,6 +166,15 @@ mod tests {
         fake.sight.bridge = false;
         fake.run(10, 0xE000, 0x8000);
         assert!(fake.broken().is_some_and(|words| words.contains("went off")));
+    }
+
+    #[test]
+    fn an_error_that_s_0_0099_clears_before_an_at_shows_it_explains_it() {
+        let mut fake = in_operation();
+        fake.write(99, &[3]);
+        fake.sight.bridge = false;
+        fake.run(10, 0xE000, 0x8000);
+        assert_eq!((fake.broken(), fake.armed()), (None, 1));
     }
 
     #[test]

@@ -95,13 +95,13 @@ impl Machine {
     /// What [`Machine::encoder_count`] will answer at an instant ahead if no input comes until then: a look that passes no time.
     #[must_use]
     pub fn encoder_ahead(&mut self, at: u64) -> u32 {
-        let kept = (self.state, self.outside, self.cable, self.interventions, self.still);
+        let kept = (self.state, self.outside, self.cable, self.interventions, self.slipped, self.still);
         let mut place = self.timeline.place();
         while let Some(stretch) = self.timeline.look(&mut place, at) {
             self.pass(stretch);
         }
         let state = if self.still { self.state } else { self.step(at.saturating_sub(place.time)) };
-        (self.state, self.outside, self.cable, self.interventions, self.still) = kept;
+        (self.state, self.outside, self.cable, self.interventions, self.slipped, self.still) = kept;
         self.settings.encoder.count(state.counter, self.tracks(state.shafts.turn))
     }
 

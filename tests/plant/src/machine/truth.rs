@@ -118,6 +118,7 @@ impl Machine {
             cable_broken: !self.cable.is_sound(),
             kicks: self.interventions[0],
             slips: self.interventions[1],
+            slipped: self.slipped,
         }
     }
 }
