@@ -2,6 +2,7 @@
 
 pub(crate) mod bus_voltage;
 pub(crate) mod chopper;
+pub(crate) mod current_balance;
 pub(crate) mod debounce;
 pub(crate) mod generating;
 pub(crate) mod load;
@@ -12,6 +13,7 @@ pub use bus_voltage::{
     BusVoltage, Duty, Reciprocal, VoltageError, VoltageOutput, VoltageParameters, VoltageSettings, Volts,
 };
 pub use chopper::{Chopper, ChopperLevels, ChopperOutput, ChopperParameters, ChopperSettings};
+pub use current_balance::CurrentBalance;
 pub use generating::{GeneratingParameters, GeneratingSettings};
 pub use load::{LoadModel, LoadOutput, LoadParameters, LoadSettings};
 pub use temperature::{Temperature, TemperatureError, TemperatureOutput, TemperatureParameters, TemperatureSettings};

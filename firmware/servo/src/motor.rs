@@ -47,6 +47,7 @@ use crate::encoder::monitor::EncoderMonitor;
 use crate::identification::CurrentRequest;
 use crate::monitor::bus_voltage::{BusVoltage, VoltageOutput};
 use crate::monitor::chopper::Chopper;
+use crate::monitor::current_balance::CurrentBalance;
 use crate::monitor::load::LoadModel;
 use crate::monitor::temperature::Temperature;
 use crate::units::{CurrentFraction, Position, Velocity};
@@ -130,6 +131,7 @@ pub struct Motor<B: BoardKind> {
     brake: BrakeSequencer,
     /// Ticks of the supervision for which the current has not followed.
     blind: u16,
+    balance: CurrentBalance,
     /// Ticks of the supervision for which switching on has waited for the zero of the current sensors.
     uncalibrated: u16,
     weakening: FieldWeakening,
@@ -209,6 +211,7 @@ impl<B: BoardKind> Motor<B> {
             chopper_works: false,
             link_full: 0,
             blind: 0,
+            balance: CurrentBalance::default(),
             uncalibrated: 0,
             weakening: FieldWeakening::new(),
             weakened: CurrentFraction::ZERO,

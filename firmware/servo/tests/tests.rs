@@ -20,6 +20,7 @@ mod interpolation;
 mod loop_clock;
 mod loop_clock_endurance;
 mod loop_clock_wide;
+mod low_side_shunts;
 mod machine_bench;
 mod position_on_machine;
 mod regeneration_on_machine;

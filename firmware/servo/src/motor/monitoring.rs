@@ -11,6 +11,7 @@ use crate::current::command::BusScale;
 use crate::current::protection::Trip;
 use crate::encoder::monitor::EncoderMonitorInputs;
 use crate::monitor::bus_voltage::{VoltageError, VoltageOutput};
+use crate::monitor::current_balance::CurrentBalance;
 use crate::monitor::temperature::TemperatureOutput;
 use crate::units::CurrentFraction;
 
@@ -44,7 +45,9 @@ impl<B: BoardKind> Motor<B> {
         // An open bridge has no current to weaken the field with: what is asked of it winds up in the current loop.
         if self.bridge_on && self.closed {
             self.weaken(&mut faults);
+            self.watch_sensors(&mut faults);
         } else {
+            self.balance = CurrentBalance::default();
             self.weakening.reset();
             self.weakened = CurrentFraction::ZERO;
         }
@@ -100,6 +103,13 @@ impl<B: BoardKind> Motor<B> {
         let blind = deviation > BLIND_DEVIATION && self.limiting.contains(Limiting::VOLTAGE) && !self.is_turning();
         self.blind = if blind { self.blind.saturating_add(1) } else { 0 };
         if self.blind >= BLIND_TICKS {
+            faults.add(MotorFault::CurrentSensor);
+        }
+    }
+
+    /// Sensors that contradict each other by less than makes the current loop switch off.
+    fn watch_sensors(&mut self, faults: &mut MotorFaults) {
+        if self.balance.tick(self.link.report.cycle(true).readings.phases()) {
             faults.add(MotorFault::CurrentSensor);
         }
     }

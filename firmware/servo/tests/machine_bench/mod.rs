@@ -21,12 +21,14 @@ use servo::current::Trip;
 use servo::encoder::{DoubleSampledEncoder, DoubleSampledSettings};
 use servo::identification::CurrentRequest;
 use servo::motor::{
-    CurrentControl, CurrentLink, Motor, MotorFaults, Sequence, SequenceInputs, SequenceOutput, Surroundings, Watched,
+    BoardKind, CurrentControl, CurrentLink, Motor, MotorFaults, Sequence, SequenceInputs, SequenceOutput, Surroundings,
+    Watched,
 };
 use servo::units::{CurrentFraction, LOOP_TICKS_PER_SUPERVISION, Position, Velocity};
 
 use setup::Setup;
-use stage::{Kind, Stage};
+use stage::Stage;
+pub(crate) use stage::{Kind, OnShunts};
 
 /// Nanoseconds of a cycle of the current loop.
 pub(crate) const CYCLE: u64 = 62_500;
@@ -38,7 +40,7 @@ const CALIBRATION: usize = 664;
 const SWITCHING_ON: usize = 22;
 
 /// A servo drive on its machine, with the commutation angle known.
-pub(crate) struct Bench {
+pub(crate) struct Bench<B: BoardKind = Kind> {
     pub(crate) axis: Axis,
     pub(crate) encoder: DoubleSampledEncoder,
     /// Instant of the last sample of the currents.
@@ -49,10 +51,10 @@ pub(crate) struct Bench {
     pub(crate) faults: MotorFaults,
     /// Peak current in A.
     pub(crate) peak: f64,
-    stage: Stage,
+    stage: Stage<B>,
     link: &'static CurrentLink,
-    task: CurrentControl<Stage>,
-    motor: Motor<Kind>,
+    task: CurrentControl<Stage<B>>,
+    motor: Motor<B>,
     setup: Setup,
     /// What is wanted of the sequence, and how far it is.
     wanted: Sequence,
@@ -85,8 +87,15 @@ pub(crate) struct Seen {
 }
 
 impl Bench {
-    /// A drive with the bridge on and no current, its axis in [`Mode::Off`]; a holding brake, if there is one, is engaged.
+    /// As [`Bench::on_board`], with current sensors in the lines.
     pub(crate) fn new(setup: &Setup) -> Self {
+        Self::on_board(setup)
+    }
+}
+
+impl<B: BoardKind> Bench<B> {
+    /// A drive with the bridge on and no current, its axis in [`Mode::Off`]; a holding brake, if there is one, is engaged.
+    pub(crate) fn on_board(setup: &Setup) -> Self {
         let stage = Stage::new(setup.reference.machine());
         let settings = *stage.machine().settings();
         let encoder = DoubleSampledSettings::new(settings.encoder.increments_per_revolution).unwrap();
@@ -220,8 +229,18 @@ impl Bench {
 
     /// Opens the bridge for so many ticks and closes it again, with a current loop that knows nothing of before.
     pub(crate) fn coast(&mut self, ticks: usize) {
+        self.open(ticks);
+        self.close();
+    }
+
+    /// Opens the bridge for so many ticks.
+    pub(crate) fn open(&mut self, ticks: usize) {
         self.wanted = Sequence::Off;
         self.ticks(ticks);
+    }
+
+    /// Closes it again.
+    pub(crate) fn close(&mut self) {
         self.wanted = Sequence::Start;
         while !self.stage.bridge_is_on() {
             self.tick();
