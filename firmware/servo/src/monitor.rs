@@ -6,6 +6,7 @@ pub(crate) mod current_balance;
 pub(crate) mod debounce;
 pub(crate) mod generating;
 pub(crate) mod load;
+pub(crate) mod open_phase;
 pub(crate) mod temperature;
 pub(crate) mod travel_range;
 
@@ -16,5 +17,6 @@ pub use chopper::{Chopper, ChopperLevels, ChopperOutput, ChopperParameters, Chop
 pub use current_balance::CurrentBalance;
 pub use generating::{GeneratingParameters, GeneratingSettings};
 pub use load::{LoadModel, LoadOutput, LoadParameters, LoadSettings};
+pub use open_phase::OpenPhase;
 pub use temperature::{Temperature, TemperatureError, TemperatureOutput, TemperatureParameters, TemperatureSettings};
 pub use travel_range::{Commanded, RangeEnd, RangeMonitor, TravelRange};

@@ -22,6 +22,7 @@ mod loop_clock_endurance;
 mod loop_clock_wide;
 mod low_side_shunts;
 mod machine_bench;
+mod open_phase;
 mod position_on_machine;
 mod regeneration_on_machine;
 mod stops;

@@ -66,12 +66,13 @@ impl<B: BoardKind> Motor<B> {
     /// One step of the sequence.
     pub fn sequence(&mut self, inputs: &SequenceInputs, faults: &mut MotorFaults) -> SequenceOutput {
         self.correct_at_the_index(inputs.index, faults);
-        let aligning = self.align(inputs, faults);
+        let testing = self.test_phases(inputs, faults);
+        let aligning = testing.is_none() && self.align(inputs, faults);
         let request = match inputs.wanted {
             Sequence::Off => BrakeRequest::Immediate,
             Sequence::Stop => BrakeRequest::Engage,
             Sequence::Start if !self.zero_is_known(faults) => BrakeRequest::Immediate,
-            Sequence::Start if aligning || self.commutation.is_none() => BrakeRequest::Immediate,
+            Sequence::Start if testing.is_some() || aligning || self.commutation.is_none() => BrakeRequest::Immediate,
             Sequence::Start => BrakeRequest::Release,
         };
         self.brake_output = self.brake.tick(
@@ -99,7 +100,7 @@ impl<B: BoardKind> Motor<B> {
         if let Some(error) = output.event {
             self.take_brake_error(error, faults);
         }
-        let bridge = aligning || output.torque;
+        let bridge = aligning || output.torque || testing == Some(true);
         // The order has reached the current loop by the next step: then its voltage is that of the turning rotor, and the bridge no short circuit.
         let regulated = core::mem::replace(&mut self.bridge_on, bridge);
         SequenceOutput {
@@ -141,8 +142,7 @@ impl<B: BoardKind> Motor<B> {
             self.aligning = None;
             return false;
         }
-        if self.settings.has_brake && !self.settings.aligns_with_open_brake {
-            // Without an angle there is no torque to hold a load with, and the load may be a vertical one.
+        if self.refuses_to_align() {
             faults.add(MotorFault::Commutation);
             return false;
         }
@@ -150,6 +150,7 @@ impl<B: BoardKind> Motor<B> {
             faults.add(match error {
                 AlignmentError::NoMovement => MotorFault::AlignmentNoMovement,
                 AlignmentError::WrongDirection => MotorFault::AlignmentDirection,
+                AlignmentError::PhaseMissing => MotorFault::OpenPhase,
                 _ => MotorFault::Alignment,
             });
             return false;
@@ -160,6 +161,11 @@ impl<B: BoardKind> Motor<B> {
             self.aligning = Some((0, CurrentFraction::ZERO, CurrentFraction::ZERO));
         }
         true
+    }
+
+    /// Without an angle there is no torque to hold a load with, and the load may be a vertical one.
+    pub(super) const fn refuses_to_align(&self) -> bool {
+        self.commutation.is_none() && self.settings.has_brake && !self.settings.aligns_with_open_brake
     }
 
     /// A search for the commutation angle is under way.
@@ -227,6 +233,7 @@ impl<B: BoardKind> Motor<B> {
 mod tests {
     use super::super::example::{self, Example};
     use super::super::link::{CurrentLink, set};
+    use super::super::phase_test::PhaseTest;
     use super::*;
 
     static LINKS: [CurrentLink; 2] = [const { CurrentLink::new() }; 2];
@@ -273,6 +280,7 @@ mod tests {
     fn the_order_to_regulate_is_a_step_ahead_of_the_bridge_and_asks_for_no_current_until_it_is_closed() {
         let mut motor = with_a_known_angle(&LINKS[1]);
         report_a_zero(&LINKS[1], &mut motor);
+        motor.phase_test = PhaseTest::Over;
         let mut faults = MotorFaults::NONE;
         let ordered = motor.sequence(&START, &mut faults);
         assert!(!ordered.bridge && !ordered.torque_off && motor.bridge_on);

@@ -37,7 +37,7 @@ pub(crate) const CYCLES_PER_SECOND: f64 = 16_000.0;
 pub(crate) const TICKS_PER_SECOND: f64 = 8_000.0;
 /// Ticks with the bridge off in which the current sensors find their zero, and those until the drive has switched on.
 const CALIBRATION: usize = 664;
-const SWITCHING_ON: usize = 22;
+const SWITCHING_ON: usize = 50;
 
 /// A servo drive on its machine, with the commutation angle known.
 pub(crate) struct Bench<B: BoardKind = Kind> {
@@ -247,6 +247,26 @@ impl<B: BoardKind> Bench<B> {
         }
     }
 
+    /// Opens the bridge, forgets the commutation angle if it is told to, and switches on again. Seconds until the axis is released, or a fault.
+    pub(crate) fn switch_on_again(&mut self, forget: bool) -> Result<f64, (f64, MotorFaults)> {
+        self.open(16);
+        if forget {
+            self.motor.set_commutation_angle(self.encoder.position(), None);
+        }
+        self.wanted = Sequence::Start;
+        for tick in 1..=16_000 {
+            self.tick();
+            let seconds = f64::from(tick) / TICKS_PER_SECOND;
+            if !self.faults.is_empty() {
+                return Err((seconds, self.faults));
+            }
+            if self.progress.released {
+                return Ok(seconds);
+            }
+        }
+        panic!("the drive neither switches on nor says why");
+    }
+
     /// Believes the sensors to be without offset, whatever they are.
     pub(crate) fn forget_offsets(&mut self) {
         self.task = CurrentControl::new(self.stage.clone(), self.link, self.setup.motor().current);
@@ -257,6 +277,12 @@ impl<B: BoardKind> Bench<B> {
     pub(crate) fn start(&mut self, mode: Mode) {
         self.ticks(8);
         self.axis.set_mode(mode);
+    }
+
+    /// Of the motor since the start, in revolutions.
+    pub(crate) fn seen_angle(&self) -> f64 {
+        let at = self.time;
+        self.machine().angle(at)
     }
 
     /// d and q current at the last sample as shares of the peak current.
@@ -281,6 +307,9 @@ impl<B: BoardKind> Bench<B> {
         let position = self.encoder.update(before, now);
         if let Some(faults) = self.motor.watch_motion(now, self.progress.bridge) {
             self.faults.add_all(faults);
+        }
+        if self.motor.is_searching() && self.stage.bridge_is_on() {
+            self.motor.search(position);
         }
         self.output = self.axis.tick(position, self.motor.torque_limits());
         self.ticks += 1;

@@ -87,7 +87,7 @@ pub(crate) const GATES: Gates = Gates {
         task("capture_feedback", "CAN1_RX0", 4, Rate::EachCycle, Some(450), OF_THE_CYCLE),
         task("current_loop", "ADC", 5, Rate::Every(62_500), Some(400), OF_THE_CURRENT_LOOP),
         task("control_loop", "CAN2_TX", 4, Rate::Every(125_000), Some(590), OF_THE_CYCLE),
-        task("supervision", "CAN2_RX0", 4, Rate::Every(500_000), Some(2_450), OF_THE_CYCLE),
+        task("supervision", "CAN2_RX0", 4, Rate::Every(500_000), Some(2_700), OF_THE_CYCLE),
         task("phase_change", "CAN1_RX1", 2, Rate::OutsideTheCycle, None, &[]),
         task("service_channel", "CAN1_SCE", 2, Rate::EachCycle, None, &[]),
     ],
