@@ -139,8 +139,8 @@ pub struct Motor<B: BoardKind> {
     balance: CurrentBalance,
     open_phase: OpenPhase,
     phase_test: PhaseTest,
-    /// Where the test of the phases was begun.
-    at_test: Position,
+    /// Its current was asked for in the last step.
+    tested: bool,
     /// Ticks of the supervision for which switching on has waited for the zero of the current sensors.
     uncalibrated: u16,
     weakening: FieldWeakening,
@@ -224,7 +224,7 @@ impl<B: BoardKind> Motor<B> {
             balance: CurrentBalance::default(),
             open_phase: OpenPhase::default(),
             phase_test: PhaseTest::default(),
-            at_test: Position::ZERO,
+            tested: false,
             uncalibrated: 0,
             weakening: FieldWeakening::new(),
             weakened: CurrentFraction::ZERO,

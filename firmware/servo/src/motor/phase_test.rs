@@ -7,24 +7,29 @@
 //! Where the phase with the most is open, little flows in the other two. Nothing at all is therefore asked again, turned by 60 degrees, where these
 //! two have the most.
 
-use super::Motor;
-use super::facts::BoardKind;
-use super::fault::{MotorFault, MotorFaults};
-use super::sequence::{Sequence, SequenceInputs};
 use crate::current::command::CurrentCommand;
+use crate::current::readings::CurrentReadings;
 use crate::monitor::open_phase::{Phases, phases};
 use crate::units::CurrentFraction;
 
-/// How far the test has come.
+/// State of the test.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
-pub(crate) enum PhaseTest {
+pub(crate) struct PhaseTest {
+    stage: Stage,
+    /// Of the current, 2^-32 revolution.
+    direction: u32,
+}
+
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
+enum Stage {
     /// To be made when torque is wanted the next time.
     #[default]
     Due,
     /// The bridge is to close; so many steps have been waited for it.
     Closing(u8),
-    /// Under way for so many steps, with what was seen.
+    /// Under way for so many steps, with what was seen; turned or not.
     Flowing { turned: bool, steps: u8, asked: Phases, flowed: Phases },
     /// Passed, or not to be made.
     Over,
@@ -32,105 +37,198 @@ pub(crate) enum PhaseTest {
     Failed,
 }
 
+/// What a step of the test needs to know.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Look {
+    /// Torque, and nothing is in its way.
+    pub(crate) wanted: bool,
+    pub(crate) standstill: bool,
+    /// The bridge switches.
+    pub(crate) bridge_on: bool,
+    /// Electrical angle of the magnets, 0 where it is not known.
+    pub(crate) magnets: u32,
+    /// The d current that was asked for, and what flowed, at this angle.
+    pub(crate) asked: CurrentFraction,
+    pub(crate) readings: CurrentReadings,
+    pub(crate) angle: u32,
+}
+
+/// What a step of the test asks for.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Step {
+    /// Nothing: there is no test, or no more.
+    Over,
+    /// The bridge closed, and a current along an angle.
+    Flow(u32, CurrentFraction),
+    /// The bridge open; what was found, once.
+    Failed(Option<Finding>),
+}
+
+/// What is wrong with the phases.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Finding {
+    /// One of them is open.
+    Open,
+    /// No current anywhere: converters that have stopped, or no motor at all.
+    Nothing,
+}
+
 /// Steps of the supervision for which the bridge is waited for, 10 ms. The sequence tells of one that does not come.
 const PATIENCE: u8 = 20;
 /// Steps of the current in one direction, 1.5 ms: long for a current loop.
-const DIRECTION: u8 = 3;
+const FORTH: u8 = 3;
+const FORTH_AND_BACK: u8 = 2 * FORTH;
 /// 5 % of peak.
 const CURRENT: CurrentFraction = CurrentFraction::from_bits(1_638);
 /// Twelve directions in a revolution.
-const STEP: u32 = u32::MAX / 12 + 1;
+const TWELFTH: u32 = u32::MAX / 12 + 1;
 
-impl<B: BoardKind> Motor<B> {
-    /// One step of the test. `None`: the sequence may go on; otherwise it may not, and the bridge is to be closed or not.
-    pub(super) fn test_phases(&mut self, inputs: &SequenceInputs, faults: &mut MotorFaults) -> Option<bool> {
-        if inputs.wanted != Sequence::Start || !self.measured.calibrated || self.refuses_to_align() {
-            if matches!(self.phase_test, PhaseTest::Closing(_) | PhaseTest::Flowing { .. }) {
-                self.aligning = None;
-            }
-            self.phase_test = PhaseTest::Due;
-            return None;
+impl PhaseTest {
+    /// There is none until the torque has not been wanted.
+    #[inline]
+    pub(crate) fn is_over(&self) -> bool {
+        self.stage == Stage::Over
+    }
+
+    /// One step of the supervision.
+    pub(crate) fn tick(&mut self, look: &Look) -> Step {
+        if !look.wanted {
+            return self.end(Stage::Due);
         }
-        match self.phase_test {
-            PhaseTest::Over => None,
-            PhaseTest::Failed => Some(false),
+        match self.stage {
+            Stage::Over => Step::Over,
+            Stage::Failed => Step::Failed(None),
             // What turns is watched as soon as a current flows, and the test would be felt.
-            PhaseTest::Due if !inputs.standstill => self.end_test(PhaseTest::Over),
-            PhaseTest::Due => {
-                // Of one place, or the direction could change in between.
-                self.at_test = inputs.position;
-                self.go_on(PhaseTest::Closing(0), CurrentFraction::ZERO)
+            Stage::Due if !look.standstill => self.end(Stage::Over),
+            Stage::Due => {
+                self.direction = nearest(look.magnets);
+                self.go_on(Stage::Closing(0), CurrentFraction::ZERO)
             }
-            PhaseTest::Closing(PATIENCE) => self.end_test(PhaseTest::Over),
-            PhaseTest::Closing(waited) if !inputs.bridge_on => {
-                self.go_on(PhaseTest::Closing(waited.wrapping_add(1)), CurrentFraction::ZERO)
+            Stage::Closing(PATIENCE) => self.end(Stage::Over),
+            Stage::Closing(waited) if !look.bridge_on => {
+                self.go_on(Stage::Closing(waited.wrapping_add(1)), CurrentFraction::ZERO)
             }
-            PhaseTest::Closing(_) => self.begin(false),
-            PhaseTest::Flowing { turned, steps, asked, flowed } => {
-                self.flow(inputs, faults, (turned, steps.wrapping_add(1)), (asked, flowed))
+            Stage::Closing(_) => self.begin(false),
+            Stage::Flowing { .. } if !look.bridge_on => self.end(Stage::Over),
+            Stage::Flowing { turned, steps, asked, flowed } => {
+                self.flow(look, turned, steps.wrapping_add(1), (asked, flowed))
             }
         }
     }
 
-    fn begin(&mut self, turned: bool) -> Option<bool> {
+    fn begin(&mut self, turned: bool) -> Step {
         let (asked, flowed) = (Phases::default(), Phases::default());
-        self.go_on(PhaseTest::Flowing { turned, steps: 0, asked, flowed }, CURRENT)
+        self.go_on(Stage::Flowing { turned, steps: 0, asked, flowed }, CURRENT)
     }
 
-    fn flow(
-        &mut self,
-        inputs: &SequenceInputs,
-        faults: &mut MotorFaults,
-        (turned, steps): (bool, u8),
-        (mut asked, mut flowed): (Phases, Phases),
-    ) -> Option<bool> {
-        if !inputs.bridge_on {
-            return self.end_test(PhaseTest::Over);
+    fn flow(&mut self, look: &Look, turned: bool, steps: u8, (mut asked, mut flowed): (Phases, Phases)) -> Step {
+        if steps == FORTH || steps == FORTH_AND_BACK {
+            let readings = &look.readings;
+            asked.add(&phases([CurrentCommand::reference(look.asked), 0], look.angle));
+            flowed.add(&phases([readings.direct, readings.quadrature], look.angle));
         }
-        if steps == DIRECTION || steps == 2 * DIRECTION {
-            let readings = &self.measured.readings;
-            let angle = self.link.report.cycle(true).readings.angle();
-            let command = [self.direct_command, CurrentFraction::ZERO].map(CurrentCommand::reference);
-            asked.add(&phases(command, angle));
-            flowed.add(&phases([readings.direct, readings.quadrature], angle));
+        if steps < FORTH_AND_BACK {
+            let current = if steps < FORTH { CURRENT } else { CURRENT.saturating_neg() };
+            return self.go_on(Stage::Flowing { turned, steps, asked, flowed }, current);
         }
-        if steps < 2 * DIRECTION {
-            let current = if steps < DIRECTION { CURRENT } else { CURRENT.saturating_neg() };
-            return self.go_on(PhaseTest::Flowing { turned, steps, asked, flowed }, current);
-        }
-        if flowed.follow(&asked) {
-            return self.end_test(PhaseTest::Over);
-        }
-        if flowed.are_nothing_beside(&asked) {
-            if !turned {
-                return self.begin(true);
-            }
-            // Converters that have stopped, or no motor at all.
-            faults.add(MotorFault::CurrentSensor);
+        let finding = if flowed.follow(&asked) {
+            return self.end(Stage::Over);
+        } else if !flowed.are_nothing_beside(&asked) {
+            Finding::Open
+        } else if turned {
+            Finding::Nothing
         } else {
-            faults.add(MotorFault::OpenPhase);
-        }
-        self.end_test(PhaseTest::Failed)
+            self.direction = self.direction.wrapping_add(2 * TWELFTH);
+            return self.begin(true);
+        };
+        self.stage = Stage::Failed;
+        Step::Failed(Some(finding))
     }
 
-    /// The bridge is closed, with this current along the direction of the test.
-    fn go_on(&mut self, test: PhaseTest, current: CurrentFraction) -> Option<bool> {
-        let magnets = self.commutation.as_ref().map_or(0, |commutation| commutation.at(self.at_test));
-        let turn = if matches!(test, PhaseTest::Flowing { turned: true, .. }) { 2 * STEP } else { 0 };
-        self.phase_test = test;
-        self.aligning = Some((nearest(magnets).wrapping_add(turn), current, CurrentFraction::ZERO));
-        Some(true)
+    fn go_on(&mut self, stage: Stage, current: CurrentFraction) -> Step {
+        self.stage = stage;
+        Step::Flow(self.direction, current)
     }
 
-    fn end_test(&mut self, test: PhaseTest) -> Option<bool> {
-        self.phase_test = test;
-        self.aligning = None;
-        (test == PhaseTest::Failed).then_some(false)
+    fn end(&mut self, stage: Stage) -> Step {
+        self.stage = stage;
+        Step::Over
     }
 }
 
 /// The direction of the test that is nearest to an angle.
 const fn nearest(angle: u32) -> u32 {
-    let twelfth = ((angle as u64 * 12) >> 32) as u32;
-    twelfth.wrapping_mul(STEP).wrapping_add(STEP / 2)
+    let twelfth = ((angle as u64).wrapping_mul(12) >> 32) as u32;
+    twelfth.wrapping_mul(TWELFTH).wrapping_add(TWELFTH / 2)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const STANDING: Look = Look {
+        wanted: true,
+        standstill: true,
+        bridge_on: true,
+        magnets: 0,
+        asked: CurrentFraction::ZERO,
+        readings: CurrentReadings { direct: 0, quadrature: 0, direct_voltage: 0, quadrature_voltage: 0 },
+        angle: 0,
+    };
+
+    /// The steps of a test until it ends, with what flows of what is asked for.
+    fn run(test: &mut PhaseTest, share: i32) -> (u32, Step) {
+        let mut look = STANDING;
+        for step in 1..100 {
+            match test.tick(&look) {
+                Step::Flow(angle, current) => {
+                    let direct = CurrentCommand::reference(current) / 100 * share;
+                    look =
+                        Look { asked: current, angle, readings: CurrentReadings { direct, ..look.readings }, ..look };
+                }
+                end => return (step, end),
+            }
+        }
+        panic!("the test does not end");
+    }
+
+    #[test]
+    fn a_sound_motor_passes_in_eight_steps_and_is_tested_anew_when_torque_is_wanted_again() {
+        let mut test = PhaseTest::default();
+        assert_eq!(run(&mut test, 100), (8, Step::Over));
+        assert_eq!(test.tick(&STANDING), Step::Over);
+        assert_eq!(test.tick(&Look { wanted: false, ..STANDING }), Step::Over);
+        assert_eq!(run(&mut test, 30), (8, Step::Over));
+    }
+
+    #[test]
+    fn no_current_in_two_directions_is_told_once() {
+        let mut test = PhaseTest::default();
+        assert_eq!(run(&mut test, 2), (14, Step::Failed(Some(Finding::Nothing))));
+        assert_eq!(test.tick(&STANDING), Step::Failed(None));
+        assert_eq!(test.tick(&Look { wanted: false, ..STANDING }), Step::Over);
+    }
+
+    #[test]
+    fn a_bridge_that_does_not_come_and_an_axis_that_turns_are_left_to_others() {
+        let mut test = PhaseTest::default();
+        let open = Look { bridge_on: false, ..STANDING };
+        let steps = (1..).find(|_| test.tick(&open) == Step::Over);
+        assert_eq!(steps, Some(22));
+        assert_eq!(PhaseTest::default().tick(&Look { standstill: false, ..STANDING }), Step::Over);
+    }
+
+    #[test]
+    fn the_direction_is_within_fifteen_degrees_of_the_magnets_and_leaves_no_phase_without_a_quarter() {
+        for step in 0..7_200_u32 {
+            let magnets = step.wrapping_mul(596_523);
+            let direction = nearest(magnets);
+            let beside = f64::from(direction.wrapping_sub(magnets).cast_signed()) / 4_294_967_296.0 * 360.0;
+            assert!(beside.abs() < 15.001, "{step}: {beside}");
+            for phase in 0..3 {
+                let turns = f64::from(direction) / 4_294_967_296.0 - f64::from(phase) / 3.0;
+                assert!((turns * core::f64::consts::TAU).cos().abs() > 0.258, "{step}, {phase}");
+            }
+        }
+    }
 }
