@@ -8,7 +8,7 @@
 //! | [`app::command_valid`] | CAN1_TX | 4 | started by the two above at t3 | 15 us |
 //! | [`app::capture_feedback`] | CAN1_RX0 | 4 | started by the two above at t4 | 30 us |
 //! | [`app::control_loop`] | CAN2_TX | 4 | started by every second current loop, every 125 us | 60 us |
-//! | [`app::supervision`] | CAN2_RX0 | 4 | started by every fourth control loop, every 500 us | 125 us |
+//! | [`app::supervision`] | CAN2_RX0 | 4 | one half of it, started by every second control loop, every 250 us | 125 us |
 //! | [`app::phase_change`] | CAN1_RX1 | 2 | the MST shows another phase, or supervision gives the ring up | one communication cycle |
 //! | [`app::service_channel`] | CAN1_SCE | 2 | the service container waits for us; the drive has become another state or has an error | 100 us |
 //! | [`app::idle`] | - | 0 | nothing else to do | - |
@@ -190,8 +190,8 @@ mod app {
     /// Position and velocity loop, order to the current loop, and the flywheel that stands in for a missing t3.
     ///
     /// Contract: the order is there before the next current loop, 62.5 us after the one that started this, so that it counts from the second
-    /// cycle of the tick on; t3 and t4 may come before, and then it counts a cycle later. Done before the next tick in any case. The chip
-    /// is looked at only while its timers are being learned, in CP0.
+    /// cycle of the tick on, also where t3, t4 and a half of the supervision come before; `cargo xtask budget` works that out. The chip is
+    /// looked at only while its timers are being learned, in CP0.
     #[task(binds = CAN2_TX, priority = 4, local = [polls: bool = true], shared = [interrupts, motion])]
     fn control_loop(context: control_loop::Context) {
         let control_loop::SharedResources { mut interrupts, mut motion, .. } = context.shared;
@@ -204,7 +204,7 @@ mod app {
         start(work);
     }
 
-    /// Bus, loads, temperatures, encoder, brake, state machine and diagnostic words: all whose times are milliseconds.
+    /// Bus, loads, temperatures, encoder, brake, state machine and diagnostic words: all whose times are milliseconds, by halves.
     ///
     /// Contract: done before the next loop tick. What it decides acts in that tick; what must be faster is in the current loop, the control
     /// loop or the hardware.

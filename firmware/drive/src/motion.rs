@@ -1,4 +1,4 @@
-//! The hot tasks of the drive: command values at t3, feedback at t4, the loops every 125 us, the supervision every 500 us. The current loop
+//! The hot tasks of the drive: command values at t3, feedback at t4, the loops every 125 us, the supervision every 500 us in two halves. The current loop
 //! runs above them, see [`crate::CurrentControl`].
 //!
 //! All four run at one priority and share [`Motion`] without locks. The background tasks (phase change, service channel)
@@ -75,7 +75,7 @@ use crate::tasks::Tasks;
 #[repr(C)]
 #[derive(Debug)]
 pub struct Motion<B, H: Hardware> {
-    /// Loop ticks until the next look of the supervision.
+    /// Loop ticks until the next half of the supervision.
     until_supervision: u8,
     /// Something goes along with the loops, see [`Motion::accompany`], or the oscilloscope records; found out by the supervision.
     accompanied: bool,
@@ -99,8 +99,8 @@ pub struct Motion<B, H: Hardware> {
     function: Function,
     probing: Probing,
     oscilloscope: Oscilloscope<'static>,
-    /// Ticks of the supervision since the start.
-    supervisions: u64,
+    /// Halves of the supervision since the start.
+    halves: u64,
     /// Limits of the MDT.
     cyclic_limits: CyclicLimits,
     settings: MotionSettings,
@@ -143,7 +143,7 @@ impl<B: Bus + Clone, H: Hardware> Motion<B, H> {
             function: Function::default(),
             probing: Probing::default(),
             oscilloscope: Oscilloscope::new(scope),
-            supervisions: 0,
+            halves: 0,
             cyclic_limits: CyclicLimits::default(),
             settings,
         }
@@ -191,8 +191,8 @@ impl<B: Bus + Clone, H: Hardware> Motion<B, H> {
 
     /// Task of the loop tick, every 125 us, started by the current loop: position, velocity and torque, and the order to the current loop.
     ///
-    /// Contract: done before the current loop's second cycle of the tick, 62.5 us after the one that started it, with t3 or t4 in between;
-    /// then the order acts in it. No bus access but when a t3 event is overdue.
+    /// Contract: done before the current loop's second cycle of the tick, 62.5 us after the one that started it, with t3, t4 and a half of the
+    /// supervision in between; then the order acts in it. No bus access but when a t3 event is overdue.
     pub fn control_loop(&mut self) -> Tasks {
         let [before, now] = self.motor.take_counts();
         let count = self.counted(now);
@@ -208,9 +208,6 @@ impl<B: Bus + Clone, H: Hardware> Motion<B, H> {
             position = self.encoder.position();
         }
         self.output = self.axis.tick(position, self.motor.torque_limits());
-        if self.output.excessive_deviation && !self.positive_stop.is_expected() {
-            self.status.raise(Findings { class_1: Class1::EXCESSIVE_DEVIATION, ..Findings::default() });
-        }
         let trim = self.clock.on_tick();
         self.motor.command(position, self.output.current, self.output.loop_velocity, trim);
         if self.accompanied {
@@ -218,7 +215,7 @@ impl<B: Bus + Clone, H: Hardware> Motion<B, H> {
         }
         self.until_supervision = self.until_supervision.wrapping_sub(1);
         if self.until_supervision == 0 {
-            self.until_supervision = LOOP_TICKS_PER_SUPERVISION as u8;
+            self.until_supervision = TICKS_TO_NEXT_HALF;
             work |= Tasks::SUPERVISION;
         }
         if self.clock.is_overdue(self.settings.cycle.ticks_per_cycle) {
@@ -425,6 +422,9 @@ impl<B: Bus + Clone, H: Hardware> Motion<B, H> {
         self.keep_limits(before);
     }
 }
+
+/// The supervision comes by halves.
+const TICKS_TO_NEXT_HALF: u8 = (LOOP_TICKS_PER_SUPERVISION / 2) as u8;
 
 /// What a command is that jumps. It is never taken: an error comes before anything moves towards it.
 ///

@@ -1,6 +1,7 @@
 //! One axis: modes, loops and their bumpless hand-over.
 
 pub(crate) mod acceleration_gain;
+pub(crate) mod expected_lag;
 pub(crate) mod filter;
 pub(crate) mod friction;
 pub(crate) mod limits;
@@ -15,7 +16,7 @@ pub use friction::{FrictionParameters, FrictionSettings};
 pub use limits::{
     CommandedTorqueLimits, Limiting, TorqueLimitParameters, TorqueLimitSettings, TorqueLimits, VelocityLimits,
 };
-pub use position_loop::{PositionLoop, PositionLoopOutput, PositionLoopSettings};
+pub use position_loop::{PositionLoopOutput, PositionLoopSettings};
 pub use settings::{AxisMovements, AxisParameters, AxisSettings};
 pub use tuning::{
     CurrentGains, VelocityGains, acceleration_feed_forward, acceleration_smoothing, current_gains, position_gain,
@@ -25,6 +26,7 @@ pub use velocity_estimate::{FilteredVelocity, VelocityEstimate, VelocityFilter};
 pub use velocity_loop::{VelocityLoop, VelocityLoopOutput, VelocityLoopSettings};
 
 use crate::axis::acceleration_gain::FedForward;
+use crate::axis::expected_lag::ExpectedLag;
 use crate::path::command_step::CommandJump;
 use crate::path::interpolation::Interpolator;
 use crate::path::limits::MotionLimits;
@@ -93,8 +95,6 @@ pub struct AxisOutput {
     pub limiting: Limiting,
     /// The movement of [`Mode::Travel`] has reached its target.
     pub travelled: bool,
-    /// The following error is further from the expected lag than the monitoring window (C1D bit 11), in `Position` and `Halt`.
-    pub excessive_deviation: bool,
 }
 
 impl AxisOutput {
@@ -112,7 +112,6 @@ impl AxisOutput {
             standstill: true,
             limiting: Limiting::empty(),
             travelled: true,
-            excessive_deviation: false,
         }
     }
 }
@@ -134,7 +133,7 @@ pub struct Axis {
     interpolator: Interpolator,
     velocity_interpolator: VelocityInterpolator,
     ramp: Ramp,
-    position_loop: PositionLoop,
+    expected_lag: ExpectedLag,
     /// The velocity that an axis exactly on its set-point would be measured to have: the commanded one through the filter of the measured
     /// one. Fed forward in its place, the commanded velocity would be ahead of the measured one by the time of the filter. The velocity loop
     /// would take that for an error, and at constant acceleration a the position loop would have to hold a * time / Kv against it.
@@ -176,7 +175,7 @@ impl Axis {
             interpolator: Interpolator::new(measured, ranges),
             velocity_interpolator: VelocityInterpolator::new(Velocity::ZERO),
             ramp: Ramp::new(here),
-            position_loop: PositionLoop::new(&settings.position_loop, here),
+            expected_lag: ExpectedLag::new(&settings.position_loop, here),
             expected_velocity: FilteredVelocity::new(Velocity::ZERO),
             setpoint_velocity: Velocity::ZERO,
             slow_velocity: Velocity::ZERO,
@@ -267,7 +266,7 @@ impl Axis {
                 self.travel_limits = self.settings.halt;
             }
         }
-        self.position_loop = PositionLoop::new(&self.settings.position_loop, setpoint);
+        self.expected_lag = ExpectedLag::new(&self.settings.position_loop, setpoint);
         self.setpoint_velocity = setpoint.velocity;
         self.expected_velocity = FilteredVelocity::new(setpoint.velocity);
         self.fed_forward = FedForward::NONE;
@@ -407,7 +406,7 @@ impl Axis {
             self.preload(current);
             let setpoint = Setpoint::moving(self.measured, Velocity::ZERO);
             self.trajectory = Trajectory::start(setpoint);
-            self.position_loop = PositionLoop::new(&self.settings.position_loop, setpoint);
+            self.expected_lag = ExpectedLag::new(&self.settings.position_loop, setpoint);
             self.setpoint_velocity = Velocity::ZERO;
             self.expected_velocity = FilteredVelocity::new(Velocity::ZERO);
         }
@@ -512,8 +511,7 @@ impl Axis {
         let velocity = settings.as_measured(self.setpoint_velocity, setpoint.velocity);
         self.setpoint_velocity = setpoint.velocity;
         let expected = self.expected_velocity.update(&settings.velocity_filter, velocity);
-        let followed = self.position_loop.tick(
-            &settings.position_loop,
+        let followed = settings.position_loop.follow(
             &settings.velocity_limits,
             Setpoint { velocity: expected, ..setpoint },
             self.measured + settings.moved_since_measured(setpoint.velocity),
@@ -522,7 +520,7 @@ impl Axis {
         output.position_command = setpoint.position;
         output.following_error = followed.following_error;
         output.limiting = followed.limiting;
-        output.excessive_deviation = followed.excessive_deviation;
+        self.expected_lag.note(setpoint.position, followed.following_error);
         self.control(acceleration, limits, &mut output);
         output
     }
@@ -585,10 +583,21 @@ impl Axis {
         output.limiting = limiting;
     }
 
-    /// Keeps the modulo range near the axis: to be called once in [`crate::units::LOOP_TICKS_PER_SUPERVISION`] ticks at least.
+    /// Looks after the axis: keeps the modulo range near it, and finds out whether it is further from the lag that its command makes it
+    /// expect than the monitoring window (C1D bit 11), in a mode with position commands. To be called once in
+    /// [`crate::units::LOOP_TICKS_PER_SUPERVISION`] ticks.
     #[inline]
-    pub fn follow_ranges(&mut self) {
+    #[must_use]
+    pub fn supervise(&mut self) -> bool {
         self.ranges = self.ranges_near(self.measured);
+        let settings = &self.settings;
+        matches!(self.mode, Mode::Position | Mode::Halt | Mode::Travel)
+            && self.expected_lag.deviates(
+                &settings.deviation,
+                &settings.position_loop,
+                &settings.velocity_limits,
+                self.expected_velocity.velocity(),
+            )
     }
 
     #[inline]
@@ -623,7 +632,7 @@ impl Axis {
         self.interpolator.set_ranges(self.ranges);
         self.ramp.shift(difference);
         self.trajectory.shift(difference);
-        self.position_loop.shift(difference);
+        self.expected_lag.shift(difference);
     }
 }
 

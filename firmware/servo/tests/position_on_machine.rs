@@ -111,7 +111,7 @@ fn with_lag_the_axis_is_behind_by_velocity_over_kv() {
     // 10 rev/s / 300 1/s
     let lag = mean(&seen.iter().map(|seen| turns(seen.output.following_error)).collect::<Vec<_>>());
     within("lag in revolutions", lag, 0.033_30..0.033_37);
-    assert!(seen.iter().all(|seen| !seen.output.excessive_deviation), "the lag is expected");
+    assert!(seen.iter().all(|seen| !seen.deviates), "the lag is expected");
 }
 
 #[test]
@@ -428,8 +428,8 @@ fn a_seized_shaft_leaves_the_monitoring_window_at_the_peak_current() {
     bench.machine().block(true, bench.time);
     let mut master = Master::new(16);
     let seen: Vec<Seen> = (0..100).flat_map(|_| bench.position_cycle(master.next(1.0, 10.0))).collect();
-    let found = seen.iter().find(|seen| seen.output.excessive_deviation).expect("it is reported");
-    within("following error in revolutions", turns(found.output.following_error), 0.01..0.0101);
+    let found = seen.iter().find(|seen| seen.deviates).expect("it is reported");
+    within("following error in revolutions", turns(found.output.following_error), 0.01..0.010_3);
     let last = seen[seen.len() - 1];
     assert_eq!(last.output.current, CurrentFraction::MAX);
     assert!(last.limiting.contains(Limiting::AMPLIFIER_PEAK));

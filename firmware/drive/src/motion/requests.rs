@@ -160,7 +160,7 @@ impl<B: Bus + Clone, H: Hardware> Motion<B, H> {
 
     /// Time since the processor was started, in us.
     pub(crate) fn operating_time(&self) -> u64 {
-        self.supervisions.wrapping_mul(SUPERVISION_PERIOD_MICROSECONDS.into())
+        self.halves.wrapping_mul(u64::from(SUPERVISION_PERIOD_MICROSECONDS / 2))
     }
 
     /// What the diagnosis is made of; `phase` and `interface` are the slave's.

@@ -1,4 +1,5 @@
-//! Everything that looks after the loops, every 500 us: supervision, switching on and off, brake, diagnostic words, and who is told.
+//! Everything that looks after the loops, every 500 us in two halves: what cannot wait, with switching on and off and the brake, and 250 us
+//! later what can: heat, diagnostic words, and who is told.
 
 use sercon816::Bus;
 use sercos::Phase;
@@ -19,22 +20,40 @@ use crate::state::Conditions;
 use crate::tasks::Tasks;
 
 impl<B: Bus + Clone, H: Hardware> Motion<B, H> {
-    /// Task of the supervision, every 500 us, started by every fourth loop tick: looks after the motor side, steps the state machine, brake
-    /// and probes, and brings the diagnostic words up to date.
+    /// Task of the supervision, every 250 us, started by every second loop tick: one half of it, and the other one the next time. The loops and
+    /// t3 wait for the half that is under way: in one piece it would make an order to the current loop late.
     ///
     /// Contract: done before the next loop tick, 125 us after the one that started it, with the tasks of the chip in between. No bus access.
     pub fn supervise(&mut self) -> Tasks {
-        self.supervisions = self.supervisions.wrapping_add(1);
+        self.halves = self.halves.wrapping_add(1);
+        if self.halves & 1 == 1 {
+            self.look_after_the_axis();
+            Tasks::empty()
+        } else {
+            self.bring_up_to_date()
+        }
+    }
+
+    /// The half that cannot wait: looks after the axis and its motor side, steps the state machine, brake and probes.
+    fn look_after_the_axis(&mut self) {
         self.motor.measure();
         self.inputs = self.hardware.inputs();
         let index = self.hardware.index_latch().map(|latch| self.counted(latch));
-        self.axis.follow_ranges();
+        if self.axis.supervise() && !self.positive_stop.is_expected() {
+            self.take(Findings { class_1: Class1::EXCESSIVE_DEVIATION, ..Findings::default() });
+        }
         self.look_after_the_motor(index);
         self.update_state();
         let index = index.map(|count| self.encoder.position_of(count));
         self.function.note_marker(index);
         self.step_sequence(index);
         self.probe();
+    }
+
+    /// The half that can wait: heat, a movement to a target, diagnostic words, and what others have to hear.
+    fn bring_up_to_date(&mut self) -> Tasks {
+        let faults = self.motor.supervise_heat();
+        self.take_faults(faults);
         if self.positioning.is_active() {
             self.position_to_target();
         }
@@ -206,7 +225,7 @@ impl<B: Bus + Clone, H: Hardware> Motion<B, H> {
             telegram_lost: self.ring.shows_loss(),
             bridge_ready: self.inputs.bridge_ready,
             limit_out_of_range: self.cyclic_limits.complains(),
-            not_calibrated: !self.motor.measured().calibrated && self.supervisions > u64::from(CALIBRATION_TICKS),
+            not_calibrated: !self.motor.measured().calibrated && self.halves >> 1 > u64::from(CALIBRATION_TICKS),
             reached: self.reached(),
         };
         self.status.look(&look);

@@ -63,7 +63,6 @@ fn values() -> Values {
         limiting: servo::axis::Limiting::empty(),
         loop_velocity: servo::units::Velocity::ZERO,
         travelled: false,
-        excessive_deviation: false,
     };
     let fraction = CurrentFraction::from_bits;
     let current_loop = CurrentLoopValues {

@@ -2,6 +2,7 @@
 
 use crate::arithmetic::trigonometry::high_product;
 use crate::axis::acceleration_gain::AccelerationSmoothing;
+use crate::axis::expected_lag::DeviationSettings;
 use crate::axis::filter::CurrentFilterSettings;
 use crate::axis::friction::FrictionSettings;
 use crate::axis::limits::VelocityLimits;
@@ -71,6 +72,7 @@ pub struct AxisParameters {
 pub struct AxisSettings {
     pub(crate) interpolator: InterpolatorSettings,
     pub(crate) position_loop: PositionLoopSettings,
+    pub(crate) deviation: DeviationSettings,
     pub(crate) velocity_loop: VelocityLoopSettings,
     pub(crate) acceleration_smoothing: AccelerationSmoothing,
     pub(crate) velocity_filter: VelocityFilter,
@@ -204,11 +206,8 @@ impl AxisSettings {
             interpolator: InterpolatorSettings::new(parameters.ticks_per_cycle, parameters.modulo)?
                 .with_interpolation(parameters.interpolation)
                 .with_limits(CommandLimits::new(parameters.largest_step, parameters.monitoring_window)),
-            position_loop: PositionLoopSettings::new(
-                parameters.position_gain,
-                parameters.feed_forward,
-                parameters.monitoring_window,
-            )?,
+            position_loop: PositionLoopSettings::new(parameters.position_gain, parameters.feed_forward)?,
+            deviation: DeviationSettings::new(parameters.position_gain, parameters.monitoring_window),
             velocity_loop: VelocityLoopSettings::new(
                 parameters.velocity_gain,
                 parameters.integral_time,

@@ -258,6 +258,34 @@ mod tests {
     }
 
     #[test]
+    fn the_zero_is_rounded_to_the_nearest_64th_of_a_count() {
+        for (more, expected) in [(9, 0), (10, 1), (29, 1), (30, 2)] {
+            let mut offsets = Offsets::default();
+            for n in 0..CALIBRATION {
+                // Spread over the blocks, so that they agree.
+                offsets.calibrate([
+                    2_048 + u32::from(n % (CALIBRATION / 32) == 0 && n / (CALIBRATION / 32) < more),
+                    2_048,
+                    2_048,
+                ]);
+            }
+            assert_eq!(offsets.phases, [(2_048 << 6) + expected, 2_048 << 6, 2_048 << 6], "{more} counts more in all");
+        }
+    }
+
+    #[test]
+    fn blocks_that_differ_by_just_the_agreement_agree() {
+        for (more, agree) in [(0, true), (1, false)] {
+            let mut offsets = Offsets::default();
+            for n in 0..CALIBRATION {
+                let second = u32::from(n / BLOCK == 1);
+                offsets.calibrate([2_048 + AGREEMENT * second + more * u32::from(n == BLOCK), 2_048, 2_048]);
+            }
+            assert_eq!(offsets.is_calibrated(), agree, "{more} more");
+        }
+    }
+
+    #[test]
     fn a_sensor_that_was_disturbed_for_a_while_moves_no_zero() {
         // A fifth of the range for 2 ms, wherever in the 80 ms, and 50 counts for half of them.
         for (begin, span, moved) in [(0, 32, 410), (500, 32, 410), (1_200, 24, 410), (640, 640, 50), (0, 640, -50)] {

@@ -32,29 +32,39 @@ pub struct Surroundings {
 const REACH: i16 = i16::MAX / 16;
 
 impl<B: BoardKind> Motor<B> {
-    /// Looks at everything once.
+    /// Looks at what is over in milliseconds: bus, current loop, encoder and field weakening, and puts the limits of the torque together. To be
+    /// called once in [`crate::units::LOOP_TICKS_PER_SUPERVISION`] ticks, as [`Motor::supervise_heat`] is, at other ticks.
     pub fn supervise(&mut self, surroundings: &Surroundings) -> MotorFaults {
         let mut faults = MotorFaults::NONE;
         self.watch_bus(surroundings.torque, &mut faults);
         self.watch_current_loop(&mut faults);
         self.watch_encoder(surroundings, &mut faults);
-        self.watch_temperatures(&mut faults);
-        self.watch_loads(&mut faults);
         self.weakening_limit = None;
         self.within_reach = None;
         self.limiting = Limiting::empty();
         // An open bridge has no current to weaken the field with: what is asked of it winds up in the current loop.
         if self.bridge_on && self.closed {
             self.weaken(&mut faults);
+        } else {
+            self.weakening.reset();
+            self.weakened = CurrentFraction::ZERO;
+        }
+        self.combine_limits();
+        faults
+    }
+
+    /// Looks at what takes longer: temperatures and loads, and whether sensors and phases agree.
+    pub fn supervise_heat(&mut self) -> MotorFaults {
+        let mut faults = MotorFaults::NONE;
+        self.watch_temperatures(&mut faults);
+        self.watch_loads(&mut faults);
+        if self.bridge_on && self.closed {
             self.watch_sensors(&mut faults);
             self.watch_phases(&mut faults);
         } else {
             self.balance = CurrentBalance::default();
             self.open_phase = OpenPhase::default();
-            self.weakening.reset();
-            self.weakened = CurrentFraction::ZERO;
         }
-        self.combine_limits();
         faults
     }
 
@@ -138,10 +148,10 @@ impl<B: BoardKind> Motor<B> {
 
     /// A phase of the motor that carries nothing of what is asked of it.
     fn watch_phases(&mut self, faults: &mut MotorFaults) {
-        let readings = &self.measured.readings;
+        let cycle = &self.link.report.cycle(true).readings;
+        let readings = cycle.readings();
         let asked = [self.direct_command, self.commanded].map(CurrentCommand::reference);
-        let angle = self.link.report.cycle(true).readings.angle();
-        if self.open_phase.tick(asked, [readings.direct, readings.quadrature], angle) {
+        if self.open_phase.tick(asked, [readings.direct, readings.quadrature], cycle.angle()) {
             faults.add(MotorFault::OpenPhase);
         }
     }

@@ -48,6 +48,8 @@ pub(crate) struct Bench {
     pub(crate) axis: Axis,
     pub(crate) time: u64,
     pub(crate) limits: TorqueLimits,
+    /// The following error was outside of its window at some look.
+    pub(crate) deviates: bool,
 }
 
 /// The same velocity limit both ways.
@@ -67,7 +69,7 @@ impl Bench {
         let encoder = Encoder::new(encoder, motor.encoder_count(0));
         let axis = Axis::new(AxisSettings::new(parameters).unwrap(), encoder.position());
         let limits = TorqueLimits::symmetrical(CurrentFraction::MAX, Limiting::TORQUE_BIPOLAR);
-        Self { motor, encoder, axis, time: 0, limits }
+        Self { motor, encoder, axis, time: 0, limits, deviates: false }
     }
 
     pub(crate) fn tick(&mut self) -> AxisOutput {
@@ -75,7 +77,7 @@ impl Bench {
         let measured = self.encoder.update(self.motor.encoder_count(self.time));
         let output = self.axis.tick(measured, &self.limits);
         if (self.time / PERIOD).is_multiple_of(LOOP_TICKS_PER_SUPERVISION.into()) {
-            self.axis.follow_ranges();
+            self.deviates |= self.axis.supervise();
         }
         self.motor.set_current(f64::from(output.current.to_num::<f32>()), self.time + COMPUTING_TIME);
         output

@@ -61,6 +61,8 @@ pub(crate) struct Bench<B: BoardKind = Kind> {
     progress: SequenceOutput,
     /// Of the last tick.
     output: AxisOutput,
+    /// At the last look of the supervision.
+    deviates: bool,
     /// Loop ticks since the start.
     ticks: u32,
     /// The next cycle is the first of a tick.
@@ -84,6 +86,8 @@ pub(crate) struct Seen {
     /// Length of the voltage vector as a share of the longest one.
     pub(crate) voltage: f64,
     pub(crate) limiting: Limiting,
+    /// The following error was outside of its window at the last look.
+    pub(crate) deviates: bool,
 }
 
 impl Bench {
@@ -120,6 +124,7 @@ impl<B: BoardKind> Bench<B> {
             setup: *setup,
             wanted: Sequence::Off,
             progress: SequenceOutput::default(),
+            deviates: false,
             output: AxisOutput::at_rest(position),
             ticks: 0,
             first: true,
@@ -325,10 +330,11 @@ impl<B: BoardKind> Bench<B> {
         if !self.ticks.is_multiple_of(LOOP_TICKS_PER_SUPERVISION) {
             return;
         }
-        self.axis.follow_ranges();
+        self.deviates = self.axis.supervise();
         let count = self.motor.count();
         let torque = self.progress.bridge;
         let mut faults = self.motor.supervise(&Surroundings { torque, count, index: None });
+        faults.add_all(self.motor.supervise_heat());
         let bridge_on = self.stage.bridge_is_on();
         self.progress = self.motor.sequence(
             &SequenceInputs {
@@ -364,6 +370,7 @@ impl<B: BoardKind> Bench<B> {
             torque: machine.torque(at),
             bus: machine.bus_voltage(at),
             limiting,
+            deviates: self.deviates,
         }
     }
 }

@@ -211,7 +211,8 @@ mod tests {
     #[test]
     fn a_row_has_the_longest_activation_and_the_longest_cycle() {
         let rate = Rate::EachCycle;
-        let task = Task { name: "edge", vector: "EXTI3", priority: 4, rate, budget: None, forbidden: &[] };
+        let task =
+            Task { name: "edge", vector: "EXTI3", priority: 4, rate, budget: None, deadline: None, forbidden: &[] };
         let mut count = TaskCount::default();
         count.worst.activation = Demand { activations: 1, instructions: 1_000, bus: 2 };
         count.worst.cycle = Demand { activations: 2, instructions: 1_100, bus: 4 };

@@ -278,7 +278,7 @@ fn add_timing(tasks: &mut [TaskReport], thread: u64) {
 }
 
 fn failures_of_task(report: &TaskReport) -> Vec<String> {
-    let Task { name, vector, budget, forbidden, rate, .. } = report.task;
+    let Task { name, vector, budget, forbidden, rate, deadline, .. } = report.task;
     let Some(found) = &report.found else {
         return vec![format!(
             "{name}: the vector {vector} has no handler in the ELF; bind the task or take its gate out"
@@ -294,12 +294,20 @@ fn failures_of_task(report: &TaskReport) -> Vec<String> {
         }
         _ => {}
     }
-    if report.timing.is_some_and(|timing| timing.response.is_none()) {
-        let period = match rate {
-            Rate::Every(period) => period,
-            _ => CYCLE.0,
-        };
-        failures.push(format!("{name} ({vector}) is not always done within its period of {} us", period / 1_000));
+    let period = match rate {
+        Rate::Every(period) => period,
+        _ => CYCLE.0,
+    };
+    match (report.timing.map(|timing| timing.response), deadline) {
+        (Some(None), _) => {
+            failures.push(format!("{name} ({vector}) is not always done within its period of {} us", period / 1_000));
+        }
+        (Some(Some(response)), Some(deadline)) if response > deadline => failures.push(format!(
+            "{name} ({vector}) takes {:.1} us from its cause to its end, {:.1} us are there",
+            response as f64 / 1e3,
+            deadline as f64 / 1e3
+        )),
+        _ => {}
     }
     for (check, findings) in found.findings.iter().filter(|(check, _)| forbidden.contains(check)) {
         if let Some(first) = findings.first() {
@@ -395,7 +403,8 @@ mod tests {
     fn report(instructions: Option<u64>, findings: Vec<(Check, Vec<Finding>)>) -> TaskReport {
         let rate = Rate::Every(125_000);
         let forbidden = &[Check::Panic];
-        let task = Task { name: "tick", vector: "TIM6_DAC", priority: 4, rate, budget: Some(100), forbidden };
+        let task =
+            Task { name: "tick", vector: "TIM6_DAC", priority: 4, rate, budget: Some(100), deadline: None, forbidden };
         let found = Some(StaticReport { functions: 1, stack: Depth::Bytes(0), findings });
         TaskReport { task, count: instructions.map(counted), found, timing: None }
     }
@@ -488,6 +497,11 @@ mod tests {
         tasks[0].count = Some(counted(100));
         add_timing(&mut tasks, 0);
         assert_eq!(failures_of_task(&tasks[0]), [""; 0]);
+        let response = tasks[0].timing.unwrap().response.unwrap();
+        tasks[0].task.deadline = Some(response);
+        assert_eq!(failures_of_task(&tasks[0]), [""; 0]);
+        tasks[0].task.deadline = Some(response - 1);
+        assert!(failures_of_task(&tasks[0])[0].contains("from its cause to its end"));
     }
 
     #[test]

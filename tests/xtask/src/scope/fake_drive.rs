@@ -82,7 +82,6 @@ impl FakeDrive {
             standstill: true,
             limiting: Limiting::empty(),
             travelled: false,
-            excessive_deviation: false,
         };
         Self {
             // A few test drives: their memory need not come back.
