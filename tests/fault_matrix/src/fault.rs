@@ -220,7 +220,14 @@ impl Fault {
             }
             Self::EnableBlinks => rig.hold_switches(false),
             Self::GateDriver => rig.motor_side().borrow_mut().change_inputs(|inputs| inputs.bridge_ready = false),
-            Self::EncoderFrozen => rig.machine(|machine, now| machine.freeze_encoder(true, now)),
+            Self::EncoderFrozen => {
+                // Five counts behind the command, 0.2 degrees: whether the tracks freeze there or at it is chance, and at it nothing is asked of the rotor.
+                let beside = if rig.mode() == Mode::Position { -5 } else { 0 };
+                rig.machine(|machine, now| {
+                    machine.slip_encoder(beside, now);
+                    machine.freeze_encoder(true, now);
+                });
+            }
             Self::EncoderSlip => rig.machine(|machine, now| machine.slip_encoder(20, now)),
             Self::EncoderJump => rig.machine(|machine, now| machine.slip_encoder(5_000, now)),
             // Slip by slip, see `go_on`.
