@@ -16,10 +16,17 @@
 //!                    0                                                        39 = 1.86 us
 //! ```
 //!
+//! [`SENSING`] says where the currents are measured, and `servo` works with either:
+//!
+//! * Sensors in the lines to the motor (magnetic ones, or shunts with isolated amplifiers) show the current at every instant.
+//! * Shunts in the low-side emitters are cheaper and show it only while the low side conducts. Their amplifier settles after each turning on, and
+//!   [`SAMPLING_NANOSECONDS`] of the converter must lie behind that: with a dead time of 1 us and an amplifier that settles to 1 % in 1.2 us a phase
+//!   can be read up to a compare value of 4 760 of 5 250. Amplifiers slower than 1.9 us do not compile.
+//!
 //! The sources need an impedance of at most 11 kilohm at a sampling time of 15 cycles (data sheet, RAIN), which the current amplifiers are
 //! far below; dividers of voltage and temperatures have a capacitor of 100 nF at the pin, which holds the level for the converter.
 
-use drive::Samples;
+use drive::{CurrentSensing, Samples};
 use stm32f4xx_hal::{
     pac,
     rcc::{Enable, Rcc},
@@ -45,6 +52,13 @@ pub const HOLD_TO_INTERRUPT: u16 = timer_counts(LATENCY + CONVERSIONS * (SAMPLIN
 
 /// From the hold to the reading of the encoder, with some 50 cycles of the processor until the handler has got there: 2.15 us.
 pub const HOLD_TO_COUNT_NANOSECONDS: u16 = ((HOLD_TO_INTERRUPT as u32 + 50) * 1_000 / (HCLK_HZ / 1_000_000)) as u16;
+
+/// For which the converter needs a level to stand still, in ns: 714.
+pub const SAMPLING_NANOSECONDS: u32 = (SAMPLING * 1_000).div_ceil(CONVERTER_HZ / 1_000_000);
+
+/// Where this board measures its phase currents. On shunts it would be
+/// `CurrentSensing::LowSideShunts { settling: 1_200, sampling: SAMPLING_NANOSECONDS }`, with the settling time of their amplifier.
+pub const SENSING: CurrentSensing = CurrentSensing::InLine;
 
 const fn timer_counts(converter_cycles: u32) -> u16 {
     converter_cycles.wrapping_mul(APB2_TIMER_HZ / CONVERTER_HZ) as u16

@@ -12,6 +12,7 @@ impl BoardKind for Kind {
     const FACTS: Facts = Facts {
         frequency: bridge::PWM_FREQUENCY,
         dead_time: bridge::DEAD_TIME_NANOSECONDS,
+        current_sensing: current_sense::SENSING,
         loop_timer_counts: loop_phase::COUNTS,
         sample_to_count: current_sense::HOLD_TO_COUNT_NANOSECONDS,
         encoder_rate: encoder::INCREMENTS_PER_SECOND,

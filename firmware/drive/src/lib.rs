@@ -69,7 +69,7 @@ pub use snapshot::Snapshot;
 pub use state::{Conditions, DriveState, StateMachine, Switches, status_bits};
 pub use tasks::Tasks;
 
-pub use servo::current::PwmFrequency;
+pub use servo::current::{CurrentSensing, PwmFrequency};
 pub use servo::motor::{
     BoardKind, CurrentControl, CurrentLink, CurrentLoopValues, Cycle, Facts, PowerStage, Samples, TemperatureSensor,
 };

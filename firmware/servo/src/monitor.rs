@@ -2,9 +2,11 @@
 
 pub(crate) mod bus_voltage;
 pub(crate) mod chopper;
+pub(crate) mod current_balance;
 pub(crate) mod debounce;
 pub(crate) mod generating;
 pub(crate) mod load;
+pub(crate) mod open_phase;
 pub(crate) mod temperature;
 pub(crate) mod travel_range;
 
@@ -12,7 +14,9 @@ pub use bus_voltage::{
     BusVoltage, Duty, Reciprocal, VoltageError, VoltageOutput, VoltageParameters, VoltageSettings, Volts,
 };
 pub use chopper::{Chopper, ChopperLevels, ChopperOutput, ChopperParameters, ChopperSettings};
+pub use current_balance::CurrentBalance;
 pub use generating::{GeneratingParameters, GeneratingSettings};
 pub use load::{LoadModel, LoadOutput, LoadParameters, LoadSettings};
+pub use open_phase::OpenPhase;
 pub use temperature::{Temperature, TemperatureError, TemperatureOutput, TemperatureParameters, TemperatureSettings};
 pub use travel_range::{Commanded, RangeEnd, RangeMonitor, TravelRange};

@@ -12,6 +12,7 @@ pub(crate) mod facts;
 pub(crate) mod fault;
 pub(crate) mod link;
 pub(crate) mod monitoring;
+pub(crate) mod phase_test;
 pub(crate) mod sequence;
 pub(crate) mod settings;
 pub(crate) mod stage;
@@ -31,6 +32,7 @@ pub use watched::Watched;
 use core::marker::PhantomData;
 
 use link::{CycleReport, get};
+use phase_test::PhaseTest;
 
 use crate::arithmetic::trigonometry::Rotation;
 use crate::axis::limits::{CommandedTorqueLimits, Limiting, TorqueLimitSettings, TorqueLimits};
@@ -47,7 +49,9 @@ use crate::encoder::monitor::EncoderMonitor;
 use crate::identification::CurrentRequest;
 use crate::monitor::bus_voltage::{BusVoltage, VoltageOutput};
 use crate::monitor::chopper::Chopper;
+use crate::monitor::current_balance::CurrentBalance;
 use crate::monitor::load::LoadModel;
+use crate::monitor::open_phase::{OpenPhase, Phases};
 use crate::monitor::temperature::Temperature;
 use crate::units::{CurrentFraction, Position, Velocity};
 
@@ -132,6 +136,13 @@ pub struct Motor<B: BoardKind> {
     brake: BrakeSequencer,
     /// Ticks of the supervision for which the current has not followed.
     blind: u16,
+    /// What was asked of the phases meanwhile, and what flowed.
+    seen_blind: [Phases; 2],
+    balance: CurrentBalance,
+    open_phase: OpenPhase,
+    phase_test: PhaseTest,
+    /// Its current was asked for in the last step.
+    tested: bool,
     /// Ticks of the supervision for which switching on has waited for the zero of the current sensors.
     uncalibrated: u16,
     weakening: FieldWeakening,
@@ -211,6 +222,11 @@ impl<B: BoardKind> Motor<B> {
             chopper_works: false,
             link_full: 0,
             blind: 0,
+            seen_blind: [Phases::default(); 2],
+            balance: CurrentBalance::default(),
+            open_phase: OpenPhase::default(),
+            phase_test: PhaseTest::default(),
+            tested: false,
             uncalibrated: 0,
             weakening: FieldWeakening::new(),
             weakened: CurrentFraction::ZERO,

@@ -150,7 +150,7 @@ fn phases_that_are_turned_on_by_one_are_part_of_the_angle_that_is_found() {
 #[test]
 fn an_open_phase_is_not_always_found_by_the_alignment_alone() {
     // The current loop makes no current along the axis of the open phase whatever is asked for; what remains swings the rotor about a wrong
-    // place in a third of the cases. That wants a diagnosis before the torque.
+    // place in a third of the cases. Hence the test of the phases before it (`open_phase.rs`): 48 of 48.
     let (mut done, mut named, mut other) = (0, 0, 0);
     let mut worst = 0.0_f64;
     for leg in 0..3 {

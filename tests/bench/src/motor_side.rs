@@ -12,7 +12,7 @@ use laws::Sight;
 use plant::{Machine, ReferenceAxis};
 use ring::Nanoseconds;
 use ring::time::SharedClock;
-use servo::current::PwmFrequency;
+use servo::current::{CurrentSensing, PwmFrequency};
 
 /// The modulation timer's clock in MHz: that of the APB2 timers of the STM32F407.
 const TIMER_MEGAHERTZ: u64 = 168;
@@ -382,6 +382,7 @@ impl BoardKind for HostBoard {
     const FACTS: Facts = Facts {
         frequency: PwmFrequency::Khz16,
         dead_time: 1_000,
+        current_sensing: CurrentSensing::InLine,
         loop_timer_counts: 10_500,
         sample_to_count: CONVERSION.0 as u16,
         encoder_rate: 18_600_000,

@@ -77,6 +77,10 @@ pub(crate) const fn note(fault: Fault) -> Option<&'static str> {
         Fault::ConvertersStuck => {
             "Noticed when all the voltage there is makes no current: as soon as the loops ask for a tenth of the peak current, not before."
         }
+        Fault::MotorPhaseOpen => {
+            "Found as soon as half a per cent of the peak current is to flow in it: an axis that stands without a load asks for less. Switched on with an \
+             open phase, it gets no torque: `firmware/servo/tests/open_phase.rs`."
+        }
         Fault::PositionLimit => {
             "These axes are not homed, and without a reference the limits mean nothing; `tests/travel.rs` has one that is."
         }
@@ -188,6 +192,12 @@ const TABLE: &[Row] = &[
     row(Fault::ConvertersStuck, &[(Standstill, Velocity)], TorqueOff, Some((50_000, 400_000)), 0xF110, RunsAgain),
     row(Fault::ConvertersStuck, &[(Halted, Position)], TorqueOff, Some((50_000, 400_000)), 0xF110, RunsAgain),
     row(Fault::ConvertersStuck, WHEN_STOPPING, TorqueOff, Some((5_000, 60_000)), 0xF110, RunsAgain),
+    row(Fault::MotorPhaseOpen, WHEN_OFF, GoesOn, None, 0, NoError),
+    row(Fault::MotorPhaseOpen, WHEN_SWITCHING_ON, TorqueOff, Some((1_000, 60_000)), 0xF11C, RunsAgain),
+    row(Fault::MotorPhaseOpen, EVERY_MODE, TorqueOff, Some((2_000, 200_000)), 0xF11C, RunsAgain),
+    row(Fault::MotorPhaseOpen, &[(Halted, Position)], TorqueOff, Some((2_000, 200_000)), 0xF11C, RunsAgain),
+    row(Fault::MotorPhaseOpen, &[(Standstill, Velocity)], GoesOn, None, 0, NoError),
+    row(Fault::MotorPhaseOpen, WHEN_STOPPING, TorqueOff, Some((2_000, 60_000)), 0xF11C, RunsAgain),
     row(Fault::Overvoltage, WHEN_OFF, GoesOn, None, 0, NoError),
     row(Fault::Overvoltage, WITH_TORQUE, TorqueOff, Some((400, 900)), 0xF108, RunsAgain),
     row(Fault::MainsFailure, &[(AtSpeed, Torque)], GoesOn, None, 0, NoError),

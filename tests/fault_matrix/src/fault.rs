@@ -32,6 +32,8 @@ pub enum Fault {
     CurrentSum,
     /// All current sensors show zero for ever: the converters have stopped.
     ConvertersStuck,
+    /// A core of the motor cable breaks.
+    MotorPhaseOpen,
     /// Mains of 480 V in place of 320 V, rectified.
     Overvoltage,
     /// The mains fails under a load; the contactor stays closed.
@@ -122,7 +124,7 @@ impl Fault {
     /// ask for current. Such a time lies within the bounds of its row, and says no more.
     #[must_use]
     pub const fn is_found_by_chance(self) -> bool {
-        matches!(self, Self::EncoderSlip | Self::ConvertersStuck)
+        matches!(self, Self::EncoderSlip | Self::ConvertersStuck | Self::MotorPhaseOpen)
     }
 
     /// Friction comes with the fault.
@@ -205,6 +207,7 @@ impl Fault {
                     machine.fail_current_sensor(phase, Some(MIDDLE), now);
                 }
             }),
+            Self::MotorPhaseOpen => rig.machine(|machine, now| machine.open_phase(1, true, now)),
             Self::Overvoltage => rig.machine(|machine, now| machine.set_supply(480.0, now)),
             Self::MainsFailure => rig.machine(|machine, now| {
                 machine.set_supply(0.0, now);
@@ -217,7 +220,14 @@ impl Fault {
             }
             Self::EnableBlinks => rig.hold_switches(false),
             Self::GateDriver => rig.motor_side().borrow_mut().change_inputs(|inputs| inputs.bridge_ready = false),
-            Self::EncoderFrozen => rig.machine(|machine, now| machine.freeze_encoder(true, now)),
+            Self::EncoderFrozen => {
+                // Five counts behind the command, 0.2 degrees: whether the tracks freeze there or at it is chance, and at it nothing is asked of the rotor.
+                let beside = if rig.mode() == Mode::Position { -5 } else { 0 };
+                rig.machine(|machine, now| {
+                    machine.slip_encoder(beside, now);
+                    machine.freeze_encoder(true, now);
+                });
+            }
             Self::EncoderSlip => rig.machine(|machine, now| machine.slip_encoder(20, now)),
             Self::EncoderJump => rig.machine(|machine, now| machine.slip_encoder(5_000, now)),
             // Slip by slip, see `go_on`.
@@ -282,6 +292,7 @@ impl Fault {
                 machine.fail_current_sensor(phase, None, now);
                 machine.shift_current_sensor(phase, 0, now);
             }
+            machine.open_phase(1, false, now);
             machine.fail_temperature_sensor(1, None, now);
             machine.freeze_encoder(false, now);
             machine.set_temperatures(WARM, now);
@@ -308,6 +319,7 @@ impl fmt::Display for Fault {
             Self::Overcurrent => "current sensor at full scale",
             Self::CurrentSum => "zero of a current sensor moved by 20 % of its range",
             Self::ConvertersStuck => "current converters stuck at zero",
+            Self::MotorPhaseOpen => "motor phase open",
             Self::Overvoltage => "mains at 150 %",
             Self::MainsFailure => "mains fails under 4 Nm, contactor closed",
             Self::MainPowerLost => "main power switched off",

@@ -3,7 +3,7 @@
 use std::sync::LazyLock;
 
 use drive::dictionary::{DICTIONARY, records, source};
-use drive::{DriveSettings, Facts, PwmFrequency, TemperatureSensor};
+use drive::{CurrentSensing, DriveSettings, Facts, PwmFrequency, TemperatureSensor};
 use sercos::command::CommandStatus;
 use sercos::data_block::{DataBlock, Location, NeededFor, Selection};
 use sercos::duration::{self, BitRate};
@@ -18,6 +18,7 @@ use crate::support::{CAPABILITIES, Slave};
 const FACTS: Facts = Facts {
     frequency: PwmFrequency::Khz16,
     dead_time: 1_000,
+    current_sensing: CurrentSensing::InLine,
     loop_timer_counts: 10_500,
     sample_to_count: 2_200,
     encoder_rate: 18_600_000,

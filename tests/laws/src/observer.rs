@@ -169,7 +169,8 @@ impl Observer {
         if sight.is_troubled(scene.machine.supply.voltage) || before.pin_changes != sight.pin_changes {
             scene.troubled = Some(sight.time);
         }
-        let lies = |sight: &Sight| sight.machine.blind || sight.machine.encoder_frozen;
+        // Through a broken cable goes what nobody has asked for, as with sensors that lie.
+        let lies = |sight: &Sight| sight.machine.blind || sight.machine.encoder_frozen || sight.machine.cable_broken;
         if before.machine.slips != sight.machine.slips {
             scene.slipped = Some(sight.time);
         }

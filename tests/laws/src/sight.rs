@@ -40,7 +40,7 @@ impl Sight {
         let link = !(0.9 * supply..1.1 * supply).contains(&machine.bus_voltage);
         // What the defaults of S-0-0200 and S-0-0201 do not warn of.
         let hot = machine.temperatures[0] > 75.0 || machine.temperatures[1] > 110.0;
-        power || lies || link || hot || machine.seized || machine.brake_broken || self.late
+        power || lies || link || hot || machine.cable_broken || machine.seized || machine.brake_broken || self.late
     }
 
     /// Velocity of the shaft in rpm, for words.

@@ -59,6 +59,7 @@ fn bits(fault: MotorFault) -> (Class1, Manufacturer1) {
         MotorFault::TemperatureSensor => own(Manufacturer1::TEMPERATURE_SENSOR),
         MotorFault::Bridge => own(Manufacturer1::AMPLIFIER_FAULT),
         MotorFault::Brake => own(Manufacturer1::BRAKE),
+        MotorFault::OpenPhase => own(Manufacturer1::OPEN_PHASE),
     }
 }
 

@@ -185,8 +185,8 @@ diagnoses! {
         "The gate drivers reported a fault, and the break input switched the bridge off while torque was on.",
         "Check motor cable and bridge for a short circuit, and the supply of the gate drivers; then S-0-0099.";
     CURRENT_SENSOR = 0xF110 "Phase currents implausible", "Strangstroeme unglaubwuerdig",
-        "The three phase currents do not add up to zero, or do not follow all the voltage there is: a sensor, an open phase or an earth fault.",
-        "Check the motor cable for an open phase and an earth fault, then the current sensors.";
+        "The three phase currents do not add up to zero, or do not follow all the voltage there is: a sensor, an earth fault or an open cable.",
+        "Check the motor cable for an earth fault and open cores, then the current sensors.";
     DEADLINE = 0xF111 "Current loop too late", "Stromregler zu spaet",
         "The current loop missed two periods in a row; P-0-0153 counts them.",
         "Report it with the firmware's version: this must not happen.";
@@ -214,11 +214,14 @@ diagnoses! {
         "Encoder and motor phases turn against each other.",
         "Swap two motor phases, or turn bit 3 of S-0-0277.";
     ALIGNMENT = 0xF11A "Alignment failed", "Kommutierung fehlgeschlagen",
-        "The commutation angle did not settle, a motor phase is missing, or the axis was moved from outside.",
-        "Check the three motor phases; let the axis rest during the first switching-on; change P-0-0116.";
+        "The commutation angle did not settle, or the axis was moved from outside.",
+        "Let the axis rest during the first switching-on; change P-0-0116.";
     COMMAND_JUMP = 0xF11B "Position command jumped", "Lagesollwert springt",
         "S-0-0047 with S-0-0048 stepped further than S-0-0091 and a quarter more make in a cycle S-0-0001.",
         "Check the control's path and its cycle against S-0-0001, S-0-0091, and the position scaling; then S-0-0099.";
+    OPEN_PHASE = 0xF11C "Motor phase open", "Motorstrang offen",
+        "One of the three motor phases carries nothing of the current that is asked of it, and the other two do.",
+        "Check motor cable, connectors and motor contactor, all three cores; then S-0-0099.";
     FIRMWARE_FAULT = 0xF120 "Firmware fault, restarted", "Firmwarefehler, neu gestartet",
         "The processor met an instruction, an address or an interrupt that the program must not have.",
         "Run up again. Report P-0-0012 and P-0-0013 with the firmware's version: this must not happen.";
@@ -259,8 +262,10 @@ static ERRORS: [(Class1, &Diagnosis); 12] = [
 ];
 
 /// The errors of S-0-0129, the gravest first. They stand before those of C1D: they say more.
-static OWN_ERRORS: [(Manufacturer1, &Diagnosis); 13] = [
+static OWN_ERRORS: [(Manufacturer1, &Diagnosis); 14] = [
     (Manufacturer1::AMPLIFIER_FAULT, &AMPLIFIER_FAULT),
+    // An open phase makes the currents wrong for many reasons.
+    (Manufacturer1::OPEN_PHASE, &OPEN_PHASE),
     (Manufacturer1::CURRENT_SENSOR, &CURRENT_SENSOR),
     (Manufacturer1::DEADLINE, &DEADLINE),
     (Manufacturer1::SAFE_TORQUE_CHANNELS, &SAFE_TORQUE_CHANNELS),

@@ -37,6 +37,8 @@ bitflags! {
         const ALIGNMENT = 1 << 11;
         /// The position command stepped further than S-0-0091 allows.
         const COMMAND_JUMP = 1 << 12;
+        /// A phase of the motor carries no current.
+        const OPEN_PHASE = 1 << 13;
         /// All errors of the search for the commutation angle.
         const ALIGNMENTS = 7 << 9;
     }

@@ -16,7 +16,7 @@ use sercos::service::{ReadPosition, Reply, Server, Step};
 use sercos::transition::{self, Invalid};
 use sercos::{Idn, Phase, PhaseMachine};
 
-use servo::current::PwmFrequency;
+use servo::current::{CurrentSensing, PwmFrequency};
 use servo::motor::{BoardKind, CurrentLink, Facts, TemperatureSensor};
 
 use super::access::Access;
@@ -62,6 +62,7 @@ impl BoardKind for Still {
     const FACTS: Facts = Facts {
         frequency: PwmFrequency::Khz16,
         dead_time: 1_000,
+        current_sensing: CurrentSensing::InLine,
         loop_timer_counts: 10_500,
         sample_to_count: 2_200,
         encoder_rate: 18_600_000,

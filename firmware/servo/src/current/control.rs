@@ -1,6 +1,7 @@
 //! A cycle of the current loop.
 
-use super::modulator::{space_vector, to_compare_value};
+use super::modulator::{Counts, space_vector, to_compare_value};
+use super::sensing::{Hidden, ShuntWindow};
 use super::settings::CurrentLoopSettings;
 use super::shared::{SharedCommand, SharedReadings};
 use crate::arithmetic::trigonometry::{Rotation, high_product, rounded_product, sum_of_products};
@@ -40,11 +41,35 @@ impl CurrentLoop {
     /// makes of them; compare values come out.
     #[inline]
     pub fn cycle(&mut self, command: &SharedCommand, readings: &SharedReadings) -> [u16; 3] {
+        let (counts, then) = self.counts(command, readings);
+        self.compensated(command, counts, then)
+    }
+
+    /// The same on shunts of the low side, with compare values of which at most one hides its phase.
+    #[inline]
+    pub fn cycle_on_shunts(
+        &mut self,
+        command: &SharedCommand,
+        readings: &SharedReadings,
+        window: ShuntWindow,
+    ) -> ([u16; 3], Hidden) {
+        let (counts, then) = self.counts(command, readings);
+        let (counts, hidden) = window.fit(counts);
+        (self.compensated(command, counts, then), hidden)
+    }
+
+    #[inline]
+    fn counts(&mut self, command: &SharedCommand, readings: &SharedReadings) -> (Counts, Rotation) {
         // With a drive that is a static the compiler would know the address, and load it anew, two instructions each, wherever it lacks a
         // register.
         let state = core::hint::black_box(&mut *self);
         let then = state.current_loop_core(command, readings);
-        self.settings.dead_time.compensate(self.counts, commanded(command, then)).map(to_compare_value)
+        (self.counts, then)
+    }
+
+    #[inline]
+    fn compensated(&self, command: &SharedCommand, counts: Counts, then: Rotation) -> [u16; 3] {
+        self.settings.dead_time.compensate(counts, commanded(command, then)).map(to_compare_value)
     }
 
     /// Clarke, Park, two PI, voltage limit, inverse Park, space vector, with sine and cosine of the angle. A function of its own, because

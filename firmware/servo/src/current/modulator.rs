@@ -8,6 +8,9 @@ use crate::error::SettingsError;
 /// with it a torque that swings once in an electrical revolution.
 pub(super) const FRACTION: u32 = 3;
 
+/// Compare values of the three phases before they are rounded, in counts 2^-3.
+pub(super) type Counts = [i32; 3];
+
 /// Compare values of the three phases for a voltage, in counts 2^-3 like all that goes in, with half a count more for rounding and before
 /// limiting. `side`: sqrt(3)/2 times beta; `middle`: the compare value without voltage.
 ///

@@ -61,6 +61,8 @@ pub struct Offsets {
     sums: [u32; 3],
     /// Samples in the sums and in the block.
     samples: u32,
+    /// First samples of the block.
+    begin: [u32; 3],
     calibrated: bool,
 }
 
@@ -72,12 +74,22 @@ const CALIBRATION: u32 = 4 * BLOCK;
 const BLOCK: u32 = 320;
 /// Blocks agree when their means are within this, in counts: 0.4 % of the range. What is disturbed by less makes the zero wrong by less.
 const AGREEMENT: u32 = 8;
+/// So much more than noise in a sample is a current, in counts: 1.2 % of the range. The mean of smaller pulses is within [`AGREEMENT`].
+const PULSE: u32 = 24;
 /// A sensor whose zero is further than this from the middle is broken, in counts: 5 % of the range.
 const LARGEST_OFFSET: i32 = 102;
 
 impl Default for Offsets {
     fn default() -> Self {
-        Self { phases: [MIDDLE << 6; 3], block: [0; 3], first: [0; 3], sums: [0; 3], samples: 0, calibrated: false }
+        Self {
+            phases: [MIDDLE << 6; 3],
+            block: [0; 3],
+            first: [0; 3],
+            sums: [0; 3],
+            samples: 0,
+            begin: [0; 3],
+            calibrated: false,
+        }
     }
 }
 
@@ -100,6 +112,18 @@ impl Offsets {
         if self.samples.is_multiple_of(BLOCK) {
             self.end_block();
         }
+    }
+
+    /// The same for shunts of the low side. Of a motor that charges the DC link through the diodes of an open bridge they show the currents
+    /// that come through the lower ones, all of one sign: pulses whose mean is no zero.
+    pub fn calibrate_on_shunts(&mut self, samples: [u32; 3]) {
+        if self.samples.is_multiple_of(BLOCK) {
+            self.begin = samples;
+        }
+        if samples.iter().zip(&self.begin).any(|(one, other)| one.abs_diff(*other) > PULSE) {
+            return self.interrupt();
+        }
+        self.calibrate(samples);
     }
 
     #[cold]
@@ -308,6 +332,30 @@ mod tests {
             offsets.calibrate([2_048, if n < CALIBRATION + 500 { 2_048 } else { 2_078 }, 2_048]);
         }
         assert_eq!(offsets.remove([2_048, 2_078, 2_048]), [0; 3]);
+    }
+
+    #[test]
+    fn pulses_through_the_lower_diodes_move_no_zero_of_shunts() {
+        let pulses = |amplitude: f64| {
+            move |n: u32| {
+                let angle = core::f64::consts::TAU * f64::from(n) / 80.0;
+                [0.0, 2.0, 4.0].map(|phase| (2_048.5 + amplitude * (angle + phase).sin().max(0.0)) as u32)
+            }
+        };
+        let zero = |calibrate: fn(&mut Offsets, [u32; 3]), amplitude: f64| {
+            let mut offsets = Offsets::default();
+            (0..CALIBRATION).for_each(|_| calibrate(&mut offsets, [2_040, 2_048, 2_055]));
+            (0..3 * CALIBRATION).map(pulses(amplitude)).for_each(|samples| calibrate(&mut offsets, samples));
+            assert!(offsets.is_calibrated());
+            offsets.remove([2_040, 2_048, 2_055])
+        };
+        assert_eq!(zero(Offsets::calibrate_on_shunts, 150.0), [0; 3]);
+        assert!(
+            zero(Offsets::calibrate, 150.0).iter().all(|rest| *rest < -300),
+            "in the lines they would have no mean"
+        );
+        // What is less than a pulse moves it by less than blocks may differ.
+        assert!(zero(Offsets::calibrate_on_shunts, 24.0)[1] > -8 * 8);
     }
 
     #[test]

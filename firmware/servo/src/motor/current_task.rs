@@ -6,6 +6,7 @@ use super::settings::CurrentSettings;
 use super::stage::{PowerStage, Samples};
 use crate::current::control::CurrentLoop;
 use crate::current::protection::{Offsets, Protection, Trip};
+use crate::current::sensing::{Hidden, ShuntWindow};
 use crate::current::shared::SharedCommand;
 use crate::monitor::chopper::ChopperLevels;
 
@@ -22,6 +23,8 @@ pub struct CurrentControl<P: 'static> {
     count: u32,
     control: Control,
     was_late: bool,
+    /// The phase whose sample the next cycle does not believe.
+    hidden: Hidden,
     /// The resistor of the chopper is on.
     chopping: bool,
 }
@@ -39,6 +42,7 @@ enum Control {
 
 impl<P: PowerStage> CurrentControl<P> {
     const FACTS: Facts = <P::Board as BoardKind>::FACTS;
+    const SHUNTS: Option<ShuntWindow> = Self::FACTS.shunt_window();
 
     /// A current loop at rest. `settings` are those of the drive's start; later ones come through `link`.
     pub fn new(mut stage: P, link: &'static CurrentLink, settings: CurrentSettings) -> Self {
@@ -60,6 +64,7 @@ impl<P: PowerStage> CurrentControl<P> {
             count,
             control: Control::Resting,
             was_late: false,
+            hidden: Hidden::No,
             chopping: false,
         }
     }
@@ -129,7 +134,8 @@ impl<P: PowerStage> CurrentControl<P> {
 
     #[inline]
     fn regulate(&mut self, command: &SharedCommand, report: &CycleReport, samples: &Samples, moved: i32) {
-        let currents = self.offsets.remove(samples.currents);
+        let measured = self.offsets.remove(samples.currents);
+        let currents = if Self::SHUNTS.is_some() { self.hidden.restore(measured) } else { measured };
         report.readings.set_phases(currents);
         if self.control != Control::Regulating && !self.begin() {
             return;
@@ -138,7 +144,18 @@ impl<P: PowerStage> CurrentControl<P> {
             self.trip(trip);
             return;
         }
-        let counts = self.current_loop.cycle(command, &report.readings);
+        let counts = match Self::SHUNTS {
+            None => self.current_loop.cycle(command, &report.readings),
+            Some(window) => {
+                let (counts, hidden) = self.current_loop.cycle_on_shunts(command, &report.readings, window);
+                // They act from the bottom on, and the next sample is in the middle of what they make. Those of a late cycle will be overwritten
+                // before they act: the next sample still belongs to the ones before.
+                if !self.was_late {
+                    self.hidden = hidden;
+                }
+                counts
+            }
+        };
         self.stage.set_compare(counts);
     }
 
@@ -171,8 +188,13 @@ impl<P: PowerStage> CurrentControl<P> {
                 report.cycle(first).readings.without_current();
             }
             self.stage.set_compare([Self::FACTS.frequency.reload() / 2; 3]);
+            self.hidden = Hidden::No;
         }
-        self.offsets.calibrate(samples.currents);
+        if Self::SHUNTS.is_some() {
+            self.offsets.calibrate_on_shunts(samples.currents);
+        } else {
+            self.offsets.calibrate(samples.currents);
+        }
         let calibrated = self.offsets.is_calibrated().into();
         if calibrated != get(&report.calibrated) {
             report.tell(&report.calibrated, calibrated);
@@ -212,5 +234,7 @@ impl<P: PowerStage> CurrentControl<P> {
     }
 }
 
+#[cfg(test)]
+mod shunt_tests;
 #[cfg(test)]
 mod tests;

@@ -9,6 +9,7 @@ use crate::commutation::CommutationSettings;
 use crate::commutation::alignment::AlignmentSettings;
 use crate::current::command::MotorModel;
 use crate::current::protection::Protection;
+use crate::current::sensing::CurrentSensing;
 use crate::current::settings::{CurrentLoopParameters, CurrentLoopSettings, PwmFrequency};
 use crate::current::weakening::{FieldWeakeningParameters, FieldWeakeningSettings};
 use crate::encoder::monitor::{EncoderMonitorParameters, EncoderMonitorSettings};
@@ -27,6 +28,7 @@ impl BoardKind for Example {
     const FACTS: Facts = Facts {
         frequency: PwmFrequency::Khz16,
         dead_time: 1_000,
+        current_sensing: CurrentSensing::InLine,
         loop_timer_counts: 10_500,
         sample_to_count: 2_200,
         encoder_rate: 18_600_000,

@@ -1,5 +1,6 @@
 //! What a board is built with. The board says it once, and the compiler knows it wherever a loop depends on it.
 
+use crate::current::sensing::{CurrentSensing, ShuntWindow};
 use crate::current::settings::PwmFrequency;
 
 /// A kind of board.
@@ -15,6 +16,8 @@ pub struct Facts {
     pub frequency: PwmFrequency,
     /// What the bridge puts between the two transistors of a phase, in ns.
     pub dead_time: u32,
+    /// Where the phase currents are measured.
+    pub current_sensing: CurrentSensing,
     /// Counts of the loop timer's clock in one untrimmed loop period, see [`LOOP_PERIOD_MICROSECONDS`].
     ///
     /// [`LOOP_PERIOD_MICROSECONDS`]: crate::units::LOOP_PERIOD_MICROSECONDS
@@ -28,6 +31,15 @@ pub struct Facts {
 }
 
 impl Facts {
+    /// See [`CurrentSensing::window`].
+    ///
+    /// # Panics
+    /// As that does: in a constant, when the board cannot work.
+    #[must_use]
+    pub const fn shunt_window(&self) -> Option<ShuntWindow> {
+        self.current_sensing.window(self.frequency, self.dead_time)
+    }
+
     /// The encoder is read twice in a loop tick, and a position belongs to the instant between the two.
     #[must_use]
     pub const fn reads_the_encoder_twice(&self) -> bool {

@@ -37,6 +37,8 @@ pub enum MotorFault {
     Bridge,
     /// The holding brake does not do what it is told.
     Brake,
+    /// A phase of the motor carries nothing of what is asked of it.
+    OpenPhase,
 }
 
 /// What has to be done about a fault, at least.
@@ -51,7 +53,7 @@ pub enum FaultReaction {
 
 impl MotorFault {
     /// All of them, in the order of their declaration.
-    pub const ALL: [Self; 16] = [
+    pub const ALL: [Self; 17] = [
         Self::Overvoltage,
         Self::Undervoltage,
         Self::Overcurrent,
@@ -68,6 +70,7 @@ impl MotorFault {
         Self::Alignment,
         Self::Bridge,
         Self::Brake,
+        Self::OpenPhase,
     ];
 
     /// What has to be done about it, at least.
@@ -84,7 +87,8 @@ impl MotorFault {
             | Self::AlignmentNoMovement
             | Self::AlignmentDirection
             | Self::Alignment
-            | Self::Bridge => FaultReaction::TorqueOff,
+            | Self::Bridge
+            | Self::OpenPhase => FaultReaction::TorqueOff,
             Self::Overload
             | Self::AmplifierTemperature
             | Self::MotorTemperature
@@ -93,7 +97,7 @@ impl MotorFault {
         }
     }
 
-    const fn bit(self) -> u16 {
+    const fn bit(self) -> u32 {
         1 << self as u8
     }
 }
@@ -101,7 +105,7 @@ impl MotorFault {
 /// Any number of faults.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
-pub struct MotorFaults(u16);
+pub struct MotorFaults(u32);
 
 impl MotorFaults {
     /// None.

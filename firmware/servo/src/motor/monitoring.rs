@@ -7,10 +7,12 @@ use super::fault::{MotorFault, MotorFaults};
 use super::link::{get, set};
 use crate::axis::limits::Limiting;
 use crate::commutation::index::IndexCorrection;
-use crate::current::command::BusScale;
+use crate::current::command::{BusScale, CurrentCommand};
 use crate::current::protection::Trip;
 use crate::encoder::monitor::EncoderMonitorInputs;
 use crate::monitor::bus_voltage::{VoltageError, VoltageOutput};
+use crate::monitor::current_balance::CurrentBalance;
+use crate::monitor::open_phase::{OpenPhase, Phases, phases};
 use crate::monitor::temperature::TemperatureOutput;
 use crate::units::CurrentFraction;
 
@@ -70,11 +72,18 @@ impl<B: BoardKind> Motor<B> {
         }
     }
 
-    /// Looks at what takes seconds: temperatures and loads.
+    /// Looks at what takes longer: temperatures and loads, and whether sensors and phases agree.
     pub fn supervise_heat(&mut self) -> MotorFaults {
         let mut faults = MotorFaults::NONE;
         self.watch_temperatures(&mut faults);
         self.watch_loads(&mut faults);
+        if self.bridge_on && self.closed {
+            self.watch_sensors(&mut faults);
+            self.watch_phases(&mut faults);
+        } else {
+            self.balance = CurrentBalance::default();
+            self.open_phase = OpenPhase::default();
+        }
         faults
     }
 
@@ -120,13 +129,49 @@ impl<B: BoardKind> Motor<B> {
     }
 
     /// All the voltage there is, little of it for the rotation, and still the current does not follow: a converter that has stopped, a sensor
-    /// without supply, or a phase that is open. Without this the loop would push ever more current that it does not see.
+    /// without supply, or a phase that is open: then the other two have a current. Without this the loop would push ever more current that it does not see.
     fn watch_current(&mut self, faults: &mut MotorFaults) {
         let deviation = i32::from(self.commanded.to_bits()).abs_diff(i32::from(self.measured.torque_current.to_bits()));
         let blind = deviation > BLIND_DEVIATION && self.limiting.contains(Limiting::VOLTAGE) && !self.is_turning();
-        self.blind = if blind { self.blind.saturating_add(1) } else { 0 };
+        if !blind {
+            self.blind = 0;
+            return;
+        }
+        self.look_at_the_phases();
         if self.blind >= BLIND_TICKS {
+            let [asked, flowed] = &self.seen_blind;
+            faults.add(if flowed.lack_one_of(asked) { MotorFault::OpenPhase } else { MotorFault::CurrentSensor });
+        }
+    }
+
+    /// What is asked of the phases, and what flows, since the current does not follow.
+    #[cold]
+    fn look_at_the_phases(&mut self) {
+        if self.blind == 0 {
+            self.seen_blind = [Phases::default(); 2];
+        }
+        self.blind = self.blind.saturating_add(1);
+        let readings = &self.measured.readings;
+        let angle = self.link.report.cycle(true).readings.angle();
+        let [asked, flowed] = &mut self.seen_blind;
+        asked.add(&phases([self.direct_command, self.commanded].map(CurrentCommand::reference), angle));
+        flowed.add(&phases([readings.direct, readings.quadrature], angle));
+    }
+
+    /// Sensors that contradict each other by less than makes the current loop switch off.
+    fn watch_sensors(&mut self, faults: &mut MotorFaults) {
+        if self.balance.tick(self.link.report.cycle(true).readings.phases()) {
             faults.add(MotorFault::CurrentSensor);
+        }
+    }
+
+    /// A phase of the motor that carries nothing of what is asked of it.
+    fn watch_phases(&mut self, faults: &mut MotorFaults) {
+        let cycle = &self.link.report.cycle(true).readings;
+        let readings = cycle.readings();
+        let asked = [self.direct_command, self.commanded].map(CurrentCommand::reference);
+        if self.open_phase.tick(asked, [readings.direct, readings.quadrature], cycle.angle()) {
+            faults.add(MotorFault::OpenPhase);
         }
     }
 
@@ -213,7 +258,8 @@ impl<B: BoardKind> Motor<B> {
 
     fn watch_encoder(&mut self, surroundings: &Surroundings, faults: &mut MotorFaults) {
         // A field current that is being built up takes a voltage as a magnet that turns does.
-        let field = self.held.is_some() || self.brake_output.test_current != CurrentFraction::ZERO;
+        let field =
+            self.held.is_some() || self.aligning.is_some() || self.brake_output.test_current != CurrentFraction::ZERO;
         self.disturbed = if field { DISTURBED_TICKS } else { self.disturbed.saturating_sub(1) };
         let error = self.encoder.tick(
             &self.settings.encoder,

@@ -3,6 +3,7 @@
 use super::Motor;
 use super::facts::BoardKind;
 use super::fault::{MotorFault, MotorFaults};
+use super::phase_test::{Finding, Look, Step};
 use crate::brake::error::BrakeError;
 use crate::brake::{BrakeInputs, BrakeRequest, TorqueScale};
 use crate::commutation::CommutationAngle;
@@ -66,12 +67,13 @@ impl<B: BoardKind> Motor<B> {
     /// One step of the sequence.
     pub fn sequence(&mut self, inputs: &SequenceInputs, faults: &mut MotorFaults) -> SequenceOutput {
         self.correct_at_the_index(inputs.index, faults);
-        let aligning = self.align(inputs, faults);
+        let testing = self.test_phases(inputs, faults);
+        let aligning = testing.is_none() && self.align(inputs, faults);
         let request = match inputs.wanted {
             Sequence::Off => BrakeRequest::Immediate,
             Sequence::Stop => BrakeRequest::Engage,
             Sequence::Start if !self.zero_is_known(faults) => BrakeRequest::Immediate,
-            Sequence::Start if aligning || self.commutation.is_none() => BrakeRequest::Immediate,
+            Sequence::Start if testing.is_some() || aligning || self.commutation.is_none() => BrakeRequest::Immediate,
             Sequence::Start => BrakeRequest::Release,
         };
         self.brake_output = self.brake.tick(
@@ -98,7 +100,7 @@ impl<B: BoardKind> Motor<B> {
         if let Some(error) = output.event {
             self.take_brake_error(error, faults);
         }
-        let bridge = aligning || output.torque;
+        let bridge = aligning || output.torque || testing == Some(true);
         // The order has reached the current loop by the next step: then its voltage is that of the turning rotor, and the bridge no short circuit.
         let regulated = core::mem::replace(&mut self.bridge_on, bridge);
         self.close(bridge && regulated, inputs.bridge_on);
@@ -140,6 +142,42 @@ impl<B: BoardKind> Motor<B> {
         false
     }
 
+    /// One step of the test before the torque. `None`: the sequence may go on; otherwise it may not, and the bridge is to be closed or not.
+    fn test_phases(&mut self, inputs: &SequenceInputs, faults: &mut MotorFaults) -> Option<bool> {
+        let wanted = inputs.wanted == Sequence::Start && self.measured.calibrated && !self.refuses_to_align();
+        if wanted && self.phase_test.is_over() {
+            return None;
+        }
+        let step = self.phase_test.tick(&Look {
+            wanted,
+            standstill: inputs.standstill,
+            bridge_on: inputs.bridge_on,
+            magnets: self.commutation_angle(inputs.position).unwrap_or_default(),
+            asked: self.direct_command,
+            readings: self.measured.readings,
+            angle: self.link.report.cycle(true).readings.angle(),
+        });
+        let tested = core::mem::replace(&mut self.tested, matches!(step, Step::Flow(..)));
+        match step {
+            Step::Flow(angle, current) => self.aligning = Some((angle, current, CurrentFraction::ZERO)),
+            // The search for the angle may have the currents by then.
+            _ if tested => self.aligning = None,
+            _ => {}
+        }
+        match step {
+            Step::Over => None,
+            Step::Flow(..) => Some(true),
+            Step::Failed(finding) => {
+                match finding {
+                    Some(Finding::Open) => faults.add(MotorFault::OpenPhase),
+                    Some(Finding::Nothing) => faults.add(MotorFault::CurrentSensor),
+                    None => {}
+                }
+                Some(false)
+            }
+        }
+    }
+
     /// Has the commutation angle searched for when torque is wanted and the angle is not known. Returns whether that is under way.
     fn align(&mut self, inputs: &SequenceInputs, faults: &mut MotorFaults) -> bool {
         if inputs.wanted != Sequence::Start || self.commutation.is_some() {
@@ -153,8 +191,7 @@ impl<B: BoardKind> Motor<B> {
             self.aligning = None;
             return false;
         }
-        if self.settings.has_brake && !self.settings.aligns_with_open_brake {
-            // Without an angle there is no torque to hold a load with, and the load may be a vertical one.
+        if self.refuses_to_align() {
             faults.add(MotorFault::Commutation);
             return false;
         }
@@ -162,6 +199,7 @@ impl<B: BoardKind> Motor<B> {
             faults.add(match error {
                 AlignmentError::NoMovement => MotorFault::AlignmentNoMovement,
                 AlignmentError::WrongDirection => MotorFault::AlignmentDirection,
+                AlignmentError::PhaseMissing => MotorFault::OpenPhase,
                 _ => MotorFault::Alignment,
             });
             return false;
@@ -172,6 +210,11 @@ impl<B: BoardKind> Motor<B> {
             self.aligning = Some((0, CurrentFraction::ZERO, CurrentFraction::ZERO));
         }
         true
+    }
+
+    /// Without an angle there is no torque to hold a load with, and the load may be a vertical one.
+    const fn refuses_to_align(&self) -> bool {
+        self.commutation.is_none() && self.settings.has_brake && !self.settings.aligns_with_open_brake
     }
 
     /// A search for the commutation angle is under way.
@@ -285,8 +328,10 @@ mod tests {
     fn the_order_to_regulate_is_a_step_ahead_of_the_bridge_and_asks_for_no_current_until_it_is_closed() {
         let mut motor = with_a_known_angle(&LINKS[1]);
         report_a_zero(&LINKS[1], &mut motor);
+        let turning = SequenceInputs { standstill: false, ..START };
         let mut faults = MotorFaults::NONE;
-        let ordered = motor.sequence(&START, &mut faults);
+        // What turns is not tested before.
+        let ordered = motor.sequence(&turning, &mut faults);
         assert!(!ordered.bridge && !ordered.torque_off && motor.bridge_on);
         for bridge_on in [false, true] {
             let closed = motor.sequence(&SequenceInputs { bridge_on, ..START }, &mut faults);

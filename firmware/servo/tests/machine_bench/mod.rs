@@ -21,12 +21,14 @@ use servo::current::Trip;
 use servo::encoder::{DoubleSampledEncoder, DoubleSampledSettings};
 use servo::identification::CurrentRequest;
 use servo::motor::{
-    CurrentControl, CurrentLink, Motor, MotorFaults, Sequence, SequenceInputs, SequenceOutput, Surroundings, Watched,
+    BoardKind, CurrentControl, CurrentLink, Motor, MotorFaults, Sequence, SequenceInputs, SequenceOutput, Surroundings,
+    Watched,
 };
 use servo::units::{CurrentFraction, LOOP_TICKS_PER_SUPERVISION, Position, Velocity};
 
 use setup::Setup;
-use stage::{Kind, Stage};
+use stage::Stage;
+pub(crate) use stage::{Kind, OnShunts};
 
 /// Nanoseconds of a cycle of the current loop.
 pub(crate) const CYCLE: u64 = 62_500;
@@ -35,10 +37,10 @@ pub(crate) const CYCLES_PER_SECOND: f64 = 16_000.0;
 pub(crate) const TICKS_PER_SECOND: f64 = 8_000.0;
 /// Ticks with the bridge off in which the current sensors find their zero, and those until the drive has switched on.
 const CALIBRATION: usize = 664;
-const SWITCHING_ON: usize = 22;
+const SWITCHING_ON: usize = 50;
 
 /// A servo drive on its machine, with the commutation angle known.
-pub(crate) struct Bench {
+pub(crate) struct Bench<B: BoardKind = Kind> {
     pub(crate) axis: Axis,
     pub(crate) encoder: DoubleSampledEncoder,
     /// Instant of the last sample of the currents.
@@ -49,10 +51,10 @@ pub(crate) struct Bench {
     pub(crate) faults: MotorFaults,
     /// Peak current in A.
     pub(crate) peak: f64,
-    stage: Stage,
+    stage: Stage<B>,
     link: &'static CurrentLink,
-    task: CurrentControl<Stage>,
-    motor: Motor<Kind>,
+    task: CurrentControl<Stage<B>>,
+    motor: Motor<B>,
     setup: Setup,
     /// What is wanted of the sequence, and how far it is.
     wanted: Sequence,
@@ -89,8 +91,15 @@ pub(crate) struct Seen {
 }
 
 impl Bench {
-    /// A drive with the bridge on and no current, its axis in [`Mode::Off`]; a holding brake, if there is one, is engaged.
+    /// As [`Bench::on_board`], with current sensors in the lines.
     pub(crate) fn new(setup: &Setup) -> Self {
+        Self::on_board(setup)
+    }
+}
+
+impl<B: BoardKind> Bench<B> {
+    /// A drive with the bridge on and no current, its axis in [`Mode::Off`]; a holding brake, if there is one, is engaged.
+    pub(crate) fn on_board(setup: &Setup) -> Self {
         let stage = Stage::new(setup.reference.machine());
         let settings = *stage.machine().settings();
         let encoder = DoubleSampledSettings::new(settings.encoder.increments_per_revolution).unwrap();
@@ -225,12 +234,42 @@ impl Bench {
 
     /// Opens the bridge for so many ticks and closes it again, with a current loop that knows nothing of before.
     pub(crate) fn coast(&mut self, ticks: usize) {
+        self.open(ticks);
+        self.close();
+    }
+
+    /// Opens the bridge for so many ticks.
+    pub(crate) fn open(&mut self, ticks: usize) {
         self.wanted = Sequence::Off;
         self.ticks(ticks);
+    }
+
+    /// Closes it again.
+    pub(crate) fn close(&mut self) {
         self.wanted = Sequence::Start;
         while !self.stage.bridge_is_on() {
             self.tick();
         }
+    }
+
+    /// Opens the bridge, forgets the commutation angle if it is told to, and switches on again. Seconds until the axis is released, or a fault.
+    pub(crate) fn switch_on_again(&mut self, forget: bool) -> Result<f64, (f64, MotorFaults)> {
+        self.open(16);
+        if forget {
+            self.motor.set_commutation_angle(self.encoder.position(), None);
+        }
+        self.wanted = Sequence::Start;
+        for tick in 1..=16_000 {
+            self.tick();
+            let seconds = f64::from(tick) / TICKS_PER_SECOND;
+            if !self.faults.is_empty() {
+                return Err((seconds, self.faults));
+            }
+            if self.progress.released {
+                return Ok(seconds);
+            }
+        }
+        panic!("the drive neither switches on nor says why");
     }
 
     /// Believes the sensors to be without offset, whatever they are.
@@ -243,6 +282,12 @@ impl Bench {
     pub(crate) fn start(&mut self, mode: Mode) {
         self.ticks(8);
         self.axis.set_mode(mode);
+    }
+
+    /// Of the motor since the start, in revolutions.
+    pub(crate) fn seen_angle(&self) -> f64 {
+        let at = self.time;
+        self.machine().angle(at)
     }
 
     /// d and q current at the last sample as shares of the peak current.
@@ -267,6 +312,9 @@ impl Bench {
         let position = self.encoder.update(before, now);
         if let Some(faults) = self.motor.watch_motion(now, self.progress.bridge) {
             self.faults.add_all(faults);
+        }
+        if self.motor.is_searching() && self.stage.bridge_is_on() {
+            self.motor.search(position);
         }
         self.output = self.axis.tick(position, self.motor.torque_limits());
         self.ticks += 1;

@@ -1,10 +1,11 @@
 //! Inverter and sensors of the machine, as the task of the current loop sees them.
 
 use std::cell::{RefCell, RefMut};
+use std::marker::PhantomData;
 use std::rc::Rc;
 
 use plant::Machine;
-use servo::current::PwmFrequency;
+use servo::current::{CurrentSensing, PwmFrequency};
 use servo::motor::{BoardKind, Cycle, Facts, PowerStage, Samples, TemperatureSensor};
 
 use super::CYCLE;
@@ -12,14 +13,24 @@ use super::CYCLE;
 /// From the sample of the currents to the count of the encoder, in nanoseconds.
 const CONVERSION: u64 = 2_200;
 
-/// The board that this stands for.
+/// The board that this stands for, with current sensors in the lines.
 #[derive(Debug)]
 pub(crate) struct Kind;
+
+/// The same with shunts in the low-side emitters.
+#[derive(Debug)]
+pub(crate) struct OnShunts;
+
+impl BoardKind for OnShunts {
+    const FACTS: Facts =
+        Facts { current_sensing: CurrentSensing::LowSideShunts { settling: 1_200, sampling: 700 }, ..Kind::FACTS };
+}
 
 impl BoardKind for Kind {
     const FACTS: Facts = Facts {
         frequency: PwmFrequency::Khz16,
         dead_time: 1_000,
+        current_sensing: CurrentSensing::InLine,
         loop_timer_counts: 10_500,
         sample_to_count: CONVERSION as u16,
         encoder_rate: 18_600_000,
@@ -33,8 +44,13 @@ impl BoardKind for Kind {
 }
 
 /// A machine in the hands of the current loop and of the bench.
-#[derive(Clone)]
-pub(crate) struct Stage(Rc<RefCell<State>>);
+pub(crate) struct Stage<B>(Rc<RefCell<State>>, PhantomData<fn() -> B>);
+
+impl<B> Clone for Stage<B> {
+    fn clone(&self) -> Self {
+        Self(Rc::clone(&self.0), PhantomData)
+    }
+}
 
 struct State {
     machine: Machine,
@@ -47,9 +63,12 @@ struct State {
     tripped: bool,
 }
 
-impl Stage {
+impl<B> Stage<B> {
     pub(crate) fn new(machine: Machine) -> Self {
-        Self(Rc::new(RefCell::new(State { machine, time: 0, first: true, bridge_on: false, tripped: false })))
+        Self(
+            Rc::new(RefCell::new(State { machine, time: 0, first: true, bridge_on: false, tripped: false })),
+            PhantomData,
+        )
     }
 
     pub(crate) fn machine(&self) -> RefMut<'_, Machine> {
@@ -83,8 +102,8 @@ impl Stage {
     }
 }
 
-impl PowerStage for Stage {
-    type Board = Kind;
+impl<B: BoardKind> PowerStage for Stage<B> {
+    type Board = B;
 
     fn begin(&mut self) -> Cycle {
         let state = &mut *self.0.borrow_mut();
@@ -111,7 +130,7 @@ impl PowerStage for Stage {
     /// They act from the bottom of the period on.
     fn set_compare(&mut self, counts: [u16; 3]) {
         let State { machine, time, .. } = &mut *self.0.borrow_mut();
-        let reload = f64::from(Kind::FACTS.frequency.reload());
+        let reload = f64::from(B::FACTS.frequency.reload());
         machine.set_duties(counts.map(|count| f64::from(count) / reload), *time + CYCLE / 2);
     }
 

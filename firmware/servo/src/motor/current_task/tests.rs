@@ -14,13 +14,13 @@ use crate::motor::example::{self, Example};
 use crate::motor::stage::Cycle;
 
 const HALF: [u16; 3] = [PwmFrequency::Khz16.reload() / 2; 3];
-const NO_CURRENT: Samples = Samples { currents: [2_048; 3], bus: 1_000 };
+pub(super) const NO_CURRENT: Samples = Samples { currents: [2_048; 3], bus: 1_000 };
 /// 4 A above the trip level of [`settings`], in the sum nothing.
 const OVERCURRENT: Samples = Samples { currents: [2_048 + 1_700, 2_048 - 850, 2_048 - 850], bus: 1_000 };
 
 /// What the current loop has done, and what it is to find.
 #[derive(Debug, Default)]
-struct Noted {
+pub(super) struct Noted {
     late: bool,
     first: bool,
     count: u32,
@@ -33,7 +33,23 @@ struct Noted {
 }
 
 #[derive(Clone, Debug, Default)]
-struct Stage(Rc<RefCell<Noted>>);
+pub(super) struct Stage(Rc<RefCell<Noted>>);
+
+impl Stage {
+    /// What the next cycle finds.
+    pub(super) fn provide(&self, samples: Samples) {
+        self.0.borrow_mut().samples = samples;
+    }
+
+    pub(super) fn be_late(&self, late: bool) {
+        self.0.borrow_mut().late = late;
+    }
+
+    /// The last compare values.
+    pub(super) fn compared(&self) -> Option<[u16; 3]> {
+        self.0.borrow().compare
+    }
+}
 
 impl PowerStage for Stage {
     type Board = Example;
@@ -78,7 +94,7 @@ impl PowerStage for Stage {
 }
 
 /// 20 A of 25 A, 3 600 counts of bus voltage, 50 increments a cycle.
-fn settings() -> CurrentSettings {
+pub(super) fn settings() -> CurrentSettings {
     CurrentSettings { protection: Protection::new(20_000, 25_000, 3_600, 50).unwrap(), ..example::settings().current }
 }
 

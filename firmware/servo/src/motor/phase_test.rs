@@ -1,0 +1,234 @@
+//! Before the torque: a small current through all three phases of a motor that stands.
+//!
+//! Its direction is half way between two of the twelve in which a phase has nothing or two have the same: there the three phases are to carry 0.97, 0.71
+//! and 0.26 of it, and whichever is open, the other two still carry a current that is seen. Of these directions it takes the one nearest to the
+//! magnets, 15 degrees at most, so that a quarter of a small current makes torque. It flows to and fro, and leaves the rotor where it was.
+//!
+//! Where the phase with the most is open, little flows in the other two. Nothing at all is therefore asked again, turned by 60 degrees, where these
+//! two have the most.
+
+use crate::current::command::CurrentCommand;
+use crate::current::readings::CurrentReadings;
+use crate::monitor::open_phase::{Phases, phases};
+use crate::units::CurrentFraction;
+
+/// State of the test.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
+pub(crate) struct PhaseTest {
+    stage: Stage,
+    /// Of the current, 2^-32 revolution.
+    direction: u32,
+}
+
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
+enum Stage {
+    /// To be made when torque is wanted the next time.
+    #[default]
+    Due,
+    /// The bridge is to close; so many steps have been waited for it.
+    Closing(u8),
+    /// Under way for so many steps, with what was seen; turned or not.
+    Flowing { turned: bool, steps: u8, asked: Phases, flowed: Phases },
+    /// Passed, or not to be made.
+    Over,
+    /// Told of, until the torque is not wanted any more.
+    Failed,
+}
+
+/// What a step of the test needs to know.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Look {
+    /// Torque, and nothing is in its way.
+    pub(crate) wanted: bool,
+    pub(crate) standstill: bool,
+    /// The bridge switches.
+    pub(crate) bridge_on: bool,
+    /// Electrical angle of the magnets, 0 where it is not known.
+    pub(crate) magnets: u32,
+    /// The d current that was asked for, and what flowed, at this angle.
+    pub(crate) asked: CurrentFraction,
+    pub(crate) readings: CurrentReadings,
+    pub(crate) angle: u32,
+}
+
+/// What a step of the test asks for.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Step {
+    /// Nothing: there is no test, or no more.
+    Over,
+    /// The bridge closed, and a current along an angle.
+    Flow(u32, CurrentFraction),
+    /// The bridge open; what was found, once.
+    Failed(Option<Finding>),
+}
+
+/// What is wrong with the phases.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Finding {
+    /// One of them is open.
+    Open,
+    /// No current anywhere: converters that have stopped, or no motor at all.
+    Nothing,
+}
+
+/// Steps of the supervision for which the bridge is waited for, 10 ms. The sequence tells of one that does not come.
+const PATIENCE: u8 = 20;
+/// Steps of the current in one direction, 1.5 ms: long for a current loop.
+const FORTH: u8 = 3;
+const FORTH_AND_BACK: u8 = 2 * FORTH;
+/// 5 % of peak.
+const CURRENT: CurrentFraction = CurrentFraction::from_bits(1_638);
+/// Twelve directions in a revolution.
+const TWELFTH: u32 = u32::MAX / 12 + 1;
+
+impl PhaseTest {
+    /// There is none until the torque has not been wanted.
+    #[inline]
+    pub(crate) fn is_over(&self) -> bool {
+        self.stage == Stage::Over
+    }
+
+    /// One step of the supervision.
+    pub(crate) fn tick(&mut self, look: &Look) -> Step {
+        if !look.wanted {
+            return self.end(Stage::Due);
+        }
+        match self.stage {
+            Stage::Over => Step::Over,
+            Stage::Failed => Step::Failed(None),
+            // What turns is watched as soon as a current flows, and the test would be felt.
+            Stage::Due if !look.standstill => self.end(Stage::Over),
+            Stage::Due => {
+                self.direction = nearest(look.magnets);
+                self.go_on(Stage::Closing(0), CurrentFraction::ZERO)
+            }
+            Stage::Closing(PATIENCE) => self.end(Stage::Over),
+            Stage::Closing(waited) if !look.bridge_on => {
+                self.go_on(Stage::Closing(waited.wrapping_add(1)), CurrentFraction::ZERO)
+            }
+            Stage::Closing(_) => self.begin(false),
+            Stage::Flowing { .. } if !look.bridge_on => self.end(Stage::Over),
+            Stage::Flowing { turned, steps, asked, flowed } => {
+                self.flow(look, turned, steps.wrapping_add(1), (asked, flowed))
+            }
+        }
+    }
+
+    fn begin(&mut self, turned: bool) -> Step {
+        let (asked, flowed) = (Phases::default(), Phases::default());
+        self.go_on(Stage::Flowing { turned, steps: 0, asked, flowed }, CURRENT)
+    }
+
+    fn flow(&mut self, look: &Look, turned: bool, steps: u8, (mut asked, mut flowed): (Phases, Phases)) -> Step {
+        if steps == FORTH || steps == FORTH_AND_BACK {
+            let readings = &look.readings;
+            asked.add(&phases([CurrentCommand::reference(look.asked), 0], look.angle));
+            flowed.add(&phases([readings.direct, readings.quadrature], look.angle));
+        }
+        if steps < FORTH_AND_BACK {
+            let current = if steps < FORTH { CURRENT } else { CURRENT.saturating_neg() };
+            return self.go_on(Stage::Flowing { turned, steps, asked, flowed }, current);
+        }
+        let finding = if flowed.follow(&asked) {
+            return self.end(Stage::Over);
+        } else if !flowed.are_nothing_beside(&asked) {
+            Finding::Open
+        } else if turned {
+            Finding::Nothing
+        } else {
+            self.direction = self.direction.wrapping_add(2 * TWELFTH);
+            return self.begin(true);
+        };
+        self.stage = Stage::Failed;
+        Step::Failed(Some(finding))
+    }
+
+    fn go_on(&mut self, stage: Stage, current: CurrentFraction) -> Step {
+        self.stage = stage;
+        Step::Flow(self.direction, current)
+    }
+
+    fn end(&mut self, stage: Stage) -> Step {
+        self.stage = stage;
+        Step::Over
+    }
+}
+
+/// The direction of the test that is nearest to an angle.
+const fn nearest(angle: u32) -> u32 {
+    let twelfth = ((angle as u64).wrapping_mul(12) >> 32) as u32;
+    twelfth.wrapping_mul(TWELFTH).wrapping_add(TWELFTH / 2)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const STANDING: Look = Look {
+        wanted: true,
+        standstill: true,
+        bridge_on: true,
+        magnets: 0,
+        asked: CurrentFraction::ZERO,
+        readings: CurrentReadings { direct: 0, quadrature: 0, direct_voltage: 0, quadrature_voltage: 0 },
+        angle: 0,
+    };
+
+    /// The steps of a test until it ends, with what flows of what is asked for.
+    fn run(test: &mut PhaseTest, share: i32) -> (u32, Step) {
+        let mut look = STANDING;
+        for step in 1..100 {
+            match test.tick(&look) {
+                Step::Flow(angle, current) => {
+                    let direct = CurrentCommand::reference(current) / 100 * share;
+                    look =
+                        Look { asked: current, angle, readings: CurrentReadings { direct, ..look.readings }, ..look };
+                }
+                end => return (step, end),
+            }
+        }
+        panic!("the test does not end");
+    }
+
+    #[test]
+    fn a_sound_motor_passes_in_eight_steps_and_is_tested_anew_when_torque_is_wanted_again() {
+        let mut test = PhaseTest::default();
+        assert_eq!(run(&mut test, 100), (8, Step::Over));
+        assert_eq!(test.tick(&STANDING), Step::Over);
+        assert_eq!(test.tick(&Look { wanted: false, ..STANDING }), Step::Over);
+        assert_eq!(run(&mut test, 30), (8, Step::Over));
+    }
+
+    #[test]
+    fn no_current_in_two_directions_is_told_once() {
+        let mut test = PhaseTest::default();
+        assert_eq!(run(&mut test, 2), (14, Step::Failed(Some(Finding::Nothing))));
+        assert_eq!(test.tick(&STANDING), Step::Failed(None));
+        assert_eq!(test.tick(&Look { wanted: false, ..STANDING }), Step::Over);
+    }
+
+    #[test]
+    fn a_bridge_that_does_not_come_and_an_axis_that_turns_are_left_to_others() {
+        let mut test = PhaseTest::default();
+        let open = Look { bridge_on: false, ..STANDING };
+        let steps = (1..).find(|_| test.tick(&open) == Step::Over);
+        assert_eq!(steps, Some(22));
+        assert_eq!(PhaseTest::default().tick(&Look { standstill: false, ..STANDING }), Step::Over);
+    }
+
+    #[test]
+    fn the_direction_is_within_fifteen_degrees_of_the_magnets_and_leaves_no_phase_without_a_quarter() {
+        for step in 0..7_200_u32 {
+            let magnets = step.wrapping_mul(596_523);
+            let direction = nearest(magnets);
+            let beside = f64::from(direction.wrapping_sub(magnets).cast_signed()) / 4_294_967_296.0 * 360.0;
+            assert!(beside.abs() < 15.001, "{step}: {beside}");
+            for phase in 0..3 {
+                let turns = f64::from(direction) / 4_294_967_296.0 - f64::from(phase) / 3.0;
+                assert!((turns * core::f64::consts::TAU).cos().abs() > 0.258, "{step}, {phase}");
+            }
+        }
+    }
+}
