@@ -156,7 +156,7 @@ pub struct Axis {
     trajectory: Trajectory,
     travel: Travel,
     travel_limits: MotionLimits,
-    /// Of the velocity loop in the last tick.
+    /// Of the velocity loop or of the torque command in the last tick.
     current: CurrentFraction,
     filter: CurrentFilter,
     /// The next current that passes the filter is the first one.
@@ -186,7 +186,7 @@ impl Axis {
             expected_velocity: FilteredVelocity::new(Velocity::ZERO),
             setpoint_velocity: Velocity::ZERO,
             slow_velocity: Velocity::ZERO,
-            guard: VelocityGuard::new(Velocity::ZERO),
+            guard: VelocityGuard::new(Velocity::ZERO, CurrentFraction::ZERO),
             velocity_loop: VelocityLoop::new(),
             fed_forward: FedForward::NONE,
             velocity_command: Velocity::ZERO,
@@ -244,7 +244,14 @@ impl Axis {
             return;
         }
         let setpoint = self.hand_over(mode);
-        if setpoint.velocity.abs() > self.velocity_command.abs().max(self.settings.standstill_window) {
+        let measured = self.velocity.velocity();
+        // Along the way that the shaft turns.
+        let forth = if measured < Velocity::ZERO {
+            setpoint.velocity < self.velocity_command
+        } else {
+            setpoint.velocity > self.velocity_command
+        };
+        if forth && measured.abs() > self.settings.standstill_window {
             // A loop that was turning the shaft back had an error against its integral part, which would drive the shaft on without it.
             self.velocity_loop.keep_at_most(self.current);
         }
@@ -261,7 +268,8 @@ impl Axis {
             }
             Mode::Torque => {
                 self.torque_command = CurrentFraction::ZERO;
-                self.guard = VelocityGuard::new(self.velocity.velocity());
+                let carried = self.velocity_loop.carrying(&self.settings.velocity_loop, self.current);
+                self.guard = VelocityGuard::new(self.velocity.velocity(), carried);
             }
             Mode::Velocity => {
                 self.velocity_interpolator = VelocityInterpolator::new(setpoint.velocity);
@@ -590,6 +598,7 @@ impl Axis {
         let velocities = [limit, output.loop_velocity];
         let guarded = self.guard.tick(&settings.velocity_loop, limits, velocities, wanted);
         self.velocity_loop.preset(guarded.lasting);
+        self.current = guarded.current;
         output.current = guarded.current;
         output.limiting = if guarded.is_held { velocity_limits.met_by(limit) } else { limiting };
     }

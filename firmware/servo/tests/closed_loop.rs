@@ -262,6 +262,47 @@ fn halt_ends_at_a_held_position_also_against_a_load() {
     assert!(largest(following_errors(&after)) < 0.02);
 }
 
+/// The speed in rpm before a stop and the highest behind it: the integral part pushes 60 Nm the way the shaft turns with 100 rpm when the load goes
+/// and the command is -500 rpm, and the stop comes so many ticks later.
+fn turning_back(stop: Mode, ticks: usize, sign: f64) -> [f64; 2] {
+    let reference = ReferenceAxis::press();
+    // A tenth of the gain: the error makes 1.88 A s/rad of 60 A.
+    let settings = servo::axis::AxisParameters {
+        ticks_per_cycle: 4,
+        velocity_gain: 1_880,
+        integral_time: 10_000,
+        ..parameters(&reference)
+    };
+    let mut bench = velocity_bench(&reference, &settings);
+    bench.axis.command_velocity(rpm(sign * 100.0));
+    bench.motor.set_load_torque(-sign * 60.0, bench.time);
+    bench.ticks(80_000);
+    bench.motor.set_load_torque(0.0, bench.time);
+    bench.axis.command_velocity(rpm(-sign * 500.0));
+    bench.ticks(ticks);
+    let speed = |bench: &mut Bench| bench.velocity() * sign * 60.0 / TAU;
+    let before = speed(&mut bench);
+    bench.axis.set_mode(stop);
+    let mut fastest = f64::MIN;
+    for _ in 0..4_000 {
+        bench.tick();
+        fastest = fastest.max(speed(&mut bench));
+    }
+    println!("{stop:?} {ticks} {sign}: {before:.1} rpm, then {fastest:.1} rpm");
+    [before, fastest]
+}
+
+#[test]
+fn a_stop_behind_a_command_to_turn_back_does_not_drive_the_shaft_on() {
+    for sign in [1.0, -1.0] {
+        for stop in [Mode::Stopping, Mode::Braking, Mode::Halt, Mode::Travel] {
+            let [before, fastest] = turning_back(stop, 12, sign);
+            assert!((50.0..105.0).contains(&before), "{stop:?}: {before} rpm");
+            assert!(fastest < before + 5.0, "{stop:?}: {before} rpm, then {fastest} rpm");
+        }
+    }
+}
+
 #[test]
 fn one_missing_command_is_extrapolated_and_hardly_seen() {
     let reference = ReferenceAxis::press();
