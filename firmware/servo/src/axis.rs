@@ -259,6 +259,8 @@ impl Axis {
         if self.mode == Mode::Torque && !follows && self.gains_speed() {
             self.velocity_loop.reset();
         }
+        // Torque commands pass no filter: what stands in it is old.
+        self.filter_begins |= self.mode == Mode::Torque;
         self.slow_velocity = self.velocity.velocity();
         match mode {
             Mode::Off => {
@@ -573,8 +575,9 @@ impl Axis {
         self.current = controlled.current;
         output.limiting |= controlled.limiting;
         output.current = if settings.filter.is_active() {
-            // What is fed forward comes from commands, without the noise of a measurement: filtered it would only be late.
-            let beside = feed_forward.clamp(-(1 << CURRENT_BITS), (1 << CURRENT_BITS) - 1) << (31 - CURRENT_BITS);
+            // The current for the acceleration comes from commands, without the noise of a measurement: filtered it would only be late. What
+            // the limits take of it must not stand in the filter with the opposite sign when it ends.
+            let beside = fine_between(limits, acceleration);
             let fed_back = fine(controlled.current).saturating_sub(beside);
             if core::mem::take(&mut self.filter_begins) {
                 self.filter.reset(fed_back);
@@ -661,6 +664,13 @@ const FAR: Position = Position::from_bits(1 << 48);
 
 /// A velocity of [`Mode::Torque`] is followed within 2^5 ticks, 4 ms.
 const SLOW_SHIFT: u32 = 5;
+
+/// A current that is fed forward, in 2^-25 of peak, as far as the limits let it flow, in 2^-31.
+fn fine_between(limits: &TorqueLimits, current: i32) -> i32 {
+    const MORE_BITS: u32 = 31 - CURRENT_BITS;
+    let [lowest, highest] = [limits.negative, limits.positive].map(fine);
+    current.min(highest >> MORE_BITS).max(lowest >> MORE_BITS) << MORE_BITS
+}
 
 /// In 2^-31 of peak.
 fn fine(current: CurrentFraction) -> i32 {

@@ -190,6 +190,52 @@ fn what_is_fed_forward_does_not_wait_for_the_filter() {
 }
 
 #[test]
+fn a_feed_forward_that_the_limit_cuts_leaves_no_torque_the_other_way_in_the_filter() {
+    let reference = ReferenceAxis::press();
+    let ramp = Acceleration::from_milliradians_per_second_squared(700_000);
+    let low_pass = FilterSection::LowPass { frequency: 500, damping: 707 };
+    let settings = servo::axis::AxisParameters {
+        acceleration_gain: 75_000,
+        velocity_ramp: Some((ramp, ramp)),
+        ticks_per_cycle: 4,
+        filter: CurrentFilterSettings::new([low_pass, FilterSection::Off]).unwrap(),
+        ..parameters(&reference)
+    };
+    let mut bench = velocity_bench(&reference, &settings);
+    bench.limit_torque(0.3);
+    // 700 rad/s2 ask for 88 % of peak, for 105 / 700 s; then the axis is still on its way.
+    bench.axis.command_velocity(rpm(1_000.0));
+    let currents: Vec<f64> = bench.ticks(1_600).into_iter().map(|output| output.current.to_num::<f64>()).collect();
+    let lowest = currents.iter().copied().fold(1.0, f64::min);
+    // What the velocity error asks for comes through the low-pass, from nothing.
+    assert!((-0.001..0.1).contains(&lowest), "{lowest}");
+    assert!((0.29..0.31).contains(&currents[1_599]), "{}", currents[1_599]);
+}
+
+#[test]
+fn out_of_torque_mode_the_filter_begins_with_what_flows() {
+    let reference = ReferenceAxis::press();
+    let low_pass = FilterSection::LowPass { frequency: 500, damping: 707 };
+    let settings = servo::axis::AxisParameters {
+        ticks_per_cycle: 4,
+        filter: CurrentFilterSettings::new([low_pass, FilterSection::Off]).unwrap(),
+        ..parameters(&reference)
+    };
+    let mut bench = velocity_bench(&reference, &settings);
+    bench.axis.set_mode(Mode::Torque);
+    // What friction and a load take of it, so that the shaft stands: 60 Nm of 120.
+    bench.motor.set_load_torque(-60.0, bench.time);
+    bench.axis.command_torque(CurrentFraction::from_num(0.5));
+    bench.ticks(400);
+    bench.axis.set_mode(Mode::Velocity);
+    bench.axis.command_velocity(rpm(0.0));
+    let currents: Vec<f64> = bench.ticks(80).into_iter().map(|output| output.current.to_num::<f64>()).collect();
+    let (lowest, highest) =
+        currents.iter().fold((1.0_f64, 0.0_f64), |(low, high), now| (low.min(*now), high.max(*now)));
+    assert!(lowest > 0.4 && highest < 0.6, "{lowest} to {highest}: {currents:?}");
+}
+
+#[test]
 fn stopping_takes_the_time_and_the_way_of_the_deceleration_limit() {
     let reference = ReferenceAxis::press();
     let mut bench = Bench::new(&reference, &parameters(&reference));
