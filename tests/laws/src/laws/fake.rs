@@ -160,6 +160,16 @@ impl Fake {
         }
     }
 
+    /// The master writes this word, and the drive does not say whether it has taken it.
+    pub(crate) fn write_unanswered(&mut self, number: u16, word: u16) {
+        let wire = &self.observer.scene().wire;
+        let (control, status) = (wire.control & !0x3F, wire.status & !0x3F | wire.status & 8);
+        self.step(Step::open(Idn(number)), 0, control, status);
+        self.handshake ^= control::HANDSHAKE;
+        let step = Step { element: Element::Data, write: true, end: true, info: word };
+        self.record(control | step.control() | self.handshake, word);
+    }
+
     /// What was broken, if anything.
     pub(crate) fn broken(&self) -> Option<String> {
         self.observer.broken().map(ToString::to_string)

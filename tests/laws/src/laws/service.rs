@@ -142,9 +142,10 @@ impl Law for Acknowledged {
                 }
                 Verdict::Silent
             }
-            // The next run-up begins without it.
+            // The next run-up begins without it, and without what a write may have changed that CP0 left unanswered.
             Event::Mst if scene.wire.phase < 2 => {
                 self.unit_cycle = None;
+                self.written.retain(|number, _| scene.settings.words(Idn(*number)).is_some());
                 Verdict::Silent
             }
             Event::Service(Heard::Read(Idn::CONTROL_UNIT_CYCLE, Element::Data, words)) => {
@@ -230,6 +231,22 @@ mod tests {
             fake.run(10, 0, 0x8000);
             assert_eq!(fake.broken().is_none(), lawful, "{:?}", fake.broken());
             assert_eq!(fake.armed(), u64::from(lawful));
+        }
+    }
+
+    #[test]
+    fn what_was_written_and_then_left_unanswered_by_cp0_may_read_either_way() {
+        for (unanswered, lawful) in [(Some(92), true), (Some(91), false), (None, false)] {
+            let mut fake = Fake::in_cp4(Acknowledged::default());
+            fake.write(92, &[7]);
+            if let Some(number) = unanswered {
+                fake.write_unanswered(number, 8);
+            }
+            for phase in 0..=4 {
+                fake.enter(phase);
+            }
+            fake.read(92, &[8]);
+            assert_eq!(fake.broken().is_none(), lawful, "{unanswered:?}: {:?}", fake.broken());
         }
     }
 
