@@ -31,7 +31,7 @@ enum Stage {
     Closing(u8),
     /// Under way for so many steps, with what was seen; turned or not.
     Flowing { turned: bool, steps: u8, asked: Phases, flowed: Phases },
-    /// Passed, or not to be made.
+    /// Passed, or not to be made, until the bridge has been open.
     Over,
     /// Told of, until the torque is not wanted any more.
     Failed,
@@ -84,16 +84,18 @@ const CURRENT: CurrentFraction = CurrentFraction::from_bits(1_638);
 const TWELFTH: u32 = u32::MAX / 12 + 1;
 
 impl PhaseTest {
-    /// There is none until the torque has not been wanted.
+    /// There is none until the torque is off and not wanted.
     #[inline]
     pub(crate) fn is_over(&self) -> bool {
         self.stage == Stage::Over
     }
 
-    /// One step of the supervision.
+    /// One step of the supervision without torque: where there is some, a load may hang on it.
     pub(crate) fn tick(&mut self, look: &Look) -> Step {
         if !look.wanted {
-            return self.end(Stage::Due);
+            // A bridge that is still closed is the one that was tested.
+            let tested = self.is_over() && look.bridge_on;
+            return self.end(if tested { Stage::Over } else { Stage::Due });
         }
         match self.stage {
             Stage::Over => Step::Over,
@@ -197,7 +199,10 @@ mod tests {
         let mut test = PhaseTest::default();
         assert_eq!(run(&mut test, 100), (8, Step::Over));
         assert_eq!(test.tick(&STANDING), Step::Over);
-        assert_eq!(test.tick(&Look { wanted: false, ..STANDING }), Step::Over);
+        for bridge_on in [true, false] {
+            assert_eq!(test.tick(&Look { wanted: false, bridge_on, ..STANDING }), Step::Over);
+            assert_eq!(test.is_over(), bridge_on, "until the bridge has been open");
+        }
         assert_eq!(run(&mut test, 30), (8, Step::Over));
     }
 
