@@ -190,8 +190,8 @@ mod app {
     /// Position and velocity loop, order to the current loop, and the flywheel that stands in for a missing t3.
     ///
     /// Contract: the order is there before the next current loop, 62.5 us after the one that started this, so that it counts from the second
-    /// cycle of the tick on, also where t3, t4 and a half of the supervision come before; `cargo xtask budget` works that out. The chip is
-    /// looked at only while its timers are being learned, in CP0.
+    /// cycle of the tick on, also where t3, t4 and a half of the supervision come before; a cycle later where a parameter is just written.
+    /// `cargo xtask budget` works both out. The chip is looked at only while its timers are being learned, in CP0.
     #[task(binds = CAN2_TX, priority = 4, local = [polls: bool = true], shared = [interrupts, motion])]
     fn control_loop(context: control_loop::Context) {
         let control_loop::SharedResources { mut interrupts, mut motion, .. } = context.shared;

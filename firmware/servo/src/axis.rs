@@ -156,7 +156,7 @@ pub struct Axis {
     trajectory: Trajectory,
     travel: Travel,
     travel_limits: MotionLimits,
-    /// Of the velocity loop in the last tick.
+    /// Of the velocity loop or of the torque command in the last tick.
     current: CurrentFraction,
     filter: CurrentFilter,
     /// The next current that passes the filter is the first one.
@@ -186,7 +186,7 @@ impl Axis {
             expected_velocity: FilteredVelocity::new(Velocity::ZERO),
             setpoint_velocity: Velocity::ZERO,
             slow_velocity: Velocity::ZERO,
-            guard: VelocityGuard::new(Velocity::ZERO),
+            guard: VelocityGuard::new(Velocity::ZERO, CurrentFraction::ZERO),
             velocity_loop: VelocityLoop::new(),
             fed_forward: FedForward::NONE,
             velocity_command: Velocity::ZERO,
@@ -244,7 +244,14 @@ impl Axis {
             return;
         }
         let setpoint = self.hand_over(mode);
-        if setpoint.velocity.abs() > self.velocity_command.abs().max(self.settings.standstill_window) {
+        let measured = self.velocity.velocity();
+        // Along the way that the shaft turns.
+        let forth = if measured < Velocity::ZERO {
+            setpoint.velocity < self.velocity_command
+        } else {
+            setpoint.velocity > self.velocity_command
+        };
+        if forth && measured.abs() > self.settings.standstill_window {
             // A loop that was turning the shaft back had an error against its integral part, which would drive the shaft on without it.
             self.velocity_loop.keep_at_most(self.current);
         }
@@ -252,6 +259,8 @@ impl Axis {
         if self.mode == Mode::Torque && !follows && self.gains_speed() {
             self.velocity_loop.reset();
         }
+        // Torque commands pass no filter: what stands in it is old.
+        self.filter_begins |= self.mode == Mode::Torque;
         self.slow_velocity = self.velocity.velocity();
         match mode {
             Mode::Off => {
@@ -261,7 +270,8 @@ impl Axis {
             }
             Mode::Torque => {
                 self.torque_command = CurrentFraction::ZERO;
-                self.guard = VelocityGuard::new(self.velocity.velocity());
+                let carried = self.velocity_loop.carrying(&self.settings.velocity_loop, self.current);
+                self.guard = VelocityGuard::new(self.velocity.velocity(), carried);
             }
             Mode::Velocity => {
                 self.velocity_interpolator = VelocityInterpolator::new(setpoint.velocity);
@@ -565,8 +575,9 @@ impl Axis {
         self.current = controlled.current;
         output.limiting |= controlled.limiting;
         output.current = if settings.filter.is_active() {
-            // What is fed forward comes from commands, without the noise of a measurement: filtered it would only be late.
-            let beside = feed_forward.clamp(-(1 << CURRENT_BITS), (1 << CURRENT_BITS) - 1) << (31 - CURRENT_BITS);
+            // The current for the acceleration comes from commands, without the noise of a measurement: filtered it would only be late. What
+            // the limits take of it must not stand in the filter with the opposite sign when it ends.
+            let beside = fine_between(limits, acceleration);
             let fed_back = fine(controlled.current).saturating_sub(beside);
             if core::mem::take(&mut self.filter_begins) {
                 self.filter.reset(fed_back);
@@ -590,6 +601,7 @@ impl Axis {
         let velocities = [limit, output.loop_velocity];
         let guarded = self.guard.tick(&settings.velocity_loop, limits, velocities, wanted);
         self.velocity_loop.preset(guarded.lasting);
+        self.current = guarded.current;
         output.current = guarded.current;
         output.limiting = if guarded.is_held { velocity_limits.met_by(limit) } else { limiting };
     }
@@ -652,6 +664,13 @@ const FAR: Position = Position::from_bits(1 << 48);
 
 /// A velocity of [`Mode::Torque`] is followed within 2^5 ticks, 4 ms.
 const SLOW_SHIFT: u32 = 5;
+
+/// A current that is fed forward, in 2^-25 of peak, as far as the limits let it flow, in 2^-31.
+fn fine_between(limits: &TorqueLimits, current: i32) -> i32 {
+    const MORE_BITS: u32 = 31 - CURRENT_BITS;
+    let [lowest, highest] = [limits.negative, limits.positive].map(fine);
+    current.min(highest >> MORE_BITS).max(lowest >> MORE_BITS) << MORE_BITS
+}
 
 /// In 2^-31 of peak.
 fn fine(current: CurrentFraction) -> i32 {

@@ -190,6 +190,52 @@ fn what_is_fed_forward_does_not_wait_for_the_filter() {
 }
 
 #[test]
+fn a_feed_forward_that_the_limit_cuts_leaves_no_torque_the_other_way_in_the_filter() {
+    let reference = ReferenceAxis::press();
+    let ramp = Acceleration::from_milliradians_per_second_squared(700_000);
+    let low_pass = FilterSection::LowPass { frequency: 500, damping: 707 };
+    let settings = servo::axis::AxisParameters {
+        acceleration_gain: 75_000,
+        velocity_ramp: Some((ramp, ramp)),
+        ticks_per_cycle: 4,
+        filter: CurrentFilterSettings::new([low_pass, FilterSection::Off]).unwrap(),
+        ..parameters(&reference)
+    };
+    let mut bench = velocity_bench(&reference, &settings);
+    bench.limit_torque(0.3);
+    // 700 rad/s2 ask for 88 % of peak, for 105 / 700 s; then the axis is still on its way.
+    bench.axis.command_velocity(rpm(1_000.0));
+    let currents: Vec<f64> = bench.ticks(1_600).into_iter().map(|output| output.current.to_num::<f64>()).collect();
+    let lowest = currents.iter().copied().fold(1.0, f64::min);
+    // What the velocity error asks for comes through the low-pass, from nothing.
+    assert!((-0.001..0.1).contains(&lowest), "{lowest}");
+    assert!((0.29..0.31).contains(&currents[1_599]), "{}", currents[1_599]);
+}
+
+#[test]
+fn out_of_torque_mode_the_filter_begins_with_what_flows() {
+    let reference = ReferenceAxis::press();
+    let low_pass = FilterSection::LowPass { frequency: 500, damping: 707 };
+    let settings = servo::axis::AxisParameters {
+        ticks_per_cycle: 4,
+        filter: CurrentFilterSettings::new([low_pass, FilterSection::Off]).unwrap(),
+        ..parameters(&reference)
+    };
+    let mut bench = velocity_bench(&reference, &settings);
+    bench.axis.set_mode(Mode::Torque);
+    // What friction and a load take of it, so that the shaft stands: 60 Nm of 120.
+    bench.motor.set_load_torque(-60.0, bench.time);
+    bench.axis.command_torque(CurrentFraction::from_num(0.5));
+    bench.ticks(400);
+    bench.axis.set_mode(Mode::Velocity);
+    bench.axis.command_velocity(rpm(0.0));
+    let currents: Vec<f64> = bench.ticks(80).into_iter().map(|output| output.current.to_num::<f64>()).collect();
+    let (lowest, highest) =
+        currents.iter().fold((1.0_f64, 0.0_f64), |(low, high), now| (low.min(*now), high.max(*now)));
+    assert!(lowest > 0.4 && highest < 0.6, "{lowest} to {highest}: {currents:?}");
+}
+
+#[test]
 fn stopping_takes_the_time_and_the_way_of_the_deceleration_limit() {
     let reference = ReferenceAxis::press();
     let mut bench = Bench::new(&reference, &parameters(&reference));
@@ -260,6 +306,47 @@ fn halt_ends_at_a_held_position_also_against_a_load() {
     let bump = largest(after.iter().map(|output| (output.current - before).to_num::<f64>()));
     assert!(bump < 0.05, "bump of {bump} of peak current");
     assert!(largest(following_errors(&after)) < 0.02);
+}
+
+/// The speed in rpm before a stop and the highest behind it: the integral part pushes 60 Nm the way the shaft turns with 100 rpm when the load goes
+/// and the command is -500 rpm, and the stop comes so many ticks later.
+fn turning_back(stop: Mode, ticks: usize, sign: f64) -> [f64; 2] {
+    let reference = ReferenceAxis::press();
+    // A tenth of the gain: the error makes 1.88 A s/rad of 60 A.
+    let settings = servo::axis::AxisParameters {
+        ticks_per_cycle: 4,
+        velocity_gain: 1_880,
+        integral_time: 10_000,
+        ..parameters(&reference)
+    };
+    let mut bench = velocity_bench(&reference, &settings);
+    bench.axis.command_velocity(rpm(sign * 100.0));
+    bench.motor.set_load_torque(-sign * 60.0, bench.time);
+    bench.ticks(80_000);
+    bench.motor.set_load_torque(0.0, bench.time);
+    bench.axis.command_velocity(rpm(-sign * 500.0));
+    bench.ticks(ticks);
+    let speed = |bench: &mut Bench| bench.velocity() * sign * 60.0 / TAU;
+    let before = speed(&mut bench);
+    bench.axis.set_mode(stop);
+    let mut fastest = f64::MIN;
+    for _ in 0..4_000 {
+        bench.tick();
+        fastest = fastest.max(speed(&mut bench));
+    }
+    println!("{stop:?} {ticks} {sign}: {before:.1} rpm, then {fastest:.1} rpm");
+    [before, fastest]
+}
+
+#[test]
+fn a_stop_behind_a_command_to_turn_back_does_not_drive_the_shaft_on() {
+    for sign in [1.0, -1.0] {
+        for stop in [Mode::Stopping, Mode::Braking, Mode::Halt, Mode::Travel] {
+            let [before, fastest] = turning_back(stop, 12, sign);
+            assert!((50.0..105.0).contains(&before), "{stop:?}: {before} rpm");
+            assert!(fastest < before + 5.0, "{stop:?}: {before} rpm, then {fastest} rpm");
+        }
+    }
 }
 
 #[test]

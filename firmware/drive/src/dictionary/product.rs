@@ -100,7 +100,7 @@ sercos::data_blocks! {
     P 219 "Acceleration of the identification" ["rad/s^2"] U32/3 written ALWAYS (1 to 2_147_483_647) = 100_000 => Parameter, stored;
     /// Motor and load at the motor's shaft.
     P 221 "Moment of inertia" ["kg cm^2"] U32/3 written ALWAYS (1 to 1_000_000_000) = 10_000 => Parameter, stored;
-    /// At -3 dB, for P-0-0220.
+    /// At -3 dB, for P-0-0220; at most 0.17 of the frequency of the bridge.
     P 222 "Bandwidth of the current loop" ["Hz"] U16/0 written ALWAYS (10 to 2_716) = 2_000 => Parameter, stored;
     /// Where its open loop crosses, for P-0-0220.
     P 223 "Bandwidth of the velocity loop" ["Hz"] U16/0 written ALWAYS (1 to 444) = 40 => Parameter, stored;

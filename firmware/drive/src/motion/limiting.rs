@@ -70,3 +70,45 @@ impl<B: Bus + Clone, H: Hardware> Motion<B, H> {
         self.cyclic_limits.shown(limit).filter(|_| self.ring.phase() == Phase::Cp4)
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::service::rig::Rig;
+    use servo::units::Velocity;
+
+    /// Between any two parts a task of the cycle may come.
+    #[test]
+    fn after_each_part_of_new_settings_the_limits_of_the_mdt_are_in_force() {
+        let mut rig = Rig::in_cp4(&[]);
+        let motion = &mut rig.motion;
+        for _ in 0..4 {
+            // The loads that limit it are known.
+            _ = motion.supervise();
+        }
+        let stored = (*motion.motor.torque_limits(), motion.axis.settings().velocity_limits());
+        motion.cyclic_limits.configure([Limit::BipolarTorque, Limit::BipolarVelocity].into_iter());
+        motion.cyclic_limits.take(Limit::BipolarTorque, 100);
+        motion.cyclic_limits.take(Limit::BipolarVelocity, 1_000_000);
+        motion.cyclic_limits.obey(true);
+        motion.obey_limits();
+        let settings = motion.settings();
+        let in_force =
+            |motion: &Motion<_, _>| (*motion.motor.torque_limits(), motion.axis.settings().velocity_limits());
+        let limited = in_force(motion);
+        assert!(
+            limited.0 != stored.0 && limited.1.positive == Velocity::from_ten_thousandths_rpm(1_000_000),
+            "{limited:?}"
+        );
+        motion.apply_motor_settings(&settings);
+        assert_eq!(in_force(motion), limited, "the motor's");
+        for without_lag in [false, true] {
+            motion.take_axis_settings(&settings, without_lag);
+            assert_eq!(in_force(motion), limited, "the axis'");
+        }
+        motion.put_axis_settings_in_force();
+        assert_eq!(in_force(motion), limited, "the axis' in force");
+        motion.apply_motion_settings(&settings.motion);
+        assert_eq!(in_force(motion), limited, "those around");
+    }
+}

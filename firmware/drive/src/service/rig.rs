@@ -34,7 +34,7 @@ use crate::motion::Motion;
 
 /// Registers and RAM that keep what is written.
 #[derive(Clone, Debug, Default)]
-pub(super) struct Memory(Rc<RefCell<BTreeMap<(bool, u16), u16>>>);
+pub(crate) struct Memory(Rc<RefCell<BTreeMap<(bool, u16), u16>>>);
 
 impl Bus for Memory {
     fn read_register(&mut self, register: Register) -> u16 {
@@ -56,7 +56,7 @@ impl Bus for Memory {
 
 /// A motor side where nothing moves.
 #[derive(Debug)]
-pub(super) struct Still;
+pub(crate) struct Still;
 
 impl BoardKind for Still {
     const FACTS: Facts = Facts {
@@ -136,9 +136,9 @@ impl Hardware for Still {
 pub(super) type StepContext<'a> = Context<'a, Memory, Exclusive<'a, Motion<Memory, Still>>>;
 
 /// The drive, and the master's side of its service channel.
-pub(super) struct Rig {
+pub(crate) struct Rig {
     pub(super) parameters: Parameters,
-    pub(super) motion: Motion<Memory, Still>,
+    pub(crate) motion: Motion<Memory, Still>,
     pub(super) checks: Checks,
     server: Server,
     slave: Slave<Memory>,
@@ -202,7 +202,7 @@ impl Rig {
     }
 
     /// Like [`Rig::in_cp3`], in CP4.
-    pub(super) fn in_cp4(others: &[(Idn, &[u16])]) -> Self {
+    pub(crate) fn in_cp4(others: &[(Idn, &[u16])]) -> Self {
         let mut rig = Self::in_cp3(others);
         rig.pass_check_for_cp4();
         rig.enter(4);

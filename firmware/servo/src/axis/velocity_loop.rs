@@ -149,6 +149,17 @@ impl VelocityLoop {
         self.integral = flowed.clamp(self.integral.min(0), self.integral.max(0));
     }
 
+    /// What carries the load, of the current that flows: what accelerates the shaft comes from the other parts of the loop, or passes the integral
+    /// part by. A loop without integral part carries with all that it gives.
+    #[must_use]
+    pub fn carrying(&self, settings: &VelocityLoopSettings, current: CurrentFraction) -> CurrentFraction {
+        if settings.integral == 0 {
+            return current;
+        }
+        let part = rounded(high_word(self.integral));
+        part.max(current.min(CurrentFraction::ZERO)).min(current.max(CurrentFraction::ZERO))
+    }
+
     /// Starts with this current at zero velocity error: bumpless start against a known load.
     pub fn preset(&mut self, current: CurrentFraction) {
         self.integral = i64::from(current.to_bits()) << (MORE_BITS + 32);

@@ -1,6 +1,7 @@
 //! Nothing moves by itself beyond what was commanded.
 
 use core::f64::consts::TAU;
+use std::collections::VecDeque;
 
 use ring::Nanoseconds;
 use ring::ident::Idn;
@@ -30,8 +31,33 @@ const HELD: (Nanoseconds, f64) = (Nanoseconds::from_millis(300), 0.01);
 pub(crate) struct NothingMoves {
     followed: Followed,
     outside: Lasting,
+    driven: Driven,
     standing: Lasting,
     held: Option<f64>,
+}
+
+/// What the motor does to a shaft that is outside.
+#[derive(Default)]
+struct Driven {
+    /// Since when, and the work of each look since then in J, of the last [`LASTING`].
+    since: Option<Nanoseconds>,
+    works: VecDeque<(Nanoseconds, f64)>,
+}
+
+impl Driven {
+    /// Whether it has been outside for longer than [`LASTING`], and the motor has driven it there in the mean of that time.
+    fn lasts(&mut self, outside: bool, work: f64, now: Nanoseconds) -> bool {
+        if !outside {
+            *self = Self::default();
+            return false;
+        }
+        let since = *self.since.get_or_insert(now);
+        self.works.push_back((now, work));
+        while self.works.front().is_some_and(|(then, _)| now.saturating_sub(*then) > LASTING) {
+            let _ = self.works.pop_front();
+        }
+        now.saturating_sub(since) > LASTING && self.works.iter().map(|(_, work)| work).sum::<f64>() > 0.0
+    }
 }
 
 /// What has been commanded since the drive began to follow.
@@ -56,6 +82,7 @@ impl NothingMoves {
         let Some((units, sense)) = known else {
             self.followed = Followed::Nothing;
             self.outside.end();
+            self.driven = Driven::default();
             return;
         };
         let machine = &scene.sight.machine;
@@ -100,6 +127,7 @@ impl NothingMoves {
         {
             self.followed = Followed::Nothing;
             self.outside.end();
+            self.driven = Driven::default();
         }
         let machine = &scene.sight.machine;
         match self.followed {
@@ -122,9 +150,14 @@ impl NothingMoves {
                 let turned = machine.angle - start;
                 // Nor does anybody stop a shaft that runs on with its inertia: the motor brakes it with all its torque.
                 let monitored = scene.settings.unsigned(Idn(159)).unwrap_or(0) > 0;
-                let driven = machine.torque * machine.velocity > 0.0;
-                let outside = (turned < low - window || turned > high + window) && (monitored || driven);
-                Verdict::of(!self.outside.lasts(outside, scene.now, LASTING), || {
+                let outside = turned < low - window || turned > high + window;
+                let broken = if monitored {
+                    self.outside.lasts(outside, scene.now, LASTING)
+                } else {
+                    let seconds = scene.sight.time.saturating_sub(scene.before.time).as_seconds();
+                    self.driven.lasts(outside, machine.torque * machine.velocity * seconds, scene.now)
+                };
+                Verdict::of(!broken, || {
                     format!(
                         "the shaft is {turned:.3} revolutions from where it began, commanded were {low:.3} to {high:.3}"
                     )
@@ -244,6 +277,26 @@ mod tests {
             fake.sight.machine.torque = torque;
             fake.run(150, 0xE000, 0xC008);
             assert_eq!(fake.broken().is_none(), lawful, "{monitored} {torque}: {:?}", fake.broken());
+        }
+    }
+
+    #[test]
+    fn without_s_0_0159_a_shaft_that_is_driven_on_more_than_it_is_braked_is_the_drives_doing() {
+        // The motor drives and brakes it in turn, every millisecond.
+        for (driving, braking, lawful) in [(10.0, 5.0, false), (5.0, 10.0, true)] {
+            let mut fake = following(11);
+            fake.write(159, &[0, 0]);
+            fake.cycle(0xC000, 0xC000);
+            fake.run(3, 0xE000, 0xC008);
+            fake.sight.machine.velocity = 50.0;
+            for _ in 0..150 {
+                let mut look = 0;
+                fake.turning(0xE000, 0xC008, 0.0, |sight| {
+                    sight.machine.torque = if look % 32 < 16 { driving } else { -braking };
+                    look += 1;
+                });
+            }
+            assert_eq!(fake.broken().is_none(), lawful, "{driving} {braking}: {:?}", fake.broken());
         }
     }
 

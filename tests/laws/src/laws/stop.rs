@@ -28,7 +28,7 @@ const BACK: (f64, f64) = (0.005, 8e-3);
 /// What was braked shortly before the stop was braked with all that the loop has, and its integral part turns the shaft back: a speed is forgotten
 /// with this time constant in seconds.
 const RECENT: f64 = 10e-3;
-/// And this share of what is left of it is no speed that the stop has made.
+/// And this share of what is left of it is no speed that the stop has made, where the shaft turns the other way.
 const SWING: f64 = 0.4;
 /// After a change of the load the shaft may do what it must for so long.
 const RECOVERY: Nanoseconds = Nanoseconds::from_millis(300);
@@ -140,7 +140,9 @@ impl Stop {
             return Verdict::Silent;
         }
         let driving = machine.torque * machine.velocity > 0.0;
-        if speed > running.speed.max(SWING * running.recent) + running.tolerance && driving {
+        // A loop that was braking swings to the other side, and never on.
+        let swing = if machine.velocity * running.direction < 0.0 { SWING * running.recent } else { 0.0 };
+        if speed > running.speed.max(swing) + running.tolerance && driving {
             let since = *running.faster.get_or_insert(scene.now);
             if scene.now.saturating_sub(since) > LASTING {
                 let rpm = |speed: f64| speed * 60.0 / core::f64::consts::TAU;
@@ -318,6 +320,24 @@ mod tests {
         assert!(stopped(10.0, 10).is_some_and(|words| words.contains("turned back")), "0.25 rad of 10 rad/s come back");
         assert_eq!(stopped(70.0, 10), None, "70 rad/s were braked within 10 ms");
         assert!(stopped(70.0, 60).is_some(), "what was braked long ago is forgotten");
+    }
+
+    #[test]
+    fn a_speed_of_just_before_excuses_a_swing_back_and_no_swing_on() {
+        // 100 rad/s (955 rpm) two milliseconds before the stop, which begins with 21 rad/s (200 rpm).
+        let stopped = |after: f64| {
+            let mut fake = at_speed(100.0);
+            fake.sight.machine.velocity = 21.0;
+            fake.run(1, FOLLOW, FOLLOWS);
+            fake.run(2, 0xC000, 0xC000);
+            fake.sight.machine.velocity = after;
+            fake.sight.machine.torque = 60.0 * after.signum();
+            fake.run(1, 0xC000, 0xC000);
+            fake.broken()
+        };
+        assert!(stopped(31.3).is_some_and(|words| words.contains("the shaft has 298.9 rpm")), "{:?}", stopped(31.3));
+        assert_eq!(stopped(-28.0), None, "267 rpm back");
+        assert!(stopped(-50.0).is_some_and(|words| words.contains("the shaft has")), "477 rpm back");
     }
 
     #[test]

@@ -31,6 +31,9 @@ pub(crate) struct TorqueGoes {
     unexplained: Option<Nanoseconds>,
     /// The error is shown, the axis stands, and the bridge is still on.
     standing: Option<Nanoseconds>,
+    /// S-0-0099 is set, and when it was started last.
+    resets: bool,
+    reset: Option<Nanoseconds>,
     /// The velocity with which main power went, in rad/s.
     then: f64,
 }
@@ -43,8 +46,16 @@ impl TorqueGoes {
             || wire.edge.is_none()
             || wire.control & (control::ON | control::ENABLE) != control::ON | control::ENABLE
             || wire.has_error()
-            // An error of just now is cleared before an AT could show it.
-            || [scene.command, scene.starting].contains(&Some(RESET))
+    }
+
+    /// S-0-0099 has been started just now: an error of just now is cleared before an AT could show it.
+    fn is_cleared(&mut self, scene: &Scene) -> bool {
+        let resets = [scene.command, scene.starting].contains(&Some(RESET));
+        if resets && !self.resets {
+            self.reset = Some(scene.now);
+        }
+        self.resets = resets;
+        scene.within(self.reset, scene.cycles(3, NOTICE_MICROSECONDS))
     }
 
     /// Main power has gone, nothing else is wrong, and the DC link could have stopped the shaft that turns still.
@@ -65,6 +76,7 @@ impl TorqueGoes {
     }
 
     fn look(&mut self, scene: &Scene) -> Verdict {
+        let cleared = self.is_cleared(scene);
         if scene.before.main_power && !scene.sight.main_power {
             self.then = scene.sight.machine.velocity;
         }
@@ -87,7 +99,7 @@ impl TorqueGoes {
             self.standing = Some(scene.now);
         }
         if let Some(gone) = self.unexplained {
-            if Self::is_explained(scene) {
+            if Self::is_explained(scene) || cleared {
                 self.unexplained = None;
                 return Verdict::Kept;
             }
@@ -170,11 +182,15 @@ mod tests {
 
     #[test]
     fn an_error_that_s_0_0099_clears_before_an_at_shows_it_explains_it() {
-        let mut fake = in_operation();
-        fake.write(99, &[3]);
-        fake.sight.bridge = false;
-        fake.run(10, 0xE000, 0x8000);
-        assert_eq!((fake.broken(), fake.armed()), (None, 1));
+        // And not one of later on, however long the master leaves it at 3.
+        for (cycles, lawful) in [(0, true), (2, true), (5, false), (100, false)] {
+            let mut fake = in_operation();
+            fake.write(99, &[3]);
+            fake.run(cycles, 0xE000, 0xC008);
+            fake.sight.bridge = false;
+            fake.run(10, 0xE000, 0x8000);
+            assert_eq!(fake.broken().is_none(), lawful, "{cycles} cycles: {:?}", fake.broken());
+        }
     }
 
     #[test]
