@@ -78,7 +78,8 @@ pub(crate) const fn note(fault: Fault) -> Option<&'static str> {
             "Noticed when all the voltage there is makes no current: as soon as the loops ask for a tenth of the peak current, not before."
         }
         Fault::MotorPhaseOpen => {
-            "Found as soon as half a per cent of the peak current is to flow in it: an axis that stands without a load asks for less. Switched on with an \
+            "Found as soon as half a per cent of the peak current is to flow in that phase: an axis that stands without a load asks for less, and a rotor that \
+             stands with nothing in that phase is not found, whatever flows in the other two. Switched on with an \
              open phase, it gets no torque: `firmware/servo/tests/open_phase.rs`."
         }
         Fault::PositionLimit => {

@@ -5,6 +5,8 @@ use crate::arithmetic::trigonometry::{Rotation, high_product};
 use crate::error::SettingsError;
 use crate::units::CurrentFraction;
 
+use super::settings::CurrentLoopSettings;
+
 /// Reference and angle of the current loop, for the cycles until the next loop tick.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
@@ -136,6 +138,16 @@ impl MotorModel {
         })
     }
 
+    /// Time constant of a current loop that regulates this motor: the larger inductance by S-0-0106, in us. `None` where one of them is not
+    /// known. Divides.
+    pub(crate) fn loop_time(&self, settings: &CurrentLoopSettings) -> Option<u32> {
+        let inductance = self.direct.max(self.quadrature).unsigned_abs();
+        // Volt 2^-14 per 2 pi 8000 / 2^32 rad/s, by volt 2^-20: 2^6 / (2 pi 8000) s.
+        let microseconds =
+            u64::from(inductance).saturating_mul(1_273).checked_div(u64::from(settings.proportional.unsigned_abs()))?;
+        (inductance > 0).then(|| u32::try_from(microseconds).unwrap_or(u32::MAX))
+    }
+
     /// Flux-producing current, 0 or negative, with which magnets that induce `magnets` leave hardly more than `held`, both in volt 2^-14.
     ///
     /// It is looked for bit by bit: nothing divides where it is asked for.
@@ -176,6 +188,30 @@ impl MotorModel {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::current::settings::{CurrentLoopParameters, PwmFrequency};
+
+    #[test]
+    fn the_time_of_a_current_loop_is_the_larger_inductance_by_its_gain() {
+        let time = |direct, quadrature, gain| {
+            let settings = CurrentLoopSettings::new(&CurrentLoopParameters {
+                peak_current: 10_000,
+                measuring_range: 12_500,
+                proportional_gain: gain,
+                integral_time: 500,
+                frequency: PwmFrequency::Khz16,
+                dead_time: 1_000,
+                dead_time_band: 100,
+            });
+            MotorModel::new(direct, quadrature, 200_000, 10_000).unwrap().loop_time(&settings.unwrap())
+        };
+        for (direct, quadrature, gain, exact) in
+            [(5_000, 8_000, 40_000, 200.0), (120_000, 100_000, 7_500, 16_000.0), (6_000, 6_000, 1, 6e6)]
+        {
+            let time = f64::from(time(direct, quadrature, gain).unwrap());
+            assert!((time / exact - 1.0).abs() < 0.01, "{time} us, {exact}");
+        }
+        assert_eq!(time(0, 0, 40_000), None);
+    }
 
     #[test]
     fn the_induced_voltage_is_speed_times_flux() {

@@ -4,7 +4,12 @@
 //! current loop is asked for. What flows in each phase is compared with what was asked for there, and with what flows in the other two: where all
 //! of them fall short, as at the limit of the voltage, no phase is open.
 //!
-//! A phase of which nothing is asked says nothing, and costs nothing: it is found as soon as half a per cent of the peak current is to flow in it.
+//! A phase of which nothing is asked says nothing, and costs nothing: it is found as soon as half a per cent of the peak current is to flow in it. A
+//! rotor that stands with nothing in that phase is not found.
+//!
+//! A rotor that turns by a third of a revolution between two looks shows a phase at the same angles again and again, and a current that is turned
+//! by a few degrees against what is asked has nothing there at one of them. While it turns fast an eighth of what the other phases are asked for
+//! is therefore to flow in it.
 
 use crate::arithmetic::trigonometry::{Rotation, high_product, sum_of_products};
 
@@ -15,6 +20,8 @@ pub struct OpenPhase {
     phases: [Seen; 3],
     /// The angle of the phase that the next look is at, 2^-32 revolution.
     axis: u32,
+    /// That of the d axis at the last look.
+    before: u32,
 }
 
 /// Sums of magnitudes, 2^-18 of peak.
@@ -34,6 +41,10 @@ type Vector = [i32; 2];
 
 /// 0.5 % of peak, of what is asked: eight counts of the usual range. Less is noise and rest of the offset.
 const LEAST: i32 = (1 << 18) / 200;
+/// 0.3 % of peak.
+const LEAST_SHARE: i64 = (1 << 18) * 3 / 1_000;
+/// A 36th of a revolution in a look of 500 us: 56 electrical revolutions a second. A mean of slower ones is one of many angles.
+const FAST: u32 = u32::MAX / 36;
 /// Looks of a mean, of 1.5 ms each: longer than a loop takes to follow.
 const LOOKS: u32 = 12;
 /// A third of a revolution.
@@ -54,7 +65,9 @@ impl OpenPhase {
             _ => (third, 0),
         };
         self.axis = next;
-        asked >= LEAST && seen.add((asked, flowed), (asked_beside, flowed_beside))
+        let moved = angle.wrapping_sub(core::mem::replace(&mut self.before, angle)).cast_signed();
+        let least = if moved.unsigned_abs() > FAST { LEAST.max(asked_beside >> 3) } else { LEAST };
+        asked >= least && seen.add((asked, flowed), (asked_beside, flowed_beside))
     }
 }
 
@@ -87,9 +100,23 @@ impl Phases {
         }
     }
 
-    /// Each of them is a quarter of another one's, or more.
-    pub(crate) fn follow(&self, other: &Self) -> bool {
-        self.0.iter().zip(other.0).all(|(one, other)| one.wrapping_mul(4) >= other)
+    /// One of them has less than a quarter of its share: of what is asked of it when the largest that flows is what the largest was to be. A share
+    /// below 0.3 % of peak says nothing.
+    pub(crate) fn lack_a_share_of(&self, asked: &Self) -> bool {
+        let [largest, largest_asked] = [self, asked].map(|phases| i64::from(phases.largest()));
+        // Sums of a few magnitudes, 2^20 each.
+        let lacks = |(one, asked): (&i32, i32)| {
+            let share = i64::from(asked).wrapping_mul(largest);
+            let [one, least] =
+                [i64::from(*one).wrapping_mul(4), LEAST_SHARE].map(|part| part.wrapping_mul(largest_asked));
+            share >= least && one < share
+        };
+        self.0.iter().zip(asked.0).any(lacks)
+    }
+
+    /// The largest of them is a quarter of another one's, or more.
+    pub(crate) fn are_a_quarter_of(&self, other: &Self) -> bool {
+        self.largest().wrapping_mul(4) >= other.largest()
     }
 
     /// One of them is missing, of which enough is asked, and the others are not.
@@ -106,9 +133,9 @@ impl Phases {
         a.max(b).max(c)
     }
 
-    /// The largest of them is less than an eighth of another one's.
+    /// The largest of them is less than a sixteenth of another one's.
     pub(crate) fn are_nothing_beside(&self, other: &Self) -> bool {
-        self.largest().wrapping_mul(8) < other.largest()
+        self.largest().wrapping_mul(16) < other.largest()
     }
 }
 
@@ -151,12 +178,24 @@ mod tests {
     /// Looks until a phase is told to be open: of a motor that is asked for a q current as a share of peak, with an angle that goes on by a part of a
     /// revolution in each look, in which a part of it flows; `open` has none, and the other two what is left.
     fn told(asked: f64, turn: f64, start: f64, part: f64, open: Option<usize>) -> Option<u32> {
+        told_of_a_turned_current(asked, turn, start, part, 0.0, open)
+    }
+
+    /// The same of a current that is ahead of the one that is asked for by a part of a revolution.
+    fn told_of_a_turned_current(
+        asked: f64,
+        turn: f64,
+        start: f64,
+        part: f64,
+        ahead: f64,
+        open: Option<usize>,
+    ) -> Option<u32> {
         let mut monitor = OpenPhase::default();
         let mut random = 1_u32;
         (1..=4_000).find(|&look| {
             let angle = (start + turn * f64::from(look)) * TAU;
             let axis = |phase: usize| phase as f64 * TAU / 3.0;
-            let current = |phase: usize| -asked * part * (angle - axis(phase)).sin();
+            let current = |phase: usize| -asked * part * (angle + ahead * TAU - axis(phase)).sin();
             let mut flowing = [0, 1, 2].map(current);
             if let Some(open) = open {
                 let (one, other) = ((open + 1) % 3, (open + 2) % 3);
@@ -210,6 +249,27 @@ mod tests {
         for part in [0.0, 0.01, 0.1, 0.2, 0.5] {
             for turn in TURNS {
                 assert_eq!(told(1.0, turn, 0.1, part, None), None, "{part} {turn}");
+            }
+        }
+    }
+
+    #[test]
+    fn no_current_that_is_turned_by_four_degrees_is_taken_for_an_open_phase_at_any_speed() {
+        // A look every 500 us, one of three phases: at multiples of 333.3 Hz every look at a phase is at the same angle.
+        let locked = [1.0, 2.0, 3.0, -1.0, -2.0].map(|sixths| sixths / 6.0);
+        let thirds_of_a_look = [1.0, 2.0, 4.0, -1.0].map(|part| part / 18.0);
+        for turn in locked.into_iter().chain(thirds_of_a_look).chain(TURNS).filter(|turn| turn.abs() > 0.028) {
+            for asked in [0.1, 0.5, -1.0] {
+                for ahead in [-4.0, -2.0, 2.0, 4.0] {
+                    for start in 0..72 {
+                        let start = f64::from(start) / 72.0;
+                        let told = told_of_a_turned_current(asked, turn, start, 1.0, ahead / 360.0, None);
+                        assert_eq!(
+                            told, None,
+                            "{asked} of peak, turned by {ahead} degrees, {turn} a look, from {start}"
+                        );
+                    }
+                }
             }
         }
     }

@@ -144,6 +144,10 @@ impl<B: BoardKind> Motor<B> {
 
     /// One step of the test before the torque. `None`: the sequence may go on; otherwise it may not, and the bridge is to be closed or not.
     fn test_phases(&mut self, inputs: &SequenceInputs, faults: &mut MotorFaults) -> Option<bool> {
+        // Where the torque is on a load may hang on it, whatever was wanted meanwhile: the test would take it away.
+        if self.brake_output.torque {
+            return None;
+        }
         let wanted = inputs.wanted == Sequence::Start && self.measured.calibrated && !self.refuses_to_align();
         if wanted && self.phase_test.is_over() {
             return None;
@@ -153,6 +157,7 @@ impl<B: BoardKind> Motor<B> {
             standstill: inputs.standstill,
             bridge_on: inputs.bridge_on,
             magnets: self.commutation_angle(inputs.position).unwrap_or_default(),
+            loop_time: self.settings.model.loop_time(&self.settings.current.current_loop),
             asked: self.direct_command,
             readings: self.measured.readings,
             angle: self.link.report.cycle(true).readings.angle(),
@@ -283,8 +288,11 @@ mod tests {
     use super::super::example::{self, Example};
     use super::super::link::{CurrentLink, set};
     use super::*;
+    use crate::brake::{BrakeParameters, BrakeSettings};
+    use crate::current::command::CurrentCommand;
+    use crate::units::Velocity;
 
-    static LINKS: [CurrentLink; 2] = [const { CurrentLink::new() }; 2];
+    static LINKS: [CurrentLink; 6] = [const { CurrentLink::new() }; 6];
 
     const START: SequenceInputs = SequenceInputs {
         wanted: Sequence::Start,
@@ -342,5 +350,138 @@ mod tests {
         }
         let off = motor.sequence(&SequenceInputs { wanted: Sequence::Off, bridge_on: true, ..START }, &mut faults);
         assert!(!off.bridge && off.torque_off, "off at once");
+    }
+
+    /// Of the peak current: what the load asks for.
+    const LOAD: CurrentFraction = CurrentFraction::lit("0.3");
+
+    /// A load of 9.81 m/s² that falls where neither its brake nor the current of the loops holds it, with a motor that gives what is asked for.
+    struct Vertical {
+        motor: Motor<Example>,
+        inputs: SequenceInputs,
+        faults: MotorFaults,
+        /// The brake does not close any more, and its contact says so.
+        stuck: bool,
+        /// Steps since the coil has had no current.
+        closing: u32,
+        /// m/s and m.
+        speed: f64,
+        sunk: f64,
+    }
+
+    /// Steps of the supervision until the brake holds, 25 ms.
+    const CLOSES_IN: u32 = 50;
+
+    impl Vertical {
+        /// In operation, after a test of its phases.
+        fn released(link: &'static CurrentLink) -> Self {
+            let mut settings = example::settings();
+            settings.has_brake = true;
+            settings.brake = BrakeSettings::new(&BrakeParameters {
+                fitted: true,
+                contact_fitted: true,
+                drive_on_delay: 40,
+                drive_off_delay: 30,
+                maximum_drive_off_delay: 1_000,
+                proof_current: CurrentFraction::lit("0.1"),
+                proof_tolerance: CurrentFraction::lit("0.05"),
+                proof_time: 2,
+                proof_limit: 100,
+                hold_test_time: 100,
+                hold_window: Position::from_bits(1 << 24),
+                stuck_time: 500,
+            })
+            .unwrap();
+            let mut motor = Motor::new(link, settings);
+            motor.set_commutation_angle(Position::ZERO, Some(0));
+            motor.measured.calibrated = true;
+            let faults = MotorFaults::NONE;
+            let inputs = SequenceInputs { torque_command: LOAD, ..START };
+            let mut axis = Self { motor, inputs, faults, stuck: false, closing: u32::MAX, speed: 0.0, sunk: 0.0 };
+            let tested = axis.steps(Sequence::Start, 20).filter(|&(_, tests)| tests).count();
+            assert!((8..12).contains(&tested), "{tested} steps of the test at the first time");
+            assert!(axis.steps(Sequence::Start, 180).last().unwrap().0.released);
+            axis
+        }
+
+        /// A step of the supervision: its output, and whether the phases were tested.
+        fn step(&mut self, wanted: Sequence) -> (SequenceOutput, bool) {
+            let output = self.motor.sequence(&SequenceInputs { wanted, ..self.inputs }, &mut self.faults);
+            self.inputs.bridge_on = output.bridge;
+            self.motor.command(Position::ZERO, LOAD, Velocity::ZERO, 0);
+            let (direct, quadrature) = (self.motor.direct_command, self.motor.commanded);
+            let measured = &mut self.motor.measured;
+            measured.readings.direct = CurrentCommand::reference(direct);
+            (measured.field_current, measured.torque_current) = (direct, quadrature);
+            self.closing = if output.brake || self.stuck { 0 } else { self.closing.saturating_add(1) };
+            self.inputs.brake_contact = self.closing < CLOSES_IN;
+            let carried = if output.bridge { f64::from(quadrature.to_bits()) / f64::from(LOAD.to_bits()) } else { 0.0 };
+            self.speed = if self.inputs.brake_contact { self.speed + 9.81 * (1.0 - carried) * 500e-6 } else { 0.0 };
+            self.sunk += self.speed * 500e-6;
+            (output, self.motor.aligning.is_some())
+        }
+
+        fn steps(&mut self, wanted: Sequence, number: usize) -> impl Iterator<Item = (SequenceOutput, bool)> {
+            (0..number).map(move |_| self.step(wanted))
+        }
+
+        /// Wanted so for so many steps, the load hangs on its current, and nothing but the loops has it.
+        fn holds(&mut self, wanted: Sequence, number: usize) {
+            for step in 0..number {
+                let (output, tests) = self.step(wanted);
+                assert!(output.bridge && !output.torque_off && !tests, "{wanted:?}, step {step}: {output:?}");
+                assert_eq!(self.motor.brake_output.torque_scale, TorqueScale::ONE, "{wanted:?}, step {step}");
+                assert!(self.sunk.abs() < 1e-9, "{wanted:?}, step {step}: sunk by {} mm", self.sunk * 1e3);
+            }
+        }
+    }
+
+    #[test]
+    fn a_load_whose_brake_is_still_closing_stays_on_its_current_when_torque_is_wanted_again() {
+        // Before the brake holds, when it just does, and at every step in between.
+        for stopped in 1..=usize::try_from(CLOSES_IN).unwrap() {
+            let mut axis = Vertical::released(&LINKS[2]);
+            axis.holds(Sequence::Stop, stopped);
+            axis.holds(Sequence::Start, 400);
+            assert!(axis.step(Sequence::Start).0.released && axis.faults.is_empty(), "{stopped}");
+        }
+    }
+
+    #[test]
+    fn a_load_that_only_its_current_holds_stays_on_it_when_torque_is_wanted_again() {
+        let mut axis = Vertical::released(&LINKS[3]);
+        axis.stuck = true;
+        // The brake's 1 s are over: from then on it is held by the torque.
+        axis.holds(Sequence::Stop, 2_100);
+        assert!(axis.faults.contains(MotorFault::Brake));
+        // S-0-0099, and a new edge.
+        axis.faults = MotorFaults::NONE;
+        axis.holds(Sequence::Start, 400);
+        assert!(axis.step(Sequence::Start).0.released && axis.faults.is_empty());
+    }
+
+    #[test]
+    fn phases_are_tested_again_when_the_torque_has_been_off() {
+        let mut axis = Vertical::released(&LINKS[4]);
+        // At once, and in order.
+        for (off, steps) in [(Sequence::Off, 2), (Sequence::Stop, 1_000), (Sequence::Off, 100)] {
+            let last = axis.steps(off, steps).last().unwrap();
+            assert!(last.0.torque_off && !last.0.bridge, "{off:?}");
+            let tested = axis.steps(Sequence::Start, 20).filter(|&(_, tests)| tests).count();
+            assert!((8..12).contains(&tested), "{off:?}: {tested} steps of the test");
+            assert!(axis.steps(Sequence::Start, 180).last().unwrap().0.released, "{off:?}");
+        }
+        assert!(axis.faults.is_empty());
+    }
+
+    #[test]
+    fn a_test_that_was_broken_off_is_made_from_its_beginning() {
+        let mut axis = Vertical::released(&LINKS[5]);
+        axis.steps(Sequence::Off, 100).last().unwrap();
+        assert!(axis.steps(Sequence::Start, 4).last().unwrap().1, "under way");
+        assert!(!axis.step(Sequence::Stop).1);
+        let tested = axis.steps(Sequence::Start, 20).filter(|&(_, tests)| tests).count();
+        assert!((7..12).contains(&tested), "{tested} steps of the test");
+        assert!(axis.faults.is_empty());
     }
 }

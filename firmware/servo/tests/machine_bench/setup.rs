@@ -85,6 +85,12 @@ impl Setup {
         }
     }
 
+    /// With a current loop of so many Hz.
+    pub(crate) fn with_current_bandwidth(mut self, bandwidth: u32) -> Self {
+        self.current = current_loop(&self.reference, bandwidth);
+        self
+    }
+
     /// With commands every so many ticks.
     pub(crate) fn with_cycle(mut self, ticks: u16) -> Self {
         self.axis.ticks_per_cycle = ticks;
