@@ -141,6 +141,8 @@ pub struct Motor<B: BoardKind> {
     balance: CurrentBalance,
     open_phase: OpenPhase,
     phase_test: PhaseTest,
+    /// Time constant of the current loop, in us, where the motor is known.
+    loop_time: Option<u32>,
     /// Its current was asked for in the last step.
     tested: bool,
     /// Ticks of the supervision for which switching on has waited for the zero of the current sensors.
@@ -226,6 +228,7 @@ impl<B: BoardKind> Motor<B> {
             balance: CurrentBalance::default(),
             open_phase: OpenPhase::default(),
             phase_test: PhaseTest::default(),
+            loop_time: settings.model.loop_time(&settings.current.current_loop),
             tested: false,
             uncalibrated: 0,
             weakening: FieldWeakening::new(),
@@ -265,6 +268,7 @@ impl<B: BoardKind> Motor<B> {
         }
         self.direction = direction;
         self.angle_per_increment = settings.angle_per_increment.wrapping_mul(direction);
+        self.loop_time = settings.model.loop_time(&settings.current.current_loop);
         self.settings = *settings;
         self.limit_torque(None);
     }

@@ -134,6 +134,7 @@ impl<B: Bus + Clone, H: Hardware> Motion<B, H> {
     /// A command leads the axis beyond its position limits.
     fn leaves_its_range(&mut self) -> bool {
         let (axis, encoder, output) = (&self.axis, &self.encoder, &self.output);
+        let (ring, settings) = (&self.ring, &self.settings);
         let in_operation = self.operation.state().is_in_operation();
         let range = self.settings.coordinates.range;
         let (reference, limits) = (self.reference, self.settings.position_limits);
@@ -151,7 +152,13 @@ impl<B: Bus + Clone, H: Hardware> Motion<B, H> {
                     let setpoint = near(output.position_command);
                     axis.aim().map_or(Commanded::Rest(setpoint), |aim| Commanded::At { setpoint, aim: near(aim) })
                 }
-                Mode::Velocity => Commanded::Turn(output.velocity_command),
+                // A command begins with the velocity of the shaft, which may tremble: as far as it is led there, too.
+                Mode::Velocity => {
+                    let (now, aim) = (output.velocity_command, ring.commands().velocity(settings));
+                    let outwards = if now < Velocity::ZERO { now.max(aim) } else { now.min(aim) };
+                    let led = (now < Velocity::ZERO) == (outwards < Velocity::ZERO);
+                    Commanded::Turn(if led { outwards } else { Velocity::ZERO })
+                }
                 // No velocity is commanded, and the measured one of a standing axis is noise.
                 Mode::Torque if output.standstill => Commanded::Turn(Velocity::ZERO),
                 Mode::Torque => Commanded::Turn(output.velocity),

@@ -157,7 +157,7 @@ impl<B: BoardKind> Motor<B> {
             standstill: inputs.standstill,
             bridge_on: inputs.bridge_on,
             magnets: self.commutation_angle(inputs.position).unwrap_or_default(),
-            loop_time: self.settings.model.loop_time(&self.settings.current.current_loop),
+            loop_time: self.loop_time,
             asked: self.direct_command,
             readings: self.measured.readings,
             angle: self.link.report.cycle(true).readings.angle(),
