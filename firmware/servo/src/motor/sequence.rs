@@ -288,7 +288,7 @@ mod tests {
     use super::super::example::{self, Example};
     use super::super::link::{CurrentLink, set};
     use super::*;
-    use crate::brake::{BrakeParameters, BrakeSettings};
+    use crate::brake::settings::{BrakeParameters, BrakeSettings};
     use crate::current::command::CurrentCommand;
     use crate::units::Velocity;
 
