@@ -26,6 +26,8 @@ const WOUND: f64 = 1.5;
 #[derive(Default)]
 pub(crate) struct Vertical {
     fall: Option<Fall>,
+    /// A load that may fall has not been caught since, although the bridge came on: there was no torque yet.
+    falls_on: bool,
 }
 
 struct Fall {
@@ -97,8 +99,14 @@ impl Law for Vertical {
             fall.at_once |= fall.soon && (scene.wire.has_error() || !scene.is_operating());
         }
         let Event::Look = event else { return Verdict::Silent };
+        let machine = &scene.sight.machine;
+        let falling = machine.velocity * machine.load_torque.signum() > 0.0;
+        self.falls_on = falling && (self.falls_on || self.fall.as_ref().is_some_and(|fall| fall.at_once));
         if scene.before.bridge && !scene.sight.bridge {
             self.fall = Self::begin(scene);
+            if let Some(fall) = &mut self.fall {
+                fall.at_once |= self.falls_on;
+            }
         }
         let over = |fall: &Fall| (scene.now - fall.since).as_seconds() > WATCHED;
         if scene.sight.bridge
@@ -140,6 +148,36 @@ mod tests {
         fake.sight.machine.velocity = 0.0;
         fake.run(20, 0xE000, status);
         fake
+    }
+
+    #[test]
+    fn a_bridge_that_comes_on_for_a_moment_catches_nothing_unless_the_load_has_stood() {
+        let again = |caught: bool| {
+            let mut fake = Fake::of(Vertical::default(), ReferenceAxis::vertical().machine);
+            fake.sight.bridge = true;
+            fake.sight.coil = true;
+            fake.sight.machine.load_torque = -1.5;
+            fake.run(5, 0xE000, 0xC008);
+            fake.run(2, 0xA000, 0xC008);
+            (fake.sight.bridge, fake.sight.coil) = (false, false);
+            for _ in 0..3 {
+                fake.turning(0xA000, 0x8000, -1_250.0, |_| {});
+            }
+            fake.sight.bridge = true;
+            if caught {
+                fake.sight.machine.velocity = 0.0;
+                fake.run(10, 0xE000, 0xC008);
+            } else {
+                fake.turning(0xE000, 0xC008, -1_250.0, |_| {});
+            }
+            fake.sight.bridge = false;
+            for _ in 0..9 {
+                fake.turning(0xE000, 0x8000, -1_250.0, |_| {});
+            }
+            fake.broken()
+        };
+        assert_eq!(again(false), None);
+        assert!(again(true).is_some_and(|words| words.contains("fallen")));
     }
 
     #[test]
