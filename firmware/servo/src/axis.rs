@@ -28,8 +28,8 @@ pub use velocity_loop::{VelocityLoop, VelocityLoopOutput, VelocityLoopSettings};
 
 use crate::axis::acceleration_gain::FedForward;
 use crate::axis::expected_lag::ExpectedLag;
-use crate::axis::velocity_guard::VelocityGuard;
-use crate::axis::velocity_loop::CURRENT_BITS;
+use crate::axis::velocity_guard::{VelocityGuard, towards};
+use crate::axis::velocity_loop::{CURRENT_BITS, bounds};
 use crate::path::command_step::CommandJump;
 use crate::path::interpolation::Interpolator;
 use crate::path::limits::MotionLimits;
@@ -261,7 +261,7 @@ impl Axis {
         }
         // Torque commands pass no filter: what stands in it is old.
         self.filter_begins |= self.mode == Mode::Torque;
-        self.slow_velocity = self.velocity.velocity();
+        self.slow_velocity = measured;
         match mode {
             Mode::Off => {
                 self.velocity_loop.reset();
@@ -271,7 +271,7 @@ impl Axis {
             Mode::Torque => {
                 self.torque_command = CurrentFraction::ZERO;
                 let carried = self.velocity_loop.carrying(&self.settings.velocity_loop, self.current);
-                self.guard = VelocityGuard::new(self.velocity.velocity(), carried);
+                self.guard = VelocityGuard::new(measured, carried);
             }
             Mode::Velocity => {
                 self.velocity_interpolator = VelocityInterpolator::new(setpoint.velocity);
@@ -577,7 +577,8 @@ impl Axis {
         output.current = if settings.filter.is_active() {
             // The current for the acceleration comes from commands, without the noise of a measurement: filtered it would only be late. What
             // the limits take of it must not stand in the filter with the opposite sign when it ends.
-            let beside = fine_between(limits, acceleration);
+            let [lowest, highest] = bounds(limits);
+            let beside = acceleration.min(highest).max(lowest) << (31 - CURRENT_BITS);
             let fed_back = fine(controlled.current).saturating_sub(beside);
             if core::mem::take(&mut self.filter_begins) {
                 self.filter.reset(fed_back);
@@ -594,7 +595,7 @@ impl Axis {
     fn torque(&mut self, limits: &TorqueLimits, output: &mut AxisOutput) {
         let settings = &self.settings;
         let (slow, now) = (self.slow_velocity.to_bits(), output.velocity.to_bits());
-        self.slow_velocity = Velocity::from_bits(slow.wrapping_add(now.wrapping_sub(slow) >> SLOW_SHIFT));
+        self.slow_velocity = Velocity::from_bits(towards(slow, now, SLOW_SHIFT));
         let (wanted, limiting) = limits.apply(self.torque_command);
         let velocity_limits = &settings.velocity_limits;
         let limit = if wanted >= CurrentFraction::ZERO { velocity_limits.positive } else { velocity_limits.negative };
@@ -664,13 +665,6 @@ const FAR: Position = Position::from_bits(1 << 48);
 
 /// A velocity of [`Mode::Torque`] is followed within 2^5 ticks, 4 ms.
 const SLOW_SHIFT: u32 = 5;
-
-/// A current that is fed forward, in 2^-25 of peak, as far as the limits let it flow, in 2^-31.
-fn fine_between(limits: &TorqueLimits, current: i32) -> i32 {
-    const MORE_BITS: u32 = 31 - CURRENT_BITS;
-    let [lowest, highest] = [limits.negative, limits.positive].map(fine);
-    current.min(highest >> MORE_BITS).max(lowest >> MORE_BITS) << MORE_BITS
-}
 
 /// In 2^-31 of peak.
 fn fine(current: CurrentFraction) -> i32 {

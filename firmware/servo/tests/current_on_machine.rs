@@ -10,14 +10,6 @@ use crate::machine_bench::{Bench, CYCLES_PER_SECOND};
 use plant::ReferenceAxis;
 use servo::current::Trip;
 
-const AXES: [fn() -> ReferenceAxis; 5] = [
-    ReferenceAxis::press,
-    ReferenceAxis::small_cnc,
-    ReferenceAxis::precise,
-    ReferenceAxis::vertical,
-    ReferenceAxis::catalogue,
-];
-
 /// With the shaft held fast.
 fn seized(setup: &Setup) -> Bench {
     let bench = Bench::new(setup);
@@ -114,7 +106,7 @@ fn the_bandwidth_is_the_same_at_speed() {
 
 #[test]
 fn a_step_rises_in_three_to_four_cycles_and_hardly_overshoots() {
-    for axis in AXES {
+    for axis in ReferenceAxis::ALL {
         let mut bench = seized(&Setup::of(axis()));
         for (from, to) in [(0.2, 0.3), (0.3, 0.2), (-0.5, -0.6)] {
             bench.current_cycles([0.0, from], 400);

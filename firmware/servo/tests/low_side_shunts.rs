@@ -12,14 +12,6 @@ use servo::axis::{Limiting, Mode};
 use servo::current::Trip;
 use servo::motor::{BoardKind, MotorFault, MotorFaults};
 
-const AXES: [fn() -> ReferenceAxis; 5] = [
-    ReferenceAxis::press,
-    ReferenceAxis::small_cnc,
-    ReferenceAxis::precise,
-    ReferenceAxis::vertical,
-    ReferenceAxis::catalogue,
-];
-
 /// At a speed in rpm that nothing changes, without a current.
 fn turning<B: BoardKind>(setup: Setup, rpm: f64) -> Bench<B> {
     let mut bench = Bench::on_board(&setup.with_flywheel());
@@ -141,7 +133,7 @@ fn driven<B: BoardKind>(mut setup: Setup) -> f64 {
 
 #[test]
 fn no_reference_axis_trips_from_standstill_to_full_speed_and_back_on_shunts_or_in_the_lines() {
-    for axis in AXES {
+    for axis in ReferenceAxis::ALL {
         let setup = Setup::of(axis());
         println!("{}", setup.reference.name);
         within("longest vector in the lines", driven::<Kind>(setup), 0.7..1.02);

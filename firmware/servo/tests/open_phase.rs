@@ -9,13 +9,6 @@ use plant::ReferenceAxis;
 use servo::axis::Mode;
 use servo::motor::{BoardKind, MotorFault, MotorFaults};
 
-const AXES: [fn() -> ReferenceAxis; 5] = [
-    ReferenceAxis::press,
-    ReferenceAxis::small_cnc,
-    ReferenceAxis::precise,
-    ReferenceAxis::vertical,
-    ReferenceAxis::catalogue,
-];
 const ANGLES: u32 = 16;
 
 /// With its d axis at so many sixteenths of an electrical turn and a little.
@@ -64,7 +57,7 @@ fn an_open_phase_is_found_before_the_torque_from_every_angle_whether_that_is_kno
 
 #[test]
 fn no_sound_motor_of_any_reference_axis_is_taken_for_one_with_an_open_phase() {
-    for axis in AXES {
+    for axis in ReferenceAxis::ALL {
         let (mut latest, mut way) = (0.0_f64, 0.0_f64);
         for sixteenths in 0..ANGLES {
             let setup = at(axis(), sixteenths);
@@ -122,7 +115,10 @@ fn switched_on_slowly(axis: ReferenceAxis, winding: Option<[f64; 2]>, bandwidth:
 #[test]
 fn a_slow_current_loop_takes_no_sound_motor_for_one_with_an_open_phase_and_finds_one() {
     // A small motor of many turns as well.
-    let axes = AXES.map(|axis| (axis, None)).into_iter().chain([(AXES[4], Some([0.12, 8.0]))]);
+    let axes = ReferenceAxis::ALL
+        .map(|axis| (axis, None))
+        .into_iter()
+        .chain([(ReferenceAxis::catalogue as fn() -> ReferenceAxis, Some([0.12, 8.0]))]);
     for (axis, winding) in axes {
         println!("{}, {winding:?} H, Ohm", axis().name);
         // P-0-0222 allows 10 Hz. What is missed there is watched for in operation: the few volts of such a loop drown in the dead time.
@@ -186,7 +182,7 @@ fn a_phase_that_opens_in_operation_takes_the_torque_within_an_eighth_of_a_second
 {
     // Where all the current is asked of the open phase nothing flows in any: then the currents do not follow the voltage.
     let (mut in_line, mut on_shunts) = (0, 0);
-    for axis in AXES {
+    for axis in ReferenceAxis::ALL {
         let setup = Setup::of(axis());
         for (speed, load, latest) in [(0.0, 0.5, 40.0), (60.0, 0.0, 120.0), (600.0, 0.0, 120.0), (600.0, 0.5, 30.0)] {
             println!("{}: {speed} rpm, load {load} of standstill torque", setup.reference.name);

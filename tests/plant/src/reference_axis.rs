@@ -45,6 +45,9 @@ pub struct SuggestedGains {
 }
 
 impl ReferenceAxis {
+    /// Each of them.
+    pub const ALL: [fn() -> Self; 5] = [Self::press, Self::small_cnc, Self::precise, Self::vertical, Self::catalogue];
+
     /// A printing unit of a shaftless newspaper press: a servo motor of the 10 kW class on a cylinder train.
     ///
     /// * Torque constant 2 Nm/A, 60 A peak: 120 Nm. Rotor 0.03 kg m² and cylinders 0.12 kg m² at the motor (ratio 4): 800 rad/s² at peak.

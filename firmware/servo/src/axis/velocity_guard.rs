@@ -72,7 +72,7 @@ fn fraction(bits: i32) -> CurrentFraction {
 }
 
 /// A value that follows another within 2^`shift` ticks.
-const fn towards(from: i32, to: i32, shift: u32) -> i32 {
+pub(crate) const fn towards(from: i32, to: i32, shift: u32) -> i32 {
     from.wrapping_add(to.wrapping_sub(from) >> shift)
 }
 

@@ -208,9 +208,9 @@ impl VelocityLoop {
     }
 }
 
-/// The lowest and the highest current inside the loop.
+/// The lowest and the highest current inside the loop, in 2^-25 of the peak current.
 #[inline]
-fn bounds(limits: &TorqueLimits) -> [i32; 2] {
+pub(crate) fn bounds(limits: &TorqueLimits) -> [i32; 2] {
     [limits.negative, limits.positive].map(|limit| i32::from(limit.to_bits()) << MORE_BITS)
 }
 
