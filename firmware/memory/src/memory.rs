@@ -77,6 +77,11 @@ impl<F: NorFlash> Memory<F> {
     const PAGE: u32 = F::ERASE_SIZE as u32;
     /// What is written at once; items begin at its multiples.
     const WORD: u32 = if F::WRITE_SIZE > F::READ_SIZE { F::WRITE_SIZE as u32 } else { F::READ_SIZE as u32 };
+    /// Of a page, the words that say how full it is.
+    const FRAME: u32 = 2 * Self::WORD;
+    const PADDING_BYTES: usize = if MOST_BYTES < F::ERASE_SIZE / 8 { MOST_BYTES } else { F::ERASE_SIZE / 8 };
+    /// As many fill a page.
+    const PADDINGS: usize = F::ERASE_SIZE / Self::PADDING_BYTES + 2;
     const OVERHEAD: u32 = Map::<F>::item_overhead_size();
     const BYTES: u32 = Self::PAGE.saturating_mul(PAGES);
     const RESERVE: u32 = {
@@ -225,10 +230,8 @@ impl<F: NorFlash> Memory<F> {
 
     /// Fills the page up until it turns: what is in force goes over to the other one, and this one is erased.
     async fn turn(&mut self, buffer: &mut [u8]) -> Result<(), Error<F::Error>> {
-        // A page that holds no long item more has turned.
-        let items = Self::PAGE / (MOST_BYTES as u32) + 2;
-        for _ in 0..items {
-            let length = MOST_BYTES.min(F::ERASE_SIZE / 8);
+        for _ in 0..Self::PADDINGS {
+            let length = Self::PADDING_BYTES;
             let mut padding = |room: &mut [u8]| {
                 let room = room.get_mut(..length)?;
                 room.fill(0);
@@ -285,7 +288,7 @@ impl<F: NorFlash> Memory<F> {
             }
         }
         // The last word says that a page is full.
-        self.room = if blank == 0 { 0 } else { left.saturating_sub(2 * Self::WORD) };
+        self.room = if blank == 0 { 0 } else { left.saturating_sub(Self::FRAME) };
         Ok(())
     }
 

@@ -93,7 +93,7 @@ fn a_large_part_has_addresses_of_three_bytes() {
     let (mut memory, _) = started(Fram::<_, 131_072, 3>::new(Part::new(256 * 1_024, 3))).unwrap();
     save(&mut memory, &set(1, 1_800)).unwrap();
     let part = memory.flash().clone_part();
-    assert!(part.cells.iter().any(|cell| *cell == 0xFF) && part.cells.len() == 262_144);
+    assert!(part.cells.contains(&0xFF) && part.cells.len() == 262_144);
     assert_eq!(load(&mut started(Fram::<_, 131_072, 3>::new(part)).unwrap().0), Some(set(1, 1_800)));
 }
 
