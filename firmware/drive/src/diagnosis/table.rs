@@ -117,6 +117,9 @@ diagnoses! {
     NO_POWER_AT_SWITCH_ON = 0xE009 "Switched on without main power", "Freigabe ohne Leistung",
         "Bits 15 and 14 of the control word are set, but the DC link is not charged.",
         "Switch the main power on, then give bit 15 a new edge.";
+    SAVE_CUT = 0xE00A "Last save cut, set before it loaded", "Speichern abgebrochen, alter Satz gilt",
+        "The supply went while parameters were being saved; the control was not told that it was done. The set before is in force.",
+        "Check the parameters and save them again (S-0-0264).";
     OVERLOAD_WARNING = 0xE010 "Overload, current reduced", "Ueberlast, Strom begrenzt",
         "The thermal model of motor or amplifier has passed 90 % (P-0-0132, P-0-0133); the current is folded back.",
         "Reduce load or cycle; check friction, brake and S-0-0111, S-0-0112, P-0-0130, P-0-0131.";
@@ -222,6 +225,9 @@ diagnoses! {
     OPEN_PHASE = 0xF11C "Motor phase open", "Motorstrang offen",
         "One of the three motor phases carries nothing of the current that is asked of it, and the other two do.",
         "Check motor cable, connectors and motor contactor, all three cores; then S-0-0099.";
+    MEMORY = 0xF11D "No saved parameters", "Keine gespeicherten Parameter",
+        "Nothing was ever saved (S-0-0264), or what was saved cannot be read any more. All parameters are their defaults, which are no motor of yours.",
+        "Write the parameters of motor and axis, or load a backup; S-0-0264, then S-0-0099. If it comes again after S-0-0264, have the board replaced.";
     FIRMWARE_FAULT = 0xF120 "Firmware fault, restarted", "Firmwarefehler, neu gestartet",
         "The processor met an instruction, an address or an interrupt that the program must not have.",
         "Run up again. Report P-0-0012 and P-0-0013 with the firmware's version: this must not happen.";
@@ -262,7 +268,7 @@ static ERRORS: [(Class1, &Diagnosis); 12] = [
 ];
 
 /// The errors of S-0-0129, the gravest first. They stand before those of C1D: they say more.
-static OWN_ERRORS: [(Manufacturer1, &Diagnosis); 14] = [
+static OWN_ERRORS: [(Manufacturer1, &Diagnosis); 15] = [
     (Manufacturer1::AMPLIFIER_FAULT, &AMPLIFIER_FAULT),
     // An open phase makes the currents wrong for many reasons.
     (Manufacturer1::OPEN_PHASE, &OPEN_PHASE),
@@ -278,6 +284,7 @@ static OWN_ERRORS: [(Manufacturer1, &Diagnosis); 14] = [
     (Manufacturer1::ALIGNMENT, &ALIGNMENT),
     (Manufacturer1::TEMPERATURE_SENSOR, &TEMPERATURE_SENSOR),
     (Manufacturer1::COMMAND_JUMP, &COMMAND_JUMP),
+    (Manufacturer1::MEMORY, &MEMORY),
 ];
 
 /// The diagnosis to show: an error before a warning before a state, the cause of a communication error before the fact.

@@ -18,7 +18,7 @@ use super::homing::HomingFailure;
 use super::identification::{Failure, Outcome, Plan};
 use super::ring_clock::{ClockMonitor, PHASE_ERROR_CLASSES};
 use crate::diagnosis::faults::Findings;
-use crate::diagnosis::words::Circumstances;
+use crate::diagnosis::words::{Circumstances, Manufacturer1};
 use crate::hardware::{Hardware, ResetCause};
 use crate::settings::{CycleSettings, DriveSettings, MotionSettings};
 use crate::signal::bits::BitSettings;
@@ -164,6 +164,18 @@ impl<B: Bus + Clone, H: Hardware> Motion<B, H> {
     /// A communication error found elsewhere (an illegal phase): C1D bit 12 and best possible deceleration.
     pub fn communication_fault(&mut self) {
         self.fail(Findings { class_1: Class1::COMMUNICATION, ..Findings::default() });
+    }
+
+    /// Nothing is remembered of the parameters.
+    pub(crate) fn memory_fault(&mut self) {
+        let mut findings = Findings::default();
+        findings.add_own(Manufacturer1::MEMORY, false);
+        self.fail(findings);
+    }
+
+    /// Parameters were written that are to be kept and are not yet.
+    pub(crate) fn show_unsaved(&mut self, unsaved: bool) {
+        self.status.show_unsaved(unsaved);
     }
 
     /// S-0-0014 and S-0-0390, for the AT.
