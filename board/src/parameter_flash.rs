@@ -119,29 +119,25 @@ impl ParameterFlash {
         if self.registers.cr().read().lock().is_locked() {
             return Err(ParameterFlashError::Locked);
         }
-        let clear_all = |w: &mut pac::flash::sr::W| {
-            w.operr().clear().wrperr().clear().pgaerr().clear().pgperr().clear().pgserr().clear().eop().clear();
-        };
         self.registers.sr().write(|w| {
-            clear_all(w);
-            w
+            w.operr().clear().wrperr().clear().pgaerr().clear().pgperr().clear().pgserr().clear().eop().clear()
         });
         Ok(())
     }
 
-    /// Waits for the end of an operation, locks the controller again and drops what the caches have from before.
+    /// Waits for the end of an operation, locks the controller again and drops what the data cache has from before.
     fn finish(&self) -> Result<(), ParameterFlashError> {
         asm::dsb();
         while self.registers.sr().read().bsy().is_busy() {}
         let status = self.registers.sr().read();
         self.registers.cr().modify(|_, w| w.pg().clear_bit().ser().clear_bit());
         self.registers.cr().modify(|_, w| w.lock().locked());
-        let caches = self.registers.acr();
-        // Only what is disabled can be reset.
-        caches.modify(|_, w| w.dcen().disabled().icen().disabled());
-        caches.modify(|_, w| w.dcrst().set_bit().icrst().set_bit());
-        caches.modify(|_, w| w.dcrst().clear_bit().icrst().clear_bit());
-        caches.modify(|_, w| w.dcen().enabled().icen().enabled());
+        let access = self.registers.acr();
+        // Only a cache that is disabled can be reset.
+        access.modify(|_, w| w.dcen().disabled());
+        access.modify(|_, w| w.dcrst().set_bit());
+        access.modify(|_, w| w.dcrst().clear_bit());
+        access.modify(|_, w| w.dcen().enabled());
         asm::dsb();
         let errors = [
             (status.wrperr().bit_is_set(), ParameterFlashError::WriteProtected),
@@ -151,6 +147,15 @@ impl ParameterFlash {
             (status.operr().bit_is_set(), ParameterFlashError::Operation),
         ];
         errors.into_iter().find(|(is_set, _)| *is_set).map_or(Ok(()), |(_, error)| Err(error))
+    }
+
+    /// Behind an erase (RM0090 3.5.3). Not behind a word: nothing is executed from there, and the tasks would find an empty cache.
+    fn drop_cached_instructions(&self) {
+        let access = self.registers.acr();
+        access.modify(|_, w| w.icen().disabled());
+        access.modify(|_, w| w.icrst().set_bit());
+        access.modify(|_, w| w.icrst().clear_bit());
+        access.modify(|_, w| w.icen().enabled());
     }
 
     /// Programs one word, which must lie in the two sectors, and reads it back.
@@ -176,7 +181,9 @@ impl ParameterFlash {
         control
             .write(|w| unsafe { w.lock().unlocked().psize().psize32().ser().sector_erase().snb().bits(number as u8) });
         control.modify(|_, w| w.strt().start());
-        self.finish()?;
+        let finished = self.finish();
+        self.drop_cached_instructions();
+        finished?;
         let words = (address..address.wrapping_add(SECTOR_BYTES)).step_by(size_of::<u32>());
         if words.map(word).all(|word| word == u32::MAX) { Ok(()) } else { Err(ParameterFlashError::NotErased) }
     }

@@ -318,3 +318,21 @@ fn whole_blocks_and_blocks_of_one_instruction_program_alike() {
     };
     assert_eq!(trace(true), trace(false));
 }
+
+#[test]
+#[ignore = "needs QEMU and the ELF: cargo xtask test"]
+fn the_elf_has_the_sectors_where_they_are_and_nothing_in_them() {
+    use object::{Object, ObjectSegment, ObjectSymbol};
+    let elf =
+        std::env::var_os("PRODUCT_ELF").unwrap_or_else(|| panic!("PRODUCT_ELF is not set: run `cargo xtask test`"));
+    let elf = std::fs::read(elf).unwrap();
+    let file = object::File::parse(&*elf).unwrap();
+    let place = |name: &str| file.symbols().find(|symbol| symbol.name() == Ok(name)).map(|symbol| symbol.address());
+    let sectors = u64::from(PARAMETERS)..u64::from(PARAMETERS) + CAPACITY as u64;
+    assert_eq!(place("_parameter_flash_start"), Some(sectors.start));
+    assert_eq!(place("_parameter_flash_end"), Some(sectors.end));
+    for segment in file.segments() {
+        let end = segment.address() + segment.size();
+        assert!(end <= sectors.start || segment.address() >= sectors.end, "{segment:?}");
+    }
+}

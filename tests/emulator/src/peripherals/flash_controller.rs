@@ -78,6 +78,11 @@ impl FlashController {
         Self { sectors, ..Self::default() }
     }
 
+    /// Nothing can be programmed or erased without the keys.
+    pub(crate) fn is_locked(&self) -> bool {
+        self.access != Access::Open
+    }
+
     /// Wait states.
     pub(crate) fn latency(&self) -> u32 {
         self.access_control & 7
@@ -93,7 +98,7 @@ impl FlashController {
             ACCESS_CONTROL => self.access_control,
             // BSY is never seen: the processor stands meanwhile.
             STATUS => self.status,
-            CONTROL => self.control | if self.access == Access::Open { 0 } else { LOCK },
+            CONTROL => self.control | if self.is_locked() { LOCK } else { 0 },
             _ => return None,
         })
     }
@@ -134,7 +139,7 @@ impl FlashController {
     }
 
     fn set_control(&mut self, value: u32) -> Result<(), String> {
-        if self.access != Access::Open {
+        if self.is_locked() {
             return Ok(());
         }
         if value & !(KEPT | START | LOCK) != 0 {
@@ -182,7 +187,7 @@ impl FlashController {
     /// A write at an address of the two sectors.
     pub(crate) fn program(&mut self, address: u32, bytes: u32, value: u32) -> Result<(), String> {
         let offset = (address - PARAMETER_FLASH) as usize;
-        if self.access != Access::Open || self.control & (PROGRAM | SECTOR_ERASE) != PROGRAM {
+        if self.is_locked() || self.control & (PROGRAM | SECTOR_ERASE) != PROGRAM {
             self.status |= SEQUENCE_ERROR;
             return Ok(());
         }
