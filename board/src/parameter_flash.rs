@@ -1,4 +1,4 @@
-//! The two sectors of flash that hold the parameters (RM0090 3.5 to 3.9).
+//! The two sectors of flash that hold the parameters (RM0090 3.6).
 //!
 //! The part has one bank: while a word is programmed or a sector erased, no instruction is fetched and the processor stands.
 //!
@@ -8,7 +8,7 @@
 //! | a sector of 128 KiB | 1 s | 2 s |
 //!
 //! So a word waits for a [`Permit`], and a sector is erased at start only: the watchdogs must not run then. Every word and every erased sector is read
-//! back, past the data cache: the controller writes into a line that is cached as well as into the cells (RM0090 3.5.3).
+//! back, past the data cache: the controller writes into a line that is cached as well as into the cells (RM0090 3.6.4).
 //!
 //! `stm32f4xx_hal::flash` is not used: it programs and erases by bytes, which takes four times as long for a word and twice as long for a sector,
 //! leaves old error flags and the caches as they are, panics where the controller stays locked, and waits inside a call for all the bytes.
@@ -149,7 +149,7 @@ impl ParameterFlash {
         errors.into_iter().find(|(is_set, _)| *is_set).map_or(Ok(()), |(_, error)| Err(error))
     }
 
-    /// Behind an erase (RM0090 3.5.3). Not behind a word: nothing is executed from there, and the tasks would find an empty cache.
+    /// Behind an erase (RM0090 3.6.4). Not behind a word: nothing is executed from there, and the tasks would find an empty cache.
     fn drop_cached_instructions(&self) {
         let access = self.registers.acr();
         access.modify(|_, w| w.icen().disabled());
@@ -246,5 +246,5 @@ impl NorFlash for ParameterFlash {
 }
 
 /// Words may be written over: "successive write operations are possible without the need of an erase operation when changing bits from 1 to 0"
-/// (RM0090 3.6.3). The part has no error-correcting code that would forbid it.
+/// (RM0090 3.6.4). The part has no error-correcting code that would forbid it.
 impl MultiwriteNorFlash for ParameterFlash {}

@@ -3,6 +3,7 @@
 use std::path::PathBuf;
 
 use crate::program::Program;
+use crate::quiet::Quiet;
 use ::flash::{CAPACITY, FlashModel, SECTOR_BYTES, Speed, Width};
 use emulator::{EmulatorError, Environment, Guest, GuestConfiguration, Reset, What, wiring};
 use ring::Nanoseconds;
@@ -335,4 +336,53 @@ fn the_elf_has_the_sectors_where_they_are_and_nothing_in_them() {
         let end = segment.address() + segment.size();
         assert!(end <= sectors.start || segment.address() >= sectors.end, "{segment:?}");
     }
+}
+
+#[test]
+#[ignore = "needs QEMU and the board's example: cargo xtask test"]
+fn the_boards_flash_does_what_it_is_permitted_and_names_every_error() {
+    let elf = |name: &str| {
+        std::env::var_os(name).unwrap_or_else(|| panic!("{name} is not set: run `cargo xtask test`, which builds it"))
+    };
+    let mut guest = Guest::start(&GuestConfiguration::new(elf("FLASH_ELF"), elf("BUS_PLUGIN"))).unwrap();
+    let mut world = Quiet::new();
+    let until = Nanoseconds::from_millis(3_100);
+    while let Some(now) = guest.next_event().filter(|now| *now < until) {
+        guest.run(&mut world, now, until).unwrap();
+    }
+    let mut lines: Vec<String> = guest.take_log().into_iter().map(|line| line.text).collect();
+    let took = lines.iter().position(|line| line.starts_with("two words took")).expect("a time");
+    let took = lines.remove(took);
+    let microseconds: u32 = took.split_whitespace().find_map(|word| word.parse().ok()).unwrap();
+    assert!((32..45).contains(&microseconds), "{took}");
+    let expected = [
+        "capacity 262144",
+        "erase before it is permitted: Err(EraseNotPermitted)",
+        "erase: Ok(())",
+        "write: Ok(())",
+        "read: Ok([2, 3, 4, 5])",
+        "write zeros over it: Ok(())",
+        "write ones over it: Err(NotWritten)",
+        "write the last word: Ok(())",
+        "write beyond the end: Err(OutOfBounds)",
+        "read beyond the end: Err(OutOfBounds)",
+        "write off the words: Err(NotAligned)",
+        "write half a word: Err(NotAligned)",
+        "erase off the sectors: Err(NotAligned)",
+        "erase backwards: Err(OutOfBounds)",
+        "erase beyond the end: Err(OutOfBounds)",
+        "erase the second sector: Ok(())",
+        "read: Ok([5, 6, 7, 8]), Ok([255, 255, 255, 255])",
+        "without a grant: ended false",
+        "two grants at once: ended false",
+        "without a second grant: ended false",
+        "a grant that was withdrawn: ended false",
+        "second grant: ended false",
+        "third grant: ended true",
+        "read: Ok([17, 17, 17, 17]), Ok([17, 17, 17, 17])",
+        "erase in a ring: Err(EraseNotPermitted)",
+    ];
+    assert_eq!(lines, expected);
+    // Three sectors; two words, two over the first, the last, three.
+    assert_eq!((guest.flash().erases(), guest.flash().operations()), ([1, 2], 3 + 8));
 }

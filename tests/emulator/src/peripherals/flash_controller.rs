@@ -209,7 +209,7 @@ impl FlashController {
     fn check_caches(&self) -> Result<(), String> {
         match self.stale {
             0 => Ok(()),
-            _ => Err("the caches were not reset behind an erase (RM0090 3.5.3)".into()),
+            _ => Err("the caches were not reset behind an erase (RM0090 3.6.4)".into()),
         }
     }
 
