@@ -62,6 +62,8 @@ fn permitted(flash: &mut ParameterFlash) {
     println!("write: {}", write(flash, 4, &[1, 2, 3, 4, 5, 6, 7, 8]));
     println!("two words took {} us", microseconds().wrapping_sub(began));
     println!("read: {}", read(flash, 5));
+    let mut byte = [0];
+    println!("read a byte: {}, {}", block_on(flash.read(6, &mut byte)), byte);
     println!("write zeros over it: {}", write(flash, 4, &[0; 4]));
     println!("write ones over it: {}", write(flash, 4, &[0xFF; 4]));
     println!("write the last word: {}", write(flash, end.wrapping_sub(4), &[9; 4]));

@@ -361,6 +361,7 @@ fn the_boards_flash_does_what_it_is_permitted_and_names_every_error() {
         "erase: Ok(())",
         "write: Ok(())",
         "read: Ok([2, 3, 4, 5])",
+        "read a byte: Ok(()), [3]",
         "write zeros over it: Ok(())",
         "write ones over it: Err(NotWritten)",
         "write the last word: Ok(())",

@@ -81,7 +81,7 @@ fn a_write_that_is_not_set_up_changes_nothing_and_sets_the_flag_of_its_error() {
     assert_eq!(flagged(Some(BY_WORDS | PROGRAM), 0, 2), PARALLELISM_ERROR, "a half-word");
     assert_eq!(flagged(Some(PROGRAM), 0, 4), PARALLELISM_ERROR, "PSIZE is a byte");
     assert_eq!(flagged(Some(BY_WORDS | PROGRAM), 2, 4), PARALLELISM_ERROR, "not aligned");
-    assert_eq!(flagged(Some(BY_WORDS | PROGRAM), 14, 4), ALIGNMENT_ERROR, "across a row");
+    assert_eq!(flagged(Some(BY_WORDS | PROGRAM), 13, 4), ALIGNMENT_ERROR, "across a row");
 }
 
 #[test]
