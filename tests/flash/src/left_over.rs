@@ -1,6 +1,6 @@
 //! What an operation leaves that the supply does not see to its end.
 //!
-//! RM0090 3.6.1: "the contents of the Flash memory are not guaranteed if a device reset occurs during a Flash memory operation". So anything the
+//! RM0090 3.6: "the contents of the Flash memory are not guaranteed if a device reset occurs during a Flash memory operation". So anything the
 //! operation could have touched may be anything; the ends, nothing done and all done, come often enough to be tested.
 
 use crate::dice::Dice;

@@ -86,10 +86,18 @@ struct Plan {
     seed: u64,
 }
 
+/// An operation, as far as it can be left undone.
+#[derive(Clone)]
+enum Last {
+    Word { offset: usize, width: Width, old: u32 },
+    Sector { number: usize, old: Vec<u8> },
+}
+
 /// Two sectors of flash.
-#[derive(Clone, Debug)]
+#[derive(Clone)]
 pub struct FlashModel {
     contents: Vec<u8>,
+    last: Option<Last>,
     speed: Speed,
     plan: Option<Plan>,
     is_supplied: bool,
@@ -104,12 +112,29 @@ impl Default for FlashModel {
     }
 }
 
+/// Without the contents, which nobody reads as text.
+impl std::fmt::Debug for FlashModel {
+    fn fmt(&self, formatter: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        let Self { speed, plan, is_supplied, operations, erases, busy, .. } = self;
+        formatter
+            .debug_struct("FlashModel")
+            .field("speed", speed)
+            .field("plan", plan)
+            .field("is_supplied", is_supplied)
+            .field("operations", operations)
+            .field("erases", erases)
+            .field("busy", busy)
+            .finish_non_exhaustive()
+    }
+}
+
 impl FlashModel {
     /// Both sectors erased.
     #[must_use]
     pub fn new() -> Self {
         Self {
             contents: vec![0xFF; CAPACITY],
+            last: None,
             speed: Speed::default(),
             plan: None,
             is_supplied: true,
@@ -199,13 +224,9 @@ impl FlashModel {
         let takes = self.speed.programming();
         let cut = self.begin(takes)?;
         let old = self.value(offset, width);
-        let (new, ended) = match cut {
-            None => (old & value, Ok(takes)),
-            Some((mut dice, cut)) => (left_over::of_programming(old, value, &mut dice), Err(cut)),
-        };
-        let bytes = width.bytes();
-        self.contents[offset..offset + bytes].copy_from_slice(&new.to_le_bytes()[..bytes]);
-        ended
+        self.set(offset, old & value, width);
+        self.last = Some(Last::Word { offset, width, old });
+        self.end(takes, cut)
     }
 
     /// Erases a sector: 0 or 1. Returns how long it takes.
@@ -220,16 +241,40 @@ impl FlashModel {
         let cut = self.begin(takes)?;
         self.erases[sector] += 1;
         let bytes = &mut self.contents[sector * SECTOR_BYTES..][..SECTOR_BYTES];
-        match cut {
-            None => {
-                bytes.fill(0xFF);
-                Ok(takes)
+        self.last = Some(Last::Sector { number: sector, old: bytes.to_vec() });
+        bytes.fill(0xFF);
+        self.end(takes, cut)
+    }
+
+    /// The last operation did not come to its end: the processor was reset in it. What is left of the word or sector depends on the `seed`.
+    pub fn interrupt(&mut self, seed: u64) {
+        self.leave_undone(&mut Dice::new(seed));
+    }
+
+    fn leave_undone(&mut self, dice: &mut Dice) {
+        match self.last.take() {
+            None => {}
+            Some(Last::Word { offset, width, old }) => {
+                let left = left_over::of_programming(old, self.value(offset, width), dice);
+                self.set(offset, left, width);
             }
-            Some((mut dice, cut)) => {
-                left_over::of_erasing(bytes, &mut dice);
-                Err(cut)
+            Some(Last::Sector { number, old }) => {
+                let bytes = &mut self.contents[number * SECTOR_BYTES..][..SECTOR_BYTES];
+                bytes.copy_from_slice(&old);
+                left_over::of_erasing(bytes, dice);
             }
         }
+    }
+
+    fn set(&mut self, offset: usize, value: u32, width: Width) {
+        let bytes = width.bytes();
+        self.contents[offset..offset + bytes].copy_from_slice(&value.to_le_bytes()[..bytes]);
+    }
+
+    fn end(&mut self, takes: Duration, cut: Option<(Dice, Cut)>) -> Result<Duration, Cut> {
+        let Some((mut dice, cut)) = cut else { return Ok(takes) };
+        self.leave_undone(&mut dice);
+        Err(cut)
     }
 
     /// Counts an operation and tells whether, and when, the supply goes in it.

@@ -82,7 +82,7 @@ impl NorFlash for FlashModel {
     }
 }
 
-/// Words may be written over: RM0090 3.6.3, "successive write operations are possible without the need of an erase operation when changing bits
+/// Words may be written over: RM0090 3.6.4, "successive write operations are possible without the need of an erase operation when changing bits
 /// from 1 to 0". The part has no error-correcting code that would forbid it.
 impl MultiwriteNorFlash for FlashModel {}
 

@@ -133,3 +133,32 @@ fn a_write_that_is_cut_leaves_the_words_behind_it_alone() {
     assert_eq!(block_on(NorFlash::write(&mut flash, 0, &[0; 16])), Err(FlashError::NoSupply));
     assert_eq!((word(&flash, 0), word(&flash, 8), word(&flash, 12)), (0, u32::MAX, u32::MAX));
 }
+
+#[test]
+fn a_reset_in_the_middle_leaves_the_last_operation_undone_and_nothing_else() {
+    let left = |seed| {
+        let mut flash = FlashModel::new();
+        flash.program(0, 0x1234_5678, Width::Word).unwrap();
+        flash.program(4, 0, Width::Word).unwrap();
+        flash.interrupt(seed);
+        assert_eq!((word(&flash, 0), word(&flash, 8)), (0x1234_5678, u32::MAX));
+        let left = word(&flash, 4);
+        // It is left as it is, whatever comes.
+        flash.interrupt(seed + 1);
+        assert_eq!(word(&flash, 4), left);
+        left
+    };
+    let all: BTreeSet<u32> = (0..100).map(left).collect();
+    assert!(all.contains(&0) && all.contains(&u32::MAX) && all.len() > 30, "{}", all.len());
+    let mut flash = FlashModel::with_contents(&[0x5A; CAPACITY]).unwrap();
+    let mut kinds = BTreeSet::new();
+    for seed in 0..40 {
+        flash.contents_mut().fill(0x5A);
+        flash.erase(1, Width::Word).unwrap();
+        flash.interrupt(seed);
+        let (first, second) = flash.contents().split_at(SECTOR_BYTES);
+        assert!(first.iter().all(|byte| *byte == 0x5A));
+        kinds.insert((second[0], second[SECTOR_BYTES - 1]));
+    }
+    assert!(kinds.contains(&(0x5A, 0x5A)) && kinds.contains(&(0xFF, 0xFF)) && kinds.len() > 5, "{kinds:?}");
+}
