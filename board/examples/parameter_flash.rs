@@ -90,7 +90,7 @@ fn granted(flash: &mut ParameterFlash) {
         poll("two grants at once");
         poll("without a second grant");
         PERMIT.grant();
-        PERMIT.withdraw();
+        let _ = PERMIT.withdraw();
         poll("a grant that was withdrawn");
         PERMIT.grant();
         poll("second grant");

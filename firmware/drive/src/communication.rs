@@ -142,7 +142,7 @@ impl<B: Bus + Clone> Communication<B> {
 
     /// The parameters are those that the drive remembers; whether it does.
     pub(crate) fn recall(&mut self, recollection: Recollection<'_>) -> bool {
-        self.keeping.present = true;
+        self.keeping = Keeping::with_memory();
         let set = match recollection {
             Recollection::Set(set) => Some(set),
             Recollection::Unfinished(set) => {
@@ -174,7 +174,10 @@ impl<B: Bus + Clone> Communication<B> {
     }
 
     /// The next thing that is to be kept, and the total operating time.
-    pub(crate) fn next_to_keep<H: Hardware>(&mut self, motion: &mut impl Mutex<T = Motion<B, H>>) -> Option<(Keep, u32)> {
+    pub(crate) fn next_to_keep<H: Hardware>(
+        &mut self,
+        motion: &mut impl Mutex<T = Motion<B, H>>,
+    ) -> Option<(Keep, u32)> {
         let (now, torque) = motion.lock(|motion| (motion.operating_time(), motion.has_torque()));
         let keep = self.keeping.next(now, torque)?;
         Some((keep, self.total_seconds.saturating_add(seconds(now))))

@@ -307,6 +307,12 @@ impl<B: Bus + Clone, H: Hardware> Motion<B, H> {
         self.operation.state().has_torque()
     }
 
+    /// Whether the processor may stand still for 100 us from now on, the time of a word of flash: there is no torque, and nothing is due on the ring. Each
+    /// answer is for one word.
+    pub fn may_stand_still(&mut self) -> bool {
+        !self.has_torque() && self.clock.is_idle(self.ring.phase(), &self.settings.cycle)
+    }
+
     /// Whether the motor stands (C3D bit 1).
     pub const fn is_standing(&self) -> bool {
         self.output.standstill

@@ -36,7 +36,9 @@ impl MemoryFailure {
     pub(crate) const fn words(self) -> &'static str {
         match self {
             Self::Full => "the memory is full until the next start: switch the supply off and on, then save",
-            Self::Flash => "the flash does not keep what is written; once more, and if it stays, have the board replaced",
+            Self::Flash => {
+                "the flash does not keep what is written; once more, and if it stays, have the board replaced"
+            }
             Self::NoSet => "nothing was saved, or it cannot be read any more: write the parameters, then S-0-0264",
             Self::NoMemory => "this drive has no memory for parameters",
         }
@@ -54,7 +56,7 @@ const TIME_INTERVAL: u64 = 3_600_000_000;
 #[derive(Debug, Default)]
 pub(crate) struct Keeping {
     /// There is somebody who keeps.
-    pub(crate) present: bool,
+    present: bool,
     /// The command that waits for its end.
     command: Option<Procedure>,
     /// It has not been begun yet.
@@ -72,6 +74,15 @@ pub(crate) struct Keeping {
 }
 
 impl Keeping {
+    /// There is a memory, and somebody who calls [`super::keep`].
+    pub(crate) fn with_memory() -> Self {
+        Self { present: true, ..Self::default() }
+    }
+
+    pub(crate) const fn has_memory(&self) -> bool {
+        self.present
+    }
+
     /// S-0-0263 or S-0-0264.
     ///
     /// # Errors
@@ -148,13 +159,9 @@ impl Keeping {
 mod tests {
     use super::*;
 
-    fn keeping() -> Keeping {
-        Keeping { present: true, ..Keeping::default() }
-    }
-
     #[test]
     fn a_command_is_done_once_without_torque_and_ends_with_what_was_done() {
-        let mut keeping = keeping();
+        let mut keeping = Keeping::with_memory();
         keeping.start(Procedure::SaveParameters).unwrap();
         assert_eq!(keeping.start(Procedure::LoadParameters), Err(ServiceError::CommandNotExecutableNow));
         assert_eq!(keeping.next(0, true), None);
@@ -173,7 +180,7 @@ mod tests {
 
     #[test]
     fn a_cancelled_command_is_told_nothing_and_the_next_one_is_done_anew() {
-        let mut keeping = keeping();
+        let mut keeping = Keeping::with_memory();
         keeping.start(Procedure::SaveParameters).unwrap();
         keeping.cancel();
         assert_eq!(keeping.next(0, false), None);
@@ -188,7 +195,7 @@ mod tests {
 
     #[test]
     fn writes_are_kept_when_they_have_come_to_an_end_and_once_more_where_that_failed() {
-        let mut keeping = keeping();
+        let mut keeping = Keeping::with_memory();
         for now in [0, 200_000, 400_000] {
             keeping.note_write(now);
             assert_eq!(keeping.next(now + 100_000, false), None);
@@ -206,7 +213,7 @@ mod tests {
 
     #[test]
     fn events_are_kept_not_too_often_and_the_operating_time_every_hour() {
-        let mut keeping = keeping();
+        let mut keeping = Keeping::with_memory();
         keeping.note_event();
         assert_eq!(keeping.next(1_000_000, false), None);
         assert_eq!(keeping.next(2_000_000, false), Some(Keep::Log));

@@ -213,7 +213,7 @@ mod tests {
         let records = u16::from_le_bytes([set[2], set[3]]) + 20;
         set[2..4].copy_from_slice(&records.to_le_bytes());
         let mut parameters = Parameters::new(&DICTIONARY);
-        assert_eq!(take_set(&set, &mut parameters).unwrap(), expected);
+        assert_eq!(take_set(&set, &mut parameters).unwrap().as_slice(), expected);
         assert_eq!(parameters.text(S(142)), "folder 3");
         for idn in &expected[..20] {
             assert_eq!(parameters.get(*idn), Parameters::new(&DICTIONARY).get(*idn), "{idn} is the default");

@@ -82,7 +82,7 @@ where
     /// What S-0-0192 lists has changed: with S-0-0269 = 0 it is kept as soon as it can be.
     pub(crate) fn note_stored(&mut self, parameters: &Parameters) {
         const STORAGE_MODE: Idn = Idn::standard(269);
-        if parameters.get_word(STORAGE_MODE) == 0 && self.keeping.present {
+        if parameters.get_word(STORAGE_MODE) == 0 && self.keeping.has_memory() {
             let now = self.motion.lock(|motion| {
                 motion.show_unsaved(true);
                 motion.operating_time()

@@ -283,7 +283,7 @@ where
     }
 
     fn start_keeping(&mut self, procedure: Procedure) -> Result<CommandState, ServiceError> {
-        if !self.keeping.present {
+        if !self.keeping.has_memory() {
             self.checks.finding = Some(Finding::Memory(MemoryFailure::NoMemory));
         }
         self.keeping.start(procedure)?;

@@ -180,7 +180,7 @@ impl Rig {
             identity,
             access: Access::default(),
             errors: ErrorMemory::new(),
-            keeping: Keeping { present: true, ..Keeping::default() },
+            keeping: Keeping::with_memory(),
             crash: None,
         };
         for phase in [0, 1, 2] {
