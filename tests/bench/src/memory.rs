@@ -5,11 +5,13 @@ use std::rc::Rc;
 use std::sync::OnceLock;
 
 use drive::DICTIONARY;
-use drive::remembering::write_set;
+use drive::remembering::{Recollection, read_set, recall, write_set};
 use embassy_futures::block_on;
 use embedded_storage_async::nor_flash::{ErrorType, MultiwriteNorFlash, NorFlash, ReadNorFlash};
 use flash::{FlashError, FlashModel};
 use memory::{MOST_BYTES, Memory};
+use ring::ident::Idn;
+use sercos::data_block::Selection;
 use sercos::parameters::Parameters;
 
 /// The flash of a drive, which outlives it.
@@ -23,10 +25,37 @@ pub(crate) const BUFFER: usize = MOST_BYTES + 32;
 /// # Panics
 /// They do not fit, which the drive's own tests rule out.
 pub fn saved(parameters: &Parameters) -> FlashModel {
+    kept(|out| write_set(parameters, out))
+}
+
+/// A flash into which this set was saved, as another firmware may have written it.
+///
+/// # Panics
+/// It is longer than a memory takes.
+pub fn saved_set(set: &[u8]) -> FlashModel {
+    kept(|out| {
+        out.get_mut(..set.len())?.copy_from_slice(set);
+        Some(set.len())
+    })
+}
+
+/// What a drive remembers that is started over this flash, as its control would read it; nothing where there is no set.
+pub(crate) fn remembered(flash: &FlashModel) -> Vec<(Idn, Vec<u16>)> {
+    let mut memory = Memory::new(flash.clone());
+    let mut buffer = [0; BUFFER];
+    let recollection = block_on(recall(&mut memory, &mut buffer));
+    let (Recollection::Set(set) | Recollection::Unfinished(Some(set))) = recollection else { return Vec::new() };
+    let Some(parameters) = read_set(set) else { return Vec::new() };
+    let words = |bytes: &[u8]| bytes.chunks(2).map(|pair| u16::from_le_bytes([pair[0], pair[1]])).collect();
+    let values = DICTIONARY.select(Selection::Backup).filter(|block| block.fixed_bytes().is_some());
+    values.map(|block| (Idn(block.idn.0), words(&parameters.bytes(block)))).collect()
+}
+
+fn kept(write: impl FnMut(&mut [u8]) -> Option<usize>) -> FlashModel {
     let mut memory = Memory::new(FlashModel::new());
     let mut buffer = [0; BUFFER];
     block_on(memory.start(&mut buffer)).expect("a blank flash is fine");
-    block_on(memory.save(&mut buffer, |out: &mut [u8]| write_set(parameters, out))).expect("a set fits");
+    block_on(memory.save(&mut buffer, write)).expect("a set fits");
     memory.flash().clone()
 }
 

@@ -17,7 +17,7 @@ use sercon816::{Block, MasterClock, Transceiver};
 use crate::elf::Elf;
 use crate::executor::{Executor, SharedMeasurements};
 use crate::host_drive::{HostDrive, Latency};
-use crate::memory::{SharedFlash, saved_defaults};
+use crate::memory::{SharedFlash, remembered, saved_defaults};
 use crate::motor_side::{MotorSideState, SharedMotorSide};
 use crate::processor::{Processor, ProcessorError};
 use crate::qemu_drive::QemuDrive;
@@ -108,7 +108,9 @@ pub(crate) fn station(setup: &DriveSetup, bit_rate: BitRate, clock: &SharedClock
 
 /// Watches the drive of a setup.
 pub(crate) fn observer(setup: &DriveSetup) -> SharedObserver {
-    Rc::new(RefCell::new(Observer::new(setup.address, setup.axis.machine)))
+    let mut observer = Observer::new(setup.address, setup.axis.machine);
+    observer.remember(remembered(&setup.flash));
+    Rc::new(RefCell::new(observer))
 }
 
 /// The identity that the switches of a drive give.

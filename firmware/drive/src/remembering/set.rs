@@ -91,6 +91,13 @@ pub(crate) fn take_set(bytes: &[u8], parameters: &mut Parameters) -> Option<Drop
     Some(dropped)
 }
 
+/// The parameters that a set holds, on top of the defaults; `None` if the bytes are no set. For tools.
+pub fn read_set(bytes: &[u8]) -> Option<Parameters> {
+    let mut parameters = Parameters::new(&DICTIONARY);
+    take_set(bytes, &mut parameters)?;
+    Some(parameters)
+}
+
 fn take(data: &[u8], block: &DataBlock, parameters: &mut Parameters) -> bool {
     parameters.set_bytes(block, data).is_ok()
 }
