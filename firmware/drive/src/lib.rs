@@ -78,7 +78,7 @@ pub use servo::motor::{
 };
 pub use servo::scope::Scope;
 
-use remembering::Recollection;
+use remembering::set::Recollection;
 
 use sercon816::Bus;
 use sercos::parameters::Parameters;

@@ -2,7 +2,7 @@
 //!
 //! * No two files of a crate name each other, directly or around.
 //! * Inside a crate nothing is imported through the root, and each `use` says where a thing is defined.
-//! * The three crates at the bottom name no other crate of the workspace.
+//! * The four crates at the bottom name no other crate of the workspace.
 //!
 //! What does not hold yet is listed, and has to leave the list when it does.
 
@@ -29,17 +29,18 @@ struct Wing {
     by_detours: bool,
 }
 
-const WINGS: [Wing; 6] = [
+const WINGS: [Wing; 7] = [
     Wing { name: "sercos", folder: "firmware/sercos/src", root: "lib.rs", circles: &[], by_detours: false },
     Wing { name: "sercon816", folder: "firmware/sercon816/src", root: "lib.rs", circles: &[], by_detours: false },
     Wing { name: "servo", folder: "firmware/servo/src", root: "lib.rs", circles: &[], by_detours: false },
+    Wing { name: "memory", folder: "firmware/memory/src", root: "lib.rs", circles: &[], by_detours: false },
     Wing { name: "drive", folder: "firmware/drive/src", root: "lib.rs", circles: &[], by_detours: true },
     Wing { name: "board", folder: "board/src", root: "lib.rs", circles: &[], by_detours: false },
     Wing { name: "app", folder: "firmware/app/src", root: "main.rs", circles: &[], by_detours: false },
 ];
 
 /// They can be used without the rest.
-const ALONE: [&str; 3] = ["sercos", "sercon816", "servo"];
+const ALONE: [&str; 4] = ["sercos", "sercon816", "servo", "memory"];
 
 impl Wing {
     fn read(&self) -> Crate {
