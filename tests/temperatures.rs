@@ -97,14 +97,14 @@ fn a_short_circuit_of_the_motors_sensor_is_told_where_it_is_no_closed_switch() {
     for (number, resistor, _) in SENSORS {
         let mut bench = turning(number, resistor);
         with_wires(&mut bench, 1, SHORT);
-        assert_diagnosis(&mut bench, number, (1..=4).contains(&number).then_some(0xF11D));
+        assert_diagnosis(&mut bench, number, (1..=4).contains(&number).then_some(0xF11E));
         assert_eq!(degrees(&mut bench, MOTOR), -200.0);
     }
 }
 
 #[test]
 fn a_dead_sensor_of_the_heat_sink_is_told_by_s_0_0384_and_runs_again_after_its_repair() {
-    for (failure, expected) in [(BROKEN, 0xF117), (SHORT, 0xF11D)] {
+    for (failure, expected) in [(BROKEN, 0xF117), (SHORT, 0xF11E)] {
         let mut bench = turning(1, ThermalResistor::Kty84);
         with_wires(&mut bench, 0, failure);
         assert_diagnosis(&mut bench, 1, Some(expected));

@@ -93,7 +93,7 @@ impl Causes {
         let seen = |cause| self.seen.contains(&cause);
         match diagnosis {
             0xF001..=0xF008 | 0xF116 => seen(Cause::Ring),
-            0xF101 | 0xF102 | 0xF117 | 0xF11D => seen(Cause::Temperature),
+            0xF101 | 0xF102 | 0xF117 | 0xF11E => seen(Cause::Temperature),
             // An angle that was searched for may turn out wrong at the index.
             0xF105 => seen(Cause::Encoder) || !axis.aligned,
             0xF109 => seen(Cause::Supply) || seen(Cause::Encoder),

@@ -224,7 +224,7 @@ diagnoses! {
     OPEN_PHASE = 0xF11C "Motor phase open", "Motorstrang offen",
         "One of the three motor phases carries nothing of the current that is asked of it, and the other two do.",
         "Check motor cable, connectors and motor contactor, all three cores; then S-0-0099.";
-    THERMOMETER_SHORT = 0xF11D "Temperature sensor: short circuit", "Temperatursensor: Kurzschluss",
+    THERMOMETER_SHORT = 0xF11E "Temperature sensor: short circuit", "Temperatursensor: Kurzschluss",
         "The wires of a sensor touch each other: that of the heat sink where S-0-0384 shows -200.0, else that of the motor, which may also be another one than P-0-0134 says.",
         "Motor: check the cores of its sensor for a short circuit, and P-0-0134 against the motor; then S-0-0099. Heat sink: have the amplifier repaired.";
     FIRMWARE_FAULT = 0xF120 "Firmware fault, restarted", "Firmwarefehler, neu gestartet",

@@ -40,7 +40,7 @@ bitflags! {
         /// A phase of the motor carries no current.
         const OPEN_PHASE = 1 << 13;
         /// A temperature sensor is short-circuited.
-        const THERMOMETER_SHORT = 1 << 14;
+        const THERMOMETER_SHORT = 1 << 15;
         /// All errors of the search for the commutation angle.
         const ALIGNMENTS = 7 << 9;
     }
