@@ -22,7 +22,7 @@ use sercos::data_block::{DataBlock, Location, NeededFor};
 /// Cases in a run without `PROPTEST_CASES`: some ten seconds.
 const CASES: u32 = 150;
 /// Enough to lose what does not belong to a failure, in a minute.
-const SHRINKING_STEPS: u32 = 400;
+const SHRINKING_STEPS: u32 = 120;
 
 /// In cycles; a master that waits longer calls the ring open.
 const LONGEST_DARKNESS: u64 = 150;

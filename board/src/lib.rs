@@ -22,6 +22,7 @@
 //! | [`MotorSide`], [`Inverter`] | - | the above, as `drive` sees them |
 //! | [`timestamp`] | TIM5 | microseconds for logs |
 //! | [`switches`] | GPIO | drive address and baud rate |
+//! | [`parameter_flash`] | flash controller | the two sectors of the parameters |
 //! | [`crash`] | RAM | the record of a crash, kept over the reset |
 //! | [`stack_guard`] | MPU | stops a stack before it reaches the statics |
 //! | `loop_watchdog` | WWDG | ends a program whose loops do not run |
@@ -58,6 +59,8 @@ mod inverter;
 pub mod loop_phase;
 mod loop_watchdog;
 mod motor_side;
+pub mod parameter_flash;
+mod permit;
 pub mod pins;
 pub mod stack_guard;
 pub mod switches;
@@ -89,6 +92,8 @@ pub struct Board {
     pub timestamp: timestamp::Timestamp,
     /// Both watchdogs, not yet running: [`watchdog::Watchdog::start`] them when the tasks run.
     pub watchdog: watchdog::Watchdog,
+    /// Where the parameters are kept.
+    pub parameter_flash: parameter_flash::ParameterFlash,
     /// What the operator set on the address and baud rate switches.
     pub settings: switches::Settings,
 }
@@ -129,7 +134,8 @@ impl Board {
             reset_cause: watchdog.reset_cause(),
         };
         let inverter = Inverter { modulator, current_sense, chopper: chopper::Chopper::new() };
-        Self { bus, motor_side, inverter, int0, int1, timestamp, watchdog, settings }
+        let parameter_flash = parameter_flash::ParameterFlash::new(peripherals.FLASH);
+        Self { bus, motor_side, inverter, int0, int1, timestamp, watchdog, parameter_flash, settings }
     }
 }
 

@@ -94,7 +94,9 @@ fn clocks(guest: &Guest, findings: &mut Findings) {
         findings.check(name, expected, actual, |hertz| format!("{hertz} Hz"));
     }
     findings.check("clock from the crystal", true, tree.from_crystal, bool::to_string);
-    let flash = guest.peripherals().flash.access_control;
+    let controller = &guest.peripherals().flash;
+    findings.check("flash controller locked", true, controller.is_locked(), bool::to_string);
+    let flash = controller.access_control;
     findings.check("flash wait states", 5, flash & 7, u32::to_string);
     findings.check("flash prefetch and caches", 7, flash >> 8 & 7, |bits| format!("{bits:#05b}"));
 }

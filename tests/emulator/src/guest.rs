@@ -1,5 +1,6 @@
 //! The product in QEMU, seen as one more participant of the simulation: it has a next event and is run from event to event.
 
+mod flash;
 mod survival;
 
 use std::cell::Cell;
@@ -112,6 +113,7 @@ pub struct Guest {
     switches_set: bool,
     symbols: Vec<Symbol>,
     held: Option<Hold>,
+    flash: flash::State,
     watched_addresses: Vec<u32>,
     /// The next event, once worked out between two runs.
     next: Cell<Option<Nanoseconds>>,
@@ -149,6 +151,7 @@ impl Guest {
             switches_set: false,
             symbols: symbols_of(configuration, &product)?,
             held: None,
+            flash: flash::State::default(),
             watched_addresses: Vec::new(),
             next: Cell::new(None),
             survival: survival::Survival::default(),
@@ -177,6 +180,9 @@ impl Guest {
     pub fn next_event(&self) -> Option<Nanoseconds> {
         if let Some(next) = self.next.get() {
             return Some(next);
+        }
+        if self.flash.has_lost_supply() {
+            return None;
         }
         if self.stands_still() {
             return self.peripherals.watchdog.expires();
@@ -207,7 +213,7 @@ impl Guest {
         horizon: Nanoseconds,
     ) -> Result<(), EmulatorError> {
         self.next.set(None);
-        if self.is_bitten(environment, now)? || self.stands_still() {
+        if self.flash.has_lost_supply() || self.is_bitten(environment, now)? || self.stands_still() {
             return Ok(());
         }
         if !self.switches_set {
@@ -243,6 +249,9 @@ impl Guest {
         }
         let value = self.answer(environment, time)?;
         self.fetch_log(time)?;
+        if self.stands_by_flash(time)? {
+            return Ok(());
+        }
         // Time goes on, if only by so little that no event of the peripherals is passed over.
         let mut horizon = horizon.max(time + Nanoseconds(1));
         if self.question.kind == message::STOPPED {
@@ -276,6 +285,10 @@ impl Guest {
         }
         self.held = None;
         self.clock.settle(now);
+        if self.flash.ends(now) {
+            self.peripherals.release(environment, now);
+            return Ok(());
+        }
         self.resume(environment, 0, now, now + Nanoseconds(1))?;
         self.receive()
     }

@@ -4,6 +4,7 @@
 
 mod boot;
 mod bus;
+mod flash;
 mod program;
 mod quiet;
 mod survival;

@@ -10,4 +10,4 @@ pub(crate) use checks::{Check, Finding, findings};
 pub(crate) use code::Flow;
 pub(crate) use graph::{Depth, Graph};
 pub(crate) use program::Program;
-pub(crate) use stack::bound;
+pub(crate) use stack::{bound, of_start};

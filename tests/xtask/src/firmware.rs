@@ -38,8 +38,15 @@ pub(crate) fn build_ungated(installing: Installing) -> Result<Elves> {
     let compiler = setup::target_compiler(installing)?;
     let folder = build_folder()?;
     eprintln!("building the release ELF of the drive ({TARGET}: {compiler})");
-    let product = build_one(&compiler, &folder, "app")?;
+    let product = build_one(&compiler, &folder, &["--package", "app"], "app")?;
     Ok(Elves::new(product, build_bus()?))
+}
+
+/// The program that tries the flash of the parameters, see `board/examples/parameter_flash.rs`.
+pub(crate) fn build_flash_trial(installing: Installing) -> Result<PathBuf> {
+    const NAME: &str = "parameter_flash";
+    let compiler = setup::target_compiler(installing)?;
+    build_one(&compiler, &build_folder()?, &["--package", "board", "--example", NAME], &format!("examples/{NAME}"))
 }
 
 /// The library that QEMU loads, built by this computer's compiler.
@@ -68,18 +75,15 @@ pub(crate) fn build_folder() -> Result<PathBuf> {
     Ok(workspace::target_folder()?.join("firmware"))
 }
 
-fn build_one(compiler: &TargetCompiler, folder: &Path, package: &str) -> Result<PathBuf> {
+fn build_one(compiler: &TargetCompiler, folder: &Path, selection: &[&str], name: &str) -> Result<PathBuf> {
     let mut cargo = compiler.cargo("build");
-    cargo.args(["--release", "--package", package, "--target-dir"]).arg(folder).stdout(std::io::stderr());
+    cargo.arg("--release").args(selection).arg("--target-dir").arg(folder).stdout(std::io::stderr());
     if process::watch(&mut cargo)? == Verdict::Failed {
-        bail!("the package `{package}` does not build for {TARGET}; the compiler's messages above say why");
+        bail!("`{name}` does not build for {TARGET}; the compiler's messages above say why");
     }
-    let program = folder.join(TARGET).join("release").join(package);
+    let program = folder.join(TARGET).join("release").join(name);
     if !program.is_file() {
-        bail!(
-            "the build of `{package}` left no program at {}; give the package a binary of its name",
-            program.display()
-        );
+        bail!("the build left no program at {}; give the package a binary of its name", program.display());
     }
     Ok(program)
 }

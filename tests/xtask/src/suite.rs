@@ -1,7 +1,7 @@
 //! The tests, all of them in one run of one test runner.
 //!
 //! Tests that need QEMU and the ELF are marked `#[ignore]`, so that a plain `cargo test` works anywhere; they find the
-//! programs by the variables `PRODUCT_ELF` and `BUS_PLUGIN`, which are set here. Nothing else may be marked so.
+//! programs by the variables `PRODUCT_ELF`, `BUS_PLUGIN` and, the trial of the board's flash, `FLASH_ELF`, which are set here. Nothing else may be marked so.
 
 use crate::firmware;
 use crate::setup::{self, Installing, TestRunner};
@@ -44,13 +44,16 @@ pub(crate) fn run(selection: Selection, installing: Installing) -> Result<Verdic
         eprintln!("QEMU {version}");
         // The linker of the ELF keeps one core busy for long, the tests' programs keep the others.
         let firmware = thread::scope(|scope| {
-            let firmware = scope.spawn(|| firmware::build(installing));
+            let firmware = scope.spawn(|| {
+                let firmware = firmware::build(installing)?;
+                Ok::<_, anyhow::Error>((firmware, firmware::build_flash_trial(installing)?))
+            });
             let compiled = process::watch(&mut compilation(runner));
             let firmware = firmware.join().unwrap_or_else(|panic| std::panic::resume_unwind(panic))?;
             Ok::<_, anyhow::Error>((compiled? == Verdict::Passed).then_some(firmware))
         })?;
-        let Some(firmware) = firmware else { return Ok(Verdict::Failed) };
-        tests.env("PRODUCT_ELF", firmware.product).env("BUS_PLUGIN", firmware.bus);
+        let Some((firmware, flash_trial)) = firmware else { return Ok(Verdict::Failed) };
+        tests.env("PRODUCT_ELF", firmware.product).env("BUS_PLUGIN", firmware.bus).env("FLASH_ELF", flash_trial);
     }
     if selection != Selection::Qemu && process::watch(&mut examples_in_documentation())? == Verdict::Failed {
         return Ok(Verdict::Failed);

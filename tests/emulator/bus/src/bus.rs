@@ -6,8 +6,8 @@
 use std::path::PathBuf;
 
 use emulator_link::protocol::{
-    EXTERNAL_BUS, EXTERNAL_BUS_END, MEMORY_WORDS, MESSAGE_WORDS, VERSION, command, header, message, post, prefetched,
-    resume, trace,
+    EXTERNAL_BUS, EXTERNAL_BUS_END, MEMORY_WORDS, MESSAGE_WORDS, VERSION, acts_at_once, command, header, message, post,
+    prefetched, resume, trace,
 };
 use emulator_link::{Page, Side};
 
@@ -407,6 +407,10 @@ impl Bus {
             return;
         }
         self.post(self.blocks.ticks - 1, address, value, width, Lock::Held);
+        if acts_at_once(address) {
+            self.exchange(message::ACTS, self.blocks.ticks - 1, Question::NONE, Lock::Held);
+            self.blocks.ticks = 1;
+        }
         self.blocks.ticks += if is_external(address) { self.write_wait } else { 0 };
         self.end_access(address, value);
     }
@@ -426,6 +430,13 @@ impl Question {
 
 fn is_external(address: u32) -> bool {
     (EXTERNAL_BUS..EXTERNAL_BUS_END).contains(&address)
+}
+
+/// A read of the product in the flash that holds the parameters, which is memory; `base` is its first address.
+pub(crate) unsafe extern "C" fn flash_read(base: Opaque, offset: Address, width: u32) -> u64 {
+    let address = (base as usize as u64 + offset) as u32;
+    let word = u64::from(machine().word(address));
+    word & (u64::MAX >> (64 - 8 * width))
 }
 
 /// A read of the product in one of the windows; `base` is the window's first address.

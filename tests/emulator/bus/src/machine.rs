@@ -3,6 +3,8 @@
 use std::ffi::c_int;
 use std::sync::OnceLock;
 
+use emulator_link::protocol::{PARAMETER_FLASH, PARAMETER_FLASH_END};
+
 use crate::qemu::{Functions, Opaque, RegionOperations, Section};
 use crate::{bus, system};
 
@@ -55,6 +57,7 @@ unsafe impl Sync for Machine {}
 static MACHINE: OnceLock<Machine> = OnceLock::new();
 
 static BUS: RegionOperations = RegionOperations::new(bus::region_read, bus::region_write);
+static FLASH_REGION: RegionOperations = RegionOperations::new(bus::flash_read, bus::region_write);
 static SYSTEM_REGION: RegionOperations = RegionOperations::new(system::region_read, system::region_write);
 
 /// The machine; there is one as soon as anything is executed.
@@ -106,7 +109,11 @@ pub(crate) fn take_over(qemu: &'static Functions) -> Result<(), &'static str> {
         overlay(&BUS, first, bytes);
     }
     overlay(&SYSTEM_REGION, SYSTEM, SYSTEM_BYTES);
+    overlay(&FLASH_REGION, PARAMETER_FLASH, u64::from(PARAMETER_FLASH_END - PARAMETER_FLASH));
     let machine = Machine { qemu, cpu, nvic, space, system, ram, flash };
+    for address in (PARAMETER_FLASH..PARAMETER_FLASH_END).step_by(4) {
+        machine.plant(address, u32::MAX);
+    }
     MACHINE.set(machine).map_err(|_| "this QEMU made two machines")
 }
 
@@ -195,6 +202,13 @@ impl Machine {
 
     /// Writes a word of memory, flash included; what was translated from there is translated anew.
     pub(crate) fn plant(&self, address: u32, value: u32) {
+        if (PARAMETER_FLASH..PARAMETER_FLASH_END - 3).contains(&address) {
+            let offset = (address - FLASH) as usize;
+            // SAFETY: within the mapping of a memory that is written nowhere else; nothing is executed from there, and the only processor stands
+            // still meanwhile.
+            unsafe { self.flash.at.add(offset).cast_mut().cast::<u32>().write_unaligned(value) };
+            return;
+        }
         // SAFETY: as in `word`.
         unsafe { (self.qemu.write_rom)(self.space, address.into(), 0, (&raw const value).cast(), 4) };
     }

@@ -4,7 +4,7 @@
 //! [`command::RESUME`] lets the product run on. A *tick* is one instruction of the product.
 
 /// Version of this protocol; both sides name it.
-pub const VERSION: u32 = 5;
+pub const VERSION: u32 = 6;
 
 /// First word of a message from the bus.
 pub mod message {
@@ -24,6 +24,8 @@ pub mod message {
     pub const RESET: u32 = 8;
     /// There is no going on; the payload says why, as text of four bytes a word, zeros behind it.
     pub const FAILED: u32 = 7;
+    /// The last posted write is one of those that [`super::acts_at_once`], and the product waits for its end.
+    pub const ACTS: u32 = 9;
     /// The instruction of [`super::command::STOP_AT`] is about to be executed.
     pub const STOPPED: u32 = 16;
 }
@@ -165,3 +167,17 @@ pub const MEMORY_WORDS: usize = MESSAGE_WORDS - header::WORDS;
 pub const EXTERNAL_BUS: u32 = 0x6000_0000;
 /// First address behind the window of the external bus.
 pub const EXTERNAL_BUS_END: u32 = 0x7000_0000;
+
+/// First byte of the flash that holds the parameters: sectors 10 and 11. The product's reads are answered from what
+/// [`command::WRITE_MEMORY`] has put there, all ones at the start; its writes go to the emulator.
+pub const PARAMETER_FLASH: u32 = 0x080C_0000;
+/// First address behind the flash that holds the parameters.
+pub const PARAMETER_FLASH_END: u32 = 0x0810_0000;
+/// FLASH_CR.
+const FLASH_CONTROL: u32 = 0x4002_3C10;
+
+/// A write there may stop the processor for as long as it takes.
+#[must_use]
+pub fn acts_at_once(address: u32) -> bool {
+    address == FLASH_CONTROL || (PARAMETER_FLASH..PARAMETER_FLASH_END).contains(&address)
+}

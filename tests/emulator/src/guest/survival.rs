@@ -1,6 +1,7 @@
 //! What a product goes through that does not end with a fault: handlers of faults, resets, a crystal that fails, a debugger, and memory that a test writes.
 //!
-//! A reset is another QEMU: it has everything at its reset values, by whatever version, and the flash as it was flashed. The RAM goes over to it.
+//! A reset is another QEMU: it has everything at its reset values, by whatever version, and the program as it was flashed. The RAM goes over to it, and so
+//! does what the flash holds beside the program.
 
 use std::collections::VecDeque;
 
@@ -203,13 +204,16 @@ impl Guest {
         self.survival.incidents.push(Incident { time: now, instructions: self.measurements.instructions, what });
         let kept = if matches!(reset, Reset::PowerOn(_)) { 0 } else { self.peripherals.rcc.reset_flags() };
         self.peripherals.release(environment, now);
-        self.peripherals = Peripherals::after_reset(kept | reset.flags(), self.peripherals.rcc.has_crystal());
+        let sectors = self.flash_after(reset, now);
+        let has_crystal = self.peripherals.rcc.has_crystal();
+        self.peripherals = Peripherals::after_reset(kept | reset.flags(), has_crystal, sectors);
         self.clock = TickClock::new(self.peripherals.clock_tree().core);
         self.clock.settle(now);
         self.wake = now;
         self.posted = VecDeque::new();
         self.prefetch = Prefetch::default();
         self.counted = 0;
+        self.held = None;
         self.switches_set = false;
         self.survival.non_maskable = false;
         self.survival.log_is_up = false;
@@ -217,6 +221,7 @@ impl Guest {
         self.qemu = Qemu::start(&self.configuration)?;
         self.greet()?;
         self.write_memory(RAM, &memory)?;
+        self.copy_flash()?;
         self.ask(&[command::DEBUGGER, u32::from(self.survival.debugger)], 0)?;
         if self.survival.survives {
             self.survive()?;

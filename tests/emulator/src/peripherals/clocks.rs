@@ -311,27 +311,6 @@ impl Power {
     }
 }
 
-/// The flash interface: access control only. Programming is not modelled; its registers are unknown.
-#[derive(Clone, Debug, Default)]
-pub(crate) struct Flash {
-    pub(crate) access_control: u32,
-}
-
-impl Flash {
-    pub(crate) fn read(&self, offset: u32) -> Option<u32> {
-        (offset == 0).then_some(self.access_control)
-    }
-
-    pub(crate) fn write(&mut self, offset: u32, value: u32) -> Option<()> {
-        (offset == 0).then(|| self.access_control = value)
-    }
-
-    /// Wait states.
-    pub(crate) fn latency(&self) -> u32 {
-        self.access_control & 7
-    }
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;

@@ -6,6 +6,7 @@ pub(crate) mod break_and_dead_time;
 mod centred_counter;
 pub(crate) mod clocks;
 pub(crate) mod encoder_counters;
+pub(crate) mod flash_controller;
 pub(crate) mod gpio;
 mod input_filter;
 pub(crate) mod interrupts;
@@ -19,9 +20,11 @@ use ring::Nanoseconds;
 
 use crate::wiring;
 use crate::{EmulatorError, Environment, Reset};
-use clocks::{ClockTree, Flash, Power, Rcc};
-use emulator_link::protocol::{EXTERNAL_BUS, EXTERNAL_BUS_END};
+use clocks::{ClockTree, Power, Rcc};
+use emulator_link::protocol::{EXTERNAL_BUS, EXTERNAL_BUS_END, PARAMETER_FLASH, PARAMETER_FLASH_END};
 use encoder_counters::{Edge, EncoderCounters};
+use flash::FlashModel;
+use flash_controller::FlashController;
 use gpio::{PinMode, Port};
 use interrupts::{Exti, Syscfg};
 use map::{
@@ -67,7 +70,7 @@ impl Access {
 pub(crate) struct Peripherals {
     pub(crate) rcc: Rcc,
     power: Power,
-    pub(crate) flash: Flash,
+    pub(crate) flash: FlashController,
     pub(crate) ports: Vec<Port>,
     pub(crate) syscfg: Syscfg,
     pub(crate) exti: Exti,
@@ -88,9 +91,9 @@ pub(crate) struct Peripherals {
 
 /// Resets, and what becomes of the outputs without the processor.
 impl Peripherals {
-    /// At their reset values, with these flags in RCC_CSR.
-    pub(crate) fn after_reset(flags: u32, has_crystal: bool) -> Self {
-        let mut peripherals = Self::new();
+    /// At their reset values, with these flags in RCC_CSR and what the flash holds.
+    pub(crate) fn after_reset(flags: u32, has_crystal: bool, sectors: FlashModel) -> Self {
+        let mut peripherals = Self { flash: FlashController::after_reset(sectors), ..Self::new() };
         peripherals.rcc.set_reset(flags, has_crystal);
         // RSTN has a pull-down, and no pin drives it yet.
         peripherals.reset_held = true;
@@ -144,7 +147,7 @@ impl Peripherals {
         Self {
             rcc: Rcc::new(),
             power: Power::new(),
-            flash: Flash::default(),
+            flash: FlashController::default(),
             ports: (0..9).map(Port::new).collect(),
             syscfg: Syscfg::default(),
             exti: Exti::default(),
@@ -371,6 +374,9 @@ impl Peripherals {
         if (EXTERNAL_BUS..EXTERNAL_BUS_END).contains(&address) {
             return self.write_external(environment, access, value);
         }
+        if (PARAMETER_FLASH..PARAMETER_FLASH_END).contains(&address) {
+            return self.flash.program(address, width, value).map_err(|what| access.misuse(what));
+        }
         if (BIT_BAND..BIT_BAND_END).contains(&address) {
             let (word, bit) = bit_band(address);
             let access = access.at(word, 4);
@@ -471,7 +477,7 @@ impl Peripherals {
             SYSCFG => fine(self.syscfg.write(offset, value)),
             EXTI => fine(self.exti.write(offset, value)),
             RCC => self.rcc.write(offset, value, now, self.flash.latency()),
-            FLASH => fine(self.flash.write(offset, value)),
+            FLASH => self.flash.write(offset, value),
             FSMC => fine(self.fsmc.write(offset, value)),
             page @ GPIO..GPIO_END => fine(self.ports[port_of(page)].write(offset, value)),
             _ => None,

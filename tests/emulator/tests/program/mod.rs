@@ -51,6 +51,13 @@ impl Program {
         self
     }
 
+    /// Words from an address on, behind everything else.
+    pub(crate) fn words(mut self, address: u32, words: &[u32]) -> Self {
+        self.image.resize((address - FLASH) as usize, 0);
+        self.image.extend(words.iter().flat_map(|word| word.to_le_bytes()));
+        self
+    }
+
     /// Instructions from an address on.
     pub(crate) fn code(mut self, address: u32, code: &[u16]) -> Self {
         for (slot, half) in self.image[(address - FLASH) as usize..].chunks_exact_mut(2).zip(code) {

@@ -169,7 +169,10 @@ impl Back {
             return Verdict::Silent;
         }
         if wire.has_error() {
-            return Verdict::Broken(format!("a fresh edge at {edge} with nothing in its way ended in an error"));
+            return Verdict::Broken(format!(
+                "a fresh edge at {edge} with nothing in its way ended in an error; C1D {:?} settings {:?}",
+                scene.sight, scene.settings
+            ));
         }
         let operates = status::readiness(wire.status) == 3;
         if !operates {

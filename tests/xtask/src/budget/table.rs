@@ -136,6 +136,7 @@ fn findings(report: &Report) -> Rows {
 fn stack(report: &Report) -> Rows {
     let mut rows = vec![row(["stack", "bytes"])];
     let Some(stack) = &report.stack else { return rows };
+    rows.push(row(["start, interrupts off", &stack.start.to_string()]));
     for (priority, task, bytes) in &stack.levels {
         rows.push(row([&format!("priority {priority}: {task}"), &bytes.to_string()]));
     }

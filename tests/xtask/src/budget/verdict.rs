@@ -69,7 +69,9 @@ pub(crate) struct ChainReport {
 /// The stack: what the worst nesting of priorities needs, what a run has used, and what there is.
 #[derive(Clone, Debug)]
 pub(crate) struct StackReport {
-    /// The deepest of each priority, 0 is start and idle, with the frames of the exceptions that interrupt it.
+    /// The start, before an interrupt can come.
+    pub(crate) start: u32,
+    /// The deepest of each priority, 0 is the end of the start, or idle; without the frames of the exceptions that interrupt it.
     pub(crate) levels: Vec<(u8, &'static str, u32)>,
     pub(crate) measured: StackUse,
     /// The largest frame of a function that runs with the guard, and its name.
@@ -79,9 +81,10 @@ pub(crate) struct StackReport {
 }
 
 impl StackReport {
-    /// Bytes of the worst nesting.
+    /// Bytes of the worst nesting, or of the start.
     pub(crate) fn bound(&self) -> u32 {
-        self.levels.iter().map(|(.., bytes)| bytes + EXCEPTION_FRAME).sum()
+        let nested = self.levels.iter().map(|(.., bytes)| bytes + EXCEPTION_FRAME).sum();
+        self.start.max(nested)
     }
 }
 
@@ -193,7 +196,10 @@ const INITIALISATION: &str = "__rtic_init_resources";
 fn stack_report(graph: &Graph, gates: Gates, measured: StackUse) -> Option<StackReport> {
     let named = |name: &str| graph.program.functions().iter().position(|function| function.name == name);
     let main = named(START)?;
-    let mut levels = vec![(0, "start, idle", elf::bound(graph, main))];
+    let initialisation =
+        graph.program.functions().iter().position(|function| is_initialisation(&function.name)).unwrap_or(main);
+    let start = elf::of_start(graph, main, initialisation);
+    let mut levels = vec![(0, "end of the start, idle", start.interrupted)];
     for task in gates.tasks {
         let root = graph.program.vector(task.vector).and_then(|(address, _)| graph.program.function_at(address))?;
         let needed = elf::bound(graph, root);
@@ -205,11 +211,15 @@ fn stack_report(graph: &Graph, gates: Gates, measured: StackUse) -> Option<Stack
     }
     levels.sort_unstable();
     let functions = graph.program.functions().iter().enumerate();
-    let started = functions.filter(|(_, function)| !function.name.ends_with(INITIALISATION));
+    let started = functions.filter(|(_, function)| !is_initialisation(&function.name));
     let frames = started.map(|(index, function)| (function.name.clone(), graph.largest_push(index)));
     let largest_frame = frames.max_by_key(|(_, bytes)| *bytes)?;
     let fault_handler = (elf::bound(graph, named("HardFault")?), graph.program.bytes_of_static("FAULT_STACK")?);
-    Some(StackReport { levels, measured, largest_frame, fault_handler })
+    Some(StackReport { start: start.alone, levels, measured, largest_frame, fault_handler })
+}
+
+fn is_initialisation(name: &str) -> bool {
+    name.ends_with(INITIALISATION)
 }
 
 fn failures_of_stack(stack: &StackReport) -> Vec<String> {
@@ -430,7 +440,8 @@ mod tests {
 
     fn stack() -> StackReport {
         StackReport {
-            levels: vec![(0, "start, idle", 1_000), (5, "tick", 500)],
+            start: 1_100,
+            levels: vec![(0, "end of the start, idle", 1_000), (5, "tick", 500)],
             measured: StackUse { used: 1_200, room: 2_000, guard: 1_024 },
             largest_frame: ("step".into(), 900),
             fault_handler: (400, 512),
@@ -440,6 +451,7 @@ mod tests {
     #[test]
     fn the_frames_of_exceptions_are_part_of_the_bound() {
         assert_eq!(stack().bound(), 1_500 + 2 * 108);
+        assert_eq!(StackReport { start: 1_800, ..stack() }.bound(), 1_800);
         assert_eq!(failures_of_stack(&stack()), [""; 0]);
     }
 

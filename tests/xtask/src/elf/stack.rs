@@ -5,6 +5,7 @@
 //! against it.
 
 use super::checks::is_end;
+use super::code::{Flow, Instruction};
 use super::graph::Graph;
 use std::collections::BTreeMap;
 
@@ -41,6 +42,40 @@ pub(crate) fn bound(graph: &Graph, root: usize) -> u32 {
         deepest.push(own + below.map(|callee| deepest[callee]).max().unwrap_or(0));
     }
     deepest.last().copied().unwrap_or(0)
+}
+
+/// Stack of a program's start.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) struct Start {
+    /// Bytes that it needs at most, with interrupts off.
+    pub(crate) alone: u32,
+    /// Bytes that it, or what comes behind it for ever, has at most when an interrupt comes.
+    pub(crate) interrupted: u32,
+}
+
+/// `main` calls `initialisation`, and then what never ends. Interrupts come on in `initialisation` and nowhere else, behind its last call: only its own
+/// frame is under them then. A program that is made otherwise can be interrupted wherever it is deepest.
+pub(crate) fn of_start(graph: &Graph, main: usize, initialisation: usize) -> Start {
+    let alone = bound(graph, main);
+    if !ends_with_interrupts_on(graph.instructions(initialisation))
+        || graph.all().filter(|one| is_enabling(one)).count() != 1
+    {
+        return Start { alone, interrupted: alone };
+    }
+    let others = graph.calls(main).iter().filter(|callee| **callee != initialisation && !is_end(graph.name(**callee)));
+    let behind = others.map(|callee| bound(graph, *callee)).max().unwrap_or(0);
+    Start { alone, interrupted: graph.frame(main) + behind.max(graph.frame(initialisation)) }
+}
+
+/// Interrupts come on, and up to the return nothing is called.
+fn ends_with_interrupts_on(instructions: &[Instruction]) -> bool {
+    let mut behind = instructions.iter().skip_while(|one| !is_enabling(one));
+    behind.next().is_some() && behind.find(|one| one.flow != Flow::Next).is_some_and(|one| one.flow == Flow::Return)
+}
+
+fn is_enabling(instruction: &Instruction) -> bool {
+    instruction.mnemonic.starts_with("cpsie")
+        || instruction.mnemonic == "msr" && instruction.operands.to_lowercase().starts_with("primask")
 }
 
 /// The strongly connected parts of what a root reaches, callees before callers (Tarjan, with a stack of its own).
@@ -108,5 +143,27 @@ mod tests {
             ],
         );
         assert_eq!(bound(&Graph::new(program).unwrap(), 0), 8 + 16);
+    }
+
+    /// main: push {r7, lr}; bl start; bl leaf. start: push {r4, r5, r6, lr}; bl leaf; cpsie i; what comes behind; pop {r4, r5, r6, pc}.
+    /// leaf: sub sp, #64; bx lr.
+    fn started(behind: &[u8]) -> Start {
+        let mut start = vec![0x70, 0xb5, 0x00, 0xf0, 0x06, 0xf8, 0x62, 0xb6];
+        start.extend(behind);
+        start.extend([0x70, 0xbd]);
+        start.resize(16, 0x00);
+        let main = [0x80, 0xb5, 0x00, 0xf0, 0x03, 0xf8, 0x00, 0xf0, 0x09, 0xf8, 0x00, 0xbf];
+        let leaf = [0x90, 0xb0, 0x70, 0x47];
+        let program = Program::of_code(0x0800_0100, &[("main", &main), ("start", &start), ("leaf", &leaf)]);
+        of_start(&Graph::new(program).unwrap(), 0, 1)
+    }
+
+    #[test]
+    fn interrupts_that_come_on_behind_the_last_call_find_the_frame_of_the_start_alone() {
+        assert_eq!(started(&[]), Start { alone: 8 + 16 + 64, interrupted: 8 + 64 });
+        // bl leaf
+        assert_eq!(started(&[0x00, 0xf0, 0x02, 0xf8]).interrupted, 8 + 16 + 64);
+        // cpsie i
+        assert_eq!(started(&[0x62, 0xb6]).interrupted, 8 + 16 + 64);
     }
 }

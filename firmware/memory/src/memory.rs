@@ -1,0 +1,316 @@
+//! Two pages of flash: the set, the logs, and the room that is left.
+
+use embedded_storage_async::nor_flash::NorFlash;
+use sequential_storage::cache::{Cache, Uncached};
+use sequential_storage::map::{MapConfig, MapStorage};
+
+use crate::error::Error;
+use crate::set::{Saves, Written, numbered};
+
+/// Most bytes of a set or a log.
+pub const MOST_BYTES: usize = 3 * 1024;
+
+/// Bytes that [`Memory::start`] leaves for what is kept until the next start; of a small page half.
+pub const RESERVE: u32 = 48 * 1024;
+
+/// Keys of the items.
+const SET: u8 = 0;
+const BEGUN: u8 = 1;
+const FINISHED: u8 = 2;
+/// Fills a page up, so that it turns.
+const PADDING: u8 = 3;
+const FIRST_LOG: u8 = 16;
+
+/// Of a page, in bytes.
+const SMALLEST_PAGE: u32 = 16 * 1024;
+
+/// Bytes of the longest item with its key, header and alignment.
+const LONGEST_ITEM: u32 = MOST_BYTES as u32 + 32;
+const SHORT_ITEM: u32 = 32;
+/// What a save needs at most.
+const SAVE: u32 = LONGEST_ITEM + 2 * SHORT_ITEM;
+const PAGES: u32 = 2;
+/// What an erased word reads.
+const ERASED: u8 = 0xFF;
+
+/// What a start has found.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
+pub enum Condition {
+    /// Nothing was ever saved.
+    Empty,
+    /// The set of the last save is there.
+    Whole,
+    /// The last save was not finished, and nobody was told that it was: the set of the one before is there, if there was one.
+    Unfinished,
+    /// The set of the last save cannot be read any more. There may be an older one, which [`Memory::load`] does not give.
+    Damaged,
+}
+
+/// What is kept beside the set, each by itself: the newest that can be read counts.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
+pub enum Log {
+    /// What has happened.
+    Events = 0,
+}
+
+type Map<F> = MapStorage<u8, F, Cache<Uncached, Uncached, Uncached, u8>>;
+
+/// Two pages of flash.
+pub struct Memory<F: NorFlash> {
+    map: Map<F>,
+    saves: Saves,
+    condition: Condition,
+    /// Bytes left in the page that is being filled.
+    room: u32,
+}
+
+impl<F: NorFlash> Memory<F> {
+    /// Of a flash that nothing is known of yet. Two pages: a flash of another size does not compile, or is refused by [`Memory::start`].
+    pub const fn new(flash: F) -> Self {
+        let config = MapConfig::new(0..Self::BYTES);
+        let map = MapStorage::new(flash, config, Cache::new_uncached());
+        Self { map, saves: Saves { begun: 0, set: 0, finished: 0 }, condition: Condition::Empty, room: 0 }
+    }
+
+    const PAGE: u32 = F::ERASE_SIZE as u32;
+    /// What is written at once; items begin at its multiples.
+    const WORD: u32 = if F::WRITE_SIZE > F::READ_SIZE { F::WRITE_SIZE as u32 } else { F::READ_SIZE as u32 };
+    /// Of a page, the words that say how full it is.
+    const FRAME: u32 = 2 * Self::WORD;
+    const PADDING_BYTES: usize = if MOST_BYTES < F::ERASE_SIZE / 8 { MOST_BYTES } else { F::ERASE_SIZE / 8 };
+    /// As many fill a page.
+    const PADDINGS: usize = F::ERASE_SIZE / Self::PADDING_BYTES + 2;
+    const OVERHEAD: u32 = Map::<F>::item_overhead_size();
+    const BYTES: u32 = Self::PAGE.saturating_mul(PAGES);
+    const RESERVE: u32 = {
+        const { assert!(Self::PAGE >= SMALLEST_PAGE, "a page takes a set, the logs and what a save needs besides") };
+        if RESERVE < Self::PAGE / 2 { RESERVE } else { Self::PAGE / 2 }
+    };
+
+    /// Finds out what is there, mends what a cut has left, and makes room. The only time at which a page is erased.
+    ///
+    /// Reads all of both pages; takes the time of an erase where one is due, and of 45 KB of words before it. `buffer`: [`MOST_BYTES`] and 32 more.
+    ///
+    /// # Errors
+    /// [`Error::Flash`], or [`Error::Damaged`] where not even erasing helps.
+    pub async fn start(&mut self, buffer: &mut [u8]) -> Result<Condition, Error<F::Error>> {
+        let found = self.look(buffer).await;
+        self.measure().await?;
+        match found {
+            Ok(()) => {}
+            // No page is blank and none is being filled: these are not ours, or more is lost than one of them. A part is delivered erased. And what is
+            // damaged may look like an item that is longer than all of ours.
+            Err(Error::Damaged | Error::TooLong) => {
+                self.map.erase_all().await?;
+                self.saves = Saves::default();
+                self.measure().await?;
+                self.condition = Condition::Damaged;
+                return Ok(self.condition);
+            }
+            Err(error) => return Err(error),
+        }
+        self.condition = self.saves.condition();
+        if self.condition == Condition::Unfinished {
+            self.number(buffer, BEGUN, self.saves.set.max(self.saves.finished)).await?;
+        } else if self.condition == Condition::Whole && self.saves.finished < self.saves.set {
+            self.number(buffer, FINISHED, self.saves.set).await?;
+        }
+        // What was cut or damaged may hide what lies behind it: it goes with its page.
+        if self.room < Self::RESERVE || matches!(self.condition, Condition::Unfinished | Condition::Damaged) {
+            self.turn(buffer).await?;
+        }
+        Ok(self.condition)
+    }
+
+    /// Of the set, as the start has found it; whole after a save.
+    pub const fn condition(&self) -> Condition {
+        self.condition
+    }
+
+    /// Bytes that can be kept until the next start.
+    pub const fn room(&self) -> u32 {
+        self.room
+    }
+
+    /// The flash below, for tests and tools.
+    pub const fn flash(&mut self) -> &mut F {
+        self.map.flash()
+    }
+
+    /// The set; `None` where there is none, or where the last one was damaged. Scans a page: for a start.
+    ///
+    /// # Errors
+    /// [`Error::Flash`], [`Error::TooLong`] for a buffer that is too small.
+    pub async fn load<'b>(&mut self, buffer: &'b mut [u8]) -> Result<Option<&'b [u8]>, Error<F::Error>> {
+        if self.condition == Condition::Damaged {
+            return Ok(None);
+        }
+        let bytes = self.map.fetch_item::<&[u8]>(buffer, &SET).await?;
+        Ok(bytes.and_then(numbered).map(|(_, set)| set))
+    }
+
+    /// Keeps a set in place of the one before. `write` puts it into the buffer and says how long it is.
+    ///
+    /// Programs some 500 words, each when the flash permits it.
+    ///
+    /// # Errors
+    /// All of [`Error`]; the set before is in force then.
+    pub async fn save(
+        &mut self,
+        buffer: &mut [u8],
+        mut write: impl FnMut(&mut [u8]) -> Option<usize>,
+    ) -> Result<(), Error<F::Error>> {
+        self.has_room(SAVE)?;
+        let number = self.saves.next();
+        self.number(buffer, BEGUN, number).await?;
+        self.store(buffer, SET, &Written::new(Some(number), &mut write)).await?;
+        // What is damaged behind the last item may hide the next one.
+        let bytes = self.map.fetch_item::<&[u8]>(buffer, &SET).await;
+        if !bytes.is_ok_and(|bytes| bytes.and_then(numbered).is_some_and(|(found, _)| found == number)) {
+            return Err(Error::Damaged);
+        }
+        self.saves.set = number;
+        self.number(buffer, FINISHED, number).await?;
+        self.condition = Condition::Whole;
+        Ok(())
+    }
+
+    /// A log, or `None`. Scans a page: for a start.
+    ///
+    /// # Errors
+    /// [`Error::Flash`], [`Error::TooLong`] for a buffer that is too small.
+    pub async fn load_log<'b>(&mut self, buffer: &'b mut [u8], log: Log) -> Result<Option<&'b [u8]>, Error<F::Error>> {
+        Ok(self.map.fetch_item::<&[u8]>(buffer, &key(log)).await?)
+    }
+
+    /// Keeps a log in place of the one before, as [`Memory::save`] keeps a set. What is left for sets is not touched.
+    ///
+    /// # Errors
+    /// All of [`Error`]; the log before is there then.
+    pub async fn save_log(
+        &mut self,
+        buffer: &mut [u8],
+        log: Log,
+        mut write: impl FnMut(&mut [u8]) -> Option<usize>,
+    ) -> Result<(), Error<F::Error>> {
+        self.has_room(SAVE + LONGEST_ITEM)?;
+        self.store(buffer, key(log), &Written::new(None, &mut write)).await
+    }
+
+    const fn has_room(&self, needed: u32) -> Result<(), Error<F::Error>> {
+        if self.room < needed { Err(Error::Full { left: self.room, needed }) } else { Ok(()) }
+    }
+
+    async fn look(&mut self, buffer: &mut [u8]) -> Result<(), Error<F::Error>> {
+        self.saves = Saves::default();
+        let mut items = self.map.fetch_all_items(buffer).await?;
+        // The newest comes last.
+        while let Some((key, value)) = items.next::<&[u8]>(buffer).await? {
+            let Some((number, _)) = numbered(value) else { continue };
+            match key {
+                SET => self.saves.set = number,
+                BEGUN => self.saves.begun = number,
+                FINISHED => self.saves.finished = number,
+                _ => {}
+            }
+        }
+        Ok(())
+    }
+
+    async fn number(&mut self, buffer: &mut [u8], key: u8, number: u32) -> Result<(), Error<F::Error>> {
+        self.store(buffer, key, &Written::new(Some(number), &mut |_: &mut [u8]| Some(0))).await?;
+        match key {
+            BEGUN => self.saves.begun = number,
+            _ => self.saves.finished = number,
+        }
+        Ok(())
+    }
+
+    /// Fills the page up until it turns: what is in force goes over to the other one, and this one is erased.
+    async fn turn(&mut self, buffer: &mut [u8]) -> Result<(), Error<F::Error>> {
+        for _ in 0..Self::PADDINGS {
+            let length = Self::PADDING_BYTES;
+            let mut padding = |room: &mut [u8]| {
+                let room = room.get_mut(..length)?;
+                room.fill(0);
+                Some(length)
+            };
+            let turns = self.room < LONGEST_ITEM;
+            self.store(buffer, PADDING, &Written::new(None, &mut padding)).await?;
+            if turns {
+                let last = self.room;
+                self.measure().await?;
+                if self.room > last {
+                    break;
+                }
+            }
+        }
+        // Or it would go over with every turn.
+        self.store(buffer, PADDING, &Written::new(None, &mut |_: &mut [u8]| Some(0))).await
+    }
+
+    async fn store<W: FnMut(&mut [u8]) -> Option<usize>>(
+        &mut self,
+        buffer: &mut [u8],
+        key: u8,
+        value: &Written<'_, W>,
+    ) -> Result<(), Error<F::Error>> {
+        const KEY: u32 = 1;
+        /// A word that does not become what it should is passed over.
+        const ATTEMPTS: usize = 3;
+        let mut last = Error::Damaged;
+        for _ in 0..ATTEMPTS {
+            let stored = self.map.store_item_generic(buffer, &key, value).await;
+            // As much as was to be stored: what was cut lies there too.
+            let data = value.length().saturating_add(KEY).next_multiple_of(Self::WORD);
+            self.room = self.room.saturating_sub(data.saturating_add(Self::OVERHEAD));
+            match stored.map_err(Error::from) {
+                Ok(()) => return Ok(()),
+                Err(error @ Error::Flash(_)) if self.room >= LONGEST_ITEM => last = error,
+                Err(error) => return Err(error),
+            }
+        }
+        Err(last)
+    }
+
+    /// What is left of the page that is being filled; 0 where none is blank besides, which the next item would have to erase.
+    async fn measure(&mut self) -> Result<(), Error<F::Error>> {
+        let mut blank = 0_u32;
+        let mut left = Self::PAGE;
+        for page in 0..PAGES {
+            let free = self.erased_at_end(page).await?;
+            if free == Self::PAGE {
+                blank = blank.saturating_add(1);
+            } else {
+                left = free;
+            }
+        }
+        // The last word says that a page is full.
+        self.room = if blank == 0 { 0 } else { left.saturating_sub(Self::FRAME) };
+        Ok(())
+    }
+
+    /// Erased bytes at the end of a page.
+    async fn erased_at_end(&mut self, page: u32) -> Result<u32, Error<F::Error>> {
+        const CHUNK: u32 = 64;
+        let start = page.saturating_mul(Self::PAGE);
+        let mut erased = 0_u32;
+        let mut chunk = [0_u8; CHUNK as usize];
+        while erased < Self::PAGE {
+            let from = start.saturating_add(Self::PAGE).saturating_sub(erased).saturating_sub(CHUNK);
+            self.map.flash().read(from, &mut chunk).await.map_err(Error::Flash)?;
+            let more = chunk.iter().rev().take_while(|byte| **byte == ERASED).count() as u32;
+            erased = erased.saturating_add(more);
+            if more < CHUNK {
+                break;
+            }
+        }
+        Ok(erased)
+    }
+}
+
+const fn key(log: Log) -> u8 {
+    FIRST_LOG.saturating_add(log as u8)
+}

@@ -1,0 +1,113 @@
+//! The three items of a save, and what can be said of them at a start.
+
+use core::cell::Cell;
+
+use sequential_storage::map::{SerializationError, Value};
+
+use crate::memory::Condition;
+
+/// Numbers of the last save that was begun, that can be read, and that was finished; 0: none.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub(crate) struct Saves {
+    pub(crate) begun: u32,
+    pub(crate) set: u32,
+    pub(crate) finished: u32,
+}
+
+impl Saves {
+    /// What became of the last save.
+    pub(crate) fn condition(self) -> Condition {
+        let Self { begun, set, finished } = self;
+        if begun.max(set).max(finished) == 0 {
+            Condition::Empty
+        } else if set == 0 || set < finished {
+            // A first save that was cut has left nothing to go back to, and was not acknowledged.
+            if finished == 0 { Condition::Unfinished } else { Condition::Damaged }
+        } else if begun > set {
+            Condition::Unfinished
+        } else {
+            Condition::Whole
+        }
+    }
+
+    /// The number of the next save.
+    pub(crate) fn next(self) -> u32 {
+        self.begun.max(self.set).max(self.finished).saturating_add(1)
+    }
+}
+
+/// A value that writes itself where it is to be stored, behind a number.
+pub(crate) struct Written<'a, W> {
+    number: Option<u32>,
+    write: Cell<Option<&'a mut W>>,
+    length: Cell<u32>,
+}
+
+const NUMBER_BYTES: usize = 4;
+
+impl<'a, W: FnMut(&mut [u8]) -> Option<usize>> Written<'a, W> {
+    /// `write` puts the value into the buffer and says how long it is, or that it does not fit. It may be asked twice.
+    pub(crate) const fn new(number: Option<u32>, write: &'a mut W) -> Self {
+        Self { number, write: Cell::new(Some(write)), length: Cell::new(0) }
+    }
+
+    /// Bytes that were stored, the number with them.
+    pub(crate) const fn length(&self) -> u32 {
+        self.length.get()
+    }
+}
+
+impl<W: FnMut(&mut [u8]) -> Option<usize>> Value<'_> for Written<'_, W> {
+    fn serialize_into(&self, buffer: &mut [u8]) -> Result<usize, SerializationError> {
+        let (head, rest) = match self.number {
+            Some(number) => {
+                let (head, rest) =
+                    buffer.split_first_chunk_mut::<NUMBER_BYTES>().ok_or(SerializationError::BufferTooSmall)?;
+                *head = number.to_le_bytes();
+                (NUMBER_BYTES, rest)
+            }
+            None => (0, buffer),
+        };
+        let write = self.write.take().ok_or(SerializationError::InvalidData)?;
+        let length = write(rest);
+        self.write.set(Some(write));
+        let length = length.and_then(|length| length.checked_add(head)).ok_or(SerializationError::BufferTooSmall)?;
+        self.length.set(u32::try_from(length).map_err(|_| SerializationError::InvalidData)?);
+        Ok(length)
+    }
+
+    fn deserialize_from(_: &[u8]) -> Result<(Self, usize), SerializationError> {
+        // It is read as bytes.
+        Err(SerializationError::InvalidFormat)
+    }
+}
+
+/// The number of a set and the set.
+pub(crate) fn numbered(bytes: &[u8]) -> Option<(u32, &[u8])> {
+    let (head, rest) = bytes.split_first_chunk::<NUMBER_BYTES>()?;
+    Some((u32::from_le_bytes(*head), rest))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn what_became_of_the_last_save_is_known_from_its_three_items() {
+        let of = |begun, set, finished| Saves { begun, set, finished }.condition();
+        assert_eq!(of(0, 0, 0), Condition::Empty);
+        assert_eq!(of(5, 5, 5), Condition::Whole);
+        // Cut before the end: behind the set, within it, and the very first one.
+        assert_eq!(of(5, 5, 4), Condition::Whole);
+        assert_eq!(of(5, 4, 4), Condition::Unfinished);
+        assert_eq!(of(1, 0, 0), Condition::Unfinished);
+        // Finished, and not to be read any more.
+        assert_eq!(of(5, 4, 5), Condition::Damaged);
+        assert_eq!(of(1, 0, 1), Condition::Damaged);
+        assert_eq!(of(5, 0, 4), Condition::Damaged);
+        // What is damaged of the frame does not hurt the set.
+        assert_eq!(of(4, 5, 5), Condition::Whole);
+        assert_eq!(of(0, 1, 0), Condition::Whole);
+        assert_eq!(Saves { begun: 5, set: 7, finished: 6 }.next(), 8);
+    }
+}
