@@ -57,8 +57,11 @@ impl Bench {
     }
 }
 
-/// Sensors with degrees: five points of the data sheet in degrees Celsius and Ohm, from 0 to 150 degrees Celsius.
-fn with_degrees() -> [(&'static str, ThermalResistor, &'static Characteristic, [(f64, f64); 5]); 4] {
+/// Name and source, the machine's resistor, the firmware's table, and five points of the data sheet in degrees Celsius and Ohm.
+type Sensor = (&'static str, ThermalResistor, &'static Characteristic, [(f64, f64); 5]);
+
+/// Sensors with degrees.
+fn with_degrees() -> [Sensor; 4] {
     [
         (
             "KTY84-130, NXP KTY84 table 1",
