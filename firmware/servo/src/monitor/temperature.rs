@@ -401,6 +401,15 @@ mod tests {
     }
 
     #[test]
+    fn other_limits_are_of_the_same_measurement_and_another_sensor_is_of_another() {
+        let settings = |parameters| TemperatureSettings::new(&parameters).unwrap();
+        let line = settings(PARAMETERS);
+        assert!(line.has_sensor_of(&settings(TemperatureParameters { warning: 500, filter: 3, ..PARAMETERS })));
+        assert!(!line.has_sensor_of(&settings(TemperatureParameters { sensor: &PTC, ..PARAMETERS })));
+        assert_eq!(NO_TEMPERATURE, -2_000, "colder than any sensor measures");
+    }
+
+    #[test]
     fn impossible_settings_are_refused() {
         let refused =
             |parameters| matches!(TemperatureSettings::new(&parameters), Err(SettingsError::OutOfRange { .. }));
