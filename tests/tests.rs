@@ -27,6 +27,7 @@ mod qemu;
 mod recordings;
 mod recovery;
 mod regeneration;
+mod remembering;
 mod replay;
 mod run_up;
 #[path = "common/running.rs"]

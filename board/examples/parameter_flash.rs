@@ -67,6 +67,7 @@ fn permitted(flash: &mut ParameterFlash) {
     println!("write zeros over it: {}", write(flash, 4, &[0; 4]));
     println!("write ones over it: {}", write(flash, 4, &[0xFF; 4]));
     println!("write the last word: {}", write(flash, end.wrapping_sub(4), &[9; 4]));
+    println!("read the last byte: {}, {}", block_on(flash.read(end.wrapping_sub(1), &mut byte)), byte);
     println!("write beyond the end: {}", write(flash, end.wrapping_sub(4), &[9; 8]));
     println!("read beyond the end: {}", read(flash, end.wrapping_sub(3)));
     println!("write off the words: {}", write(flash, 2, &[9; 4]));
@@ -90,7 +91,7 @@ fn granted(flash: &mut ParameterFlash) {
         poll("two grants at once");
         poll("without a second grant");
         PERMIT.grant();
-        PERMIT.withdraw();
+        let _ = PERMIT.withdraw();
         poll("a grant that was withdrawn");
         PERMIT.grant();
         poll("second grant");

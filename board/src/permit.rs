@@ -35,9 +35,9 @@ impl Permit {
         self.replace(NONE, ONE_WORD);
     }
 
-    /// Takes back a grant that nobody has used.
-    pub fn withdraw(&self) {
-        self.replace(ONE_WORD, NONE);
+    /// Takes a grant back. `true`: it was used.
+    pub fn withdraw(&self) -> bool {
+        !self.replace(ONE_WORD, NONE)
     }
 
     /// May sectors be erased?

@@ -11,7 +11,7 @@
 //! | [`app::supervision`] | CAN2_RX0 | 4 | one half of it, started by every second control loop, every 250 us | 125 us |
 //! | [`app::phase_change`] | CAN1_RX1 | 2 | the MST shows another phase, or supervision gives the ring up | one communication cycle |
 //! | [`app::service_channel`] | CAN1_SCE | 2 | the service container waits for us; the drive has become another state or has an error | 100 us |
-//! | [`app::idle`] | - | 0 | nothing else to do | - |
+//! | [`app::idle`] | - | 0 | nothing else to do: feeds the watchdogs, logs, keeps what is to outlive the supply | - |
 //!
 //! Higher numbers interrupt lower ones. The current loop is alone at the top, owns what it works with and talks to the others through
 //! [`drive::CurrentLink`], without a lock: nobody can hold it up. Everything that belongs to the cycle has one priority below, so these
@@ -24,6 +24,7 @@
 #![no_std]
 #![no_main]
 
+mod by_turns;
 mod fault;
 
 use defmt_rtt as _;
@@ -36,14 +37,26 @@ mod app {
     use board::fsmc::SercosBus;
     use board::interrupt_pins::InterruptPin;
     use board::pac::Interrupt;
+    use board::parameter_flash::{PERMIT, ParameterFlash};
     use board::watchdog::{CheckIn, Watchdog};
     use board::{Inverter, MotorSide, chip_control, switches};
+    use core::cell::RefCell;
+    use core::pin::pin;
+    use core::task::{Context, Waker};
     use drive::crash::{CrashRecord, MOST_CRASHES_IN_A_ROW};
+    use drive::remembering::{self, Recollection};
     use drive::{Communication, CurrentControl, CurrentLink, Drive, DriveAddress};
     use drive::{Identity, Motion, RingInterrupts, Scope, Tasks};
+    use embassy_futures::{block_on, yield_now};
+    use memory::{Log, Memory};
+
+    use crate::by_turns::ByTurns;
 
     /// After 10 s (feedings are 8 ms apart) crashes until here are none in a row with one that comes.
     const FEEDINGS_UNTIL_WELL: u16 = 1_250;
+
+    /// Takes what is kept at once, with its key.
+    const BUFFER_BYTES: usize = memory::MOST_BYTES + 32;
 
     /// What the tasks report to the watchdog.
     static CHECK_IN: CheckIn = CheckIn::new();
@@ -54,8 +67,6 @@ mod app {
     struct Shared {
         interrupts: RingInterrupts<SercosBus>,
         motion: Motion<SercosBus, MotorSide>,
-        /// Its two users have the same priority, so neither can find it in the hands of the other.
-        #[lock_free]
         communication: Communication<SercosBus>,
     }
 
@@ -65,15 +76,19 @@ mod app {
         int0: InterruptPin,
         int1: InterruptPin,
         watchdog: Watchdog,
+        memory: Memory<ParameterFlash>,
+        buffer: &'static mut [u8; BUFFER_BYTES],
     }
 
     /// Sets up board and chip with interrupts disabled; they arrive as soon as this returns.
     ///
-    /// Takes about 2 ms, nearly all of it the start of the chip. In that time the ring is open at this station.
-    #[init(local = [scope: Scope = Scope::new()])]
+    /// Takes about 2 ms until the chip repeats, in which the ring is open at this station. Then what was saved is looked for, while the chip repeats: some
+    /// 10 ms, and every 40 saves the 1 to 2 s of an erase.
+    #[init(local = [scope: Scope = Scope::new(), page: [u8; BUFFER_BYTES] = [0; BUFFER_BYTES]])]
     fn init(context: init::Context) -> (Shared, Local) {
         board::stack_guard::start(&context.core.MPU);
-        let Board { bus, motor_side, inverter, int0, int1, mut watchdog, settings, .. } = Board::new(context.device);
+        let board = Board::new(context.device);
+        let Board { bus, motor_side, inverter, int0, int1, mut watchdog, settings, parameter_flash, .. } = board;
         defmt::info!("started by {}", watchdog.reset_cause());
         let crash = board::crash::last(watchdog.reset_cause());
         if let Some(record) = &crash {
@@ -87,7 +102,14 @@ mod app {
             defmt::error!("{=u8} on the address switches is no drive address", settings.address);
             remain_a_repeater()
         };
-        let drive = drive::new(bus, motor_side, inverter, &LINK, context.local.scope, identity);
+        PERMIT.always();
+        let buffer = context.local.page;
+        let mut memory = Memory::new(parameter_flash);
+        let recollection = block_on(remembering::recall(&mut memory, buffer));
+        if let Some(trouble) = told_of_memory(&recollection) {
+            defmt::warn!("parameters: {=str}", trouble);
+        }
+        let drive = drive::new(bus, motor_side, inverter, &LINK, context.local.scope, identity, recollection);
         let Drive { current, mut interrupts, mut communication, mut motion } = match drive {
             Ok(drive) => drive,
             Err(error) => {
@@ -95,7 +117,10 @@ mod app {
                 remain_a_repeater()
             }
         };
-        if let Some(record) = crash {
+        let past = block_on(memory.load_log(buffer, Log::Events)).ok().flatten();
+        let last_crash = past.and_then(|log| communication.recall_log(log));
+        PERMIT.only_when_granted();
+        if let Some(record) = crash.or(last_crash) {
             communication.note_crash(record, task(record.exception));
         }
         if let Err(error) = communication.start(&mut interrupts, &mut motion) {
@@ -107,30 +132,51 @@ mod app {
             defmt::warn!("debugger attached, watchdog off");
         }
         let shared = Shared { interrupts, motion, communication };
-        (shared, Local { current, int0, int1, watchdog })
+        (shared, Local { current, int0, int1, watchdog, memory, buffer })
     }
 
-    /// Feeds the watchdog, logs what became of the drive, and sleeps until the next interrupt.
+    /// Feeds the watchdog, logs what became of the drive, keeps what is to outlive the supply, and sleeps until the next interrupt.
     ///
-    /// Holds the cycle's tasks up for the 2 us of a snapshot, once in 8 ms.
-    #[idle(local = [watchdog], shared = [motion])]
-    fn idle(mut context: idle::Context) -> ! {
+    /// Holds the cycle's tasks up for the 2 us of a snapshot, once in 8 ms, and the background for the 0.2 ms in which a set of parameters is put
+    /// together. A word of flash stops the processor, only while nothing is due: [`Motion::may_stand_still`].
+    #[idle(local = [watchdog, memory, buffer], shared = [motion, communication])]
+    fn idle(context: idle::Context) -> ! {
+        let idle::SharedResources { motion, mut communication, .. } = context.shared;
+        let idle::LocalResources { watchdog, memory, buffer, .. } = context.local;
+        let motion = RefCell::new(motion);
+        let mut keepers_motion = ByTurns(&motion);
+        let mut keeper = pin!(async {
+            loop {
+                remembering::keep(memory, *buffer, &mut communication, &mut keepers_motion).await;
+                yield_now().await;
+            }
+        });
+        let mut motion = ByTurns(&motion);
+        // The keeper has programmed a word, and waits for the next.
+        let mut goes_on = false;
         let mut state = None;
         let mut class_1 = None;
         let mut feedings = 0_u16;
         loop {
-            if context.local.watchdog.feed(&CHECK_IN) {
+            let fed = watchdog.feed(&CHECK_IN);
+            if fed {
                 feedings = feedings.saturating_add(1);
                 if feedings == FEEDINGS_UNTIL_WELL {
                     board::crash::well();
                 }
-                let now = context.shared.motion.lock(Motion::snapshot);
+                let now = motion.lock(|motion| motion.snapshot());
                 if state.replace(now.state) != Some(now.state) {
                     defmt::info!("{}", now.state);
                 }
                 if class_1.replace(now.class_1) != Some(now.class_1) {
                     defmt::info!("class 1 diagnostic {=u16:#06x}", now.class_1.bits());
                 }
+            }
+            if (fed || goes_on) && motion.lock(Motion::may_stand_still) {
+                PERMIT.grant();
+                // It never ends.
+                let _ = keeper.as_mut().poll(&mut Context::from_waker(Waker::noop()));
+                goes_on = PERMIT.withdraw();
             }
             cortex_m::asm::wfi();
         }
@@ -220,10 +266,11 @@ mod app {
     /// Contract: done before the second MST of the new phase; the cycle's tasks go on meanwhile and are held up only while settings are
     /// handed over.
     #[task(binds = CAN1_RX1, priority = 2, shared = [interrupts, motion, communication])]
-    fn phase_change(mut context: phase_change::Context) {
+    fn phase_change(context: phase_change::Context) {
         CHECK_IN.begun(Tasks::PHASE_CHANGE.bits());
-        let shared = &mut context.shared;
-        if let Some(report) = shared.communication.phase_change(&mut shared.interrupts, &mut shared.motion) {
+        let phase_change::SharedResources { mut interrupts, mut motion, mut communication, .. } = context.shared;
+        let report = communication.lock(|communication| communication.phase_change(&mut interrupts, &mut motion));
+        if let Some(report) = report {
             defmt::info!("{}", report);
         }
     }
@@ -233,10 +280,10 @@ mod app {
     /// Contract: 100 us from the end of the MDT to the release of the container, for every element; the master sees "busy" meanwhile, the
     /// cycle is not touched. Then, and when the motion side has news, diagnosis and error memory are brought up to date.
     #[task(binds = CAN1_SCE, priority = 2, shared = [motion, communication])]
-    fn service_channel(mut context: service_channel::Context) {
+    fn service_channel(context: service_channel::Context) {
         CHECK_IN.begun(Tasks::SERVICE_CHANNEL.bits());
-        let shared = &mut context.shared;
-        shared.communication.service_channel(&mut shared.motion);
+        let service_channel::SharedResources { mut motion, mut communication, .. } = context.shared;
+        communication.lock(|communication| communication.service_channel(&mut motion));
     }
 
     /// Sets the vectors of the tasks pending.
@@ -265,6 +312,16 @@ mod app {
             master_clock: chip_control::MASTER_CLOCK,
             transceiver: chip_control::TRANSCEIVER,
         })
+    }
+
+    /// What is to be logged of what was found in the memory; `None`: nothing.
+    const fn told_of_memory(recollection: &Recollection<'_>) -> Option<&'static str> {
+        match recollection {
+            Recollection::Set(_) => None,
+            Recollection::Unfinished(_) => Some("the last save was cut, the set before it is in force"),
+            Recollection::Empty => Some("nothing was ever saved"),
+            Recollection::Damaged => Some("what was saved cannot be read any more"),
+        }
     }
 
     /// Logs the last crash; one that has been told of was news at an earlier start.

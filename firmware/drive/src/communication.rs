@@ -14,18 +14,22 @@ use sercos::{Idn, Phase, PhaseMachine};
 use crate::crash::{CrashRecord, LastCrash};
 use crate::diagnosis::error_memory::{ErrorMemory, ErrorRecord, seconds};
 use crate::diagnosis::news::Announcement;
-use crate::diagnosis::table::of_phase_error;
+use crate::diagnosis::table::{SAVE_CUT, of_phase_error};
 use crate::dictionary::DICTIONARY;
 use crate::dictionary::procedures::Procedure;
 use crate::hardware::Hardware;
 use crate::identity::Identity;
 use crate::interrupts::RingInterrupts;
 use crate::motion::Motion;
+use crate::remembering::keeping::{Keep, Keeping, MemoryFailure};
+use crate::remembering::log::Log;
+use crate::remembering::{Recollection, set};
 use crate::service::access::Access;
 use crate::service::commissioning::Commissioning;
 use crate::service::context::{Checks, Context};
 use crate::service::finding::Finding;
 use crate::service::rescaling::Rescaling;
+use crate::service::{hand_over, loops};
 
 /// Why the drive cannot start.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -76,6 +80,9 @@ pub struct Communication<B> {
     access: Access,
     rescaling: Rescaling,
     errors: ErrorMemory,
+    /// Seconds of operation of all starts before this one.
+    total_seconds: u32,
+    keeping: Keeping,
     crash: Option<LastCrash>,
     announcement: Announcement,
 }
@@ -96,6 +103,8 @@ impl<B: Bus + Clone> Communication<B> {
             commissioning: Commissioning::default(),
             access: Access::default(),
             errors: ErrorMemory::new(),
+            total_seconds: 0,
+            keeping: Keeping::default(),
             crash: None,
             announcement: Announcement::default(),
         }
@@ -126,9 +135,103 @@ impl<B: Bus + Clone> Communication<B> {
     /// How the program ended last, in the task of this name; before it starts. One that no start has told of comes into the error memory.
     pub fn note_crash(&mut self, record: CrashRecord, task: &'static str) {
         if !record.told {
-            self.errors.add(ErrorRecord { number: record.cause.diagnosis().number, seconds: 0 });
+            self.note_error(record.cause.diagnosis().number, 0);
         }
         self.crash = Some((record, task));
+    }
+
+    /// The parameters are those that the drive remembers; whether it does.
+    pub(crate) fn recall(&mut self, recollection: Recollection<'_>) -> bool {
+        self.keeping = Keeping::with_memory();
+        let set = match recollection {
+            Recollection::Set(set) => Some(set),
+            Recollection::Unfinished(set) => {
+                self.errors.add(ErrorRecord { number: SAVE_CUT.number, seconds: 0 });
+                set
+            }
+            Recollection::Empty | Recollection::Damaged => None,
+        };
+        set.is_some_and(|set| self.take_set(set))
+    }
+
+    fn take_set(&mut self, set: &[u8]) -> bool {
+        let Some(dropped) = set::take_set(set, &mut self.parameters) else { return false };
+        self.keeping.dropped = dropped;
+        self.rescaling = Rescaling::new(&self.parameters);
+        true
+    }
+
+    /// What has happened before this start, as [`Communication::write_log`] has put it together, and the last crash of it, which nobody has told of since.
+    /// Before [`Communication::note_crash`] and [`Communication::start`].
+    pub fn recall_log(&mut self, bytes: &[u8]) -> Option<CrashRecord> {
+        let log = Log::parse(bytes)?;
+        let this_start = core::mem::replace(&mut self.errors, log.errors);
+        for error in this_start.newest_first() {
+            self.errors.add(ErrorRecord { seconds: log.seconds, ..error });
+        }
+        self.total_seconds = log.seconds;
+        log.crash
+    }
+
+    /// The next thing that is to be kept, and the total operating time.
+    pub(crate) fn next_to_keep<H: Hardware>(
+        &mut self,
+        motion: &mut impl Mutex<T = Motion<B, H>>,
+    ) -> Option<(Keep, u32)> {
+        let (now, torque) = motion.lock(|motion| (motion.operating_time(), motion.has_torque()));
+        let keep = self.keeping.next(now, torque)?;
+        Some((keep, self.total_seconds.saturating_add(seconds(now))))
+    }
+
+    /// The parameters of S-0-0192, for the memory.
+    pub(crate) fn write_set(&self, buffer: &mut [u8]) -> Option<usize> {
+        set::write_set(&self.parameters, buffer)
+    }
+
+    /// What has happened, for the memory.
+    pub(crate) fn write_log(&self, seconds: u32, buffer: &mut [u8]) -> Option<usize> {
+        let told = self.crash.as_ref().map(|(record, _)| CrashRecord { told: true, ..*record });
+        Log::write(seconds, &self.errors, told.as_ref(), buffer)
+    }
+
+    /// S-0-0263, behind the step that has started it.
+    pub(crate) fn load_set<H: Hardware>(
+        &mut self,
+        set: &[u8],
+        motion: &mut impl Mutex<T = Motion<B, H>>,
+    ) -> Result<(), MemoryFailure> {
+        // It was refused in CP4; a control that has gone on there has left the command behind.
+        if self.phases.current() == Phase::Cp4 || !self.take_set(set) {
+            return Err(MemoryFailure::NoSet);
+        }
+        if self.phases.current() == Phase::Cp3 {
+            self.phases.withdraw();
+        }
+        // What does not go together is found by S-0-0128.
+        if let Ok(settings) = loops::settings::<H>(&self.parameters) {
+            hand_over::by_parts(motion, &settings);
+        }
+        Ok(())
+    }
+
+    /// Something was kept or loaded, or not.
+    pub(crate) fn kept<H: Hardware>(
+        &mut self,
+        result: Result<(), MemoryFailure>,
+        motion: &mut impl Mutex<T = Motion<B, H>>,
+    ) {
+        let now = motion.lock(|motion| motion.operating_time());
+        let command = self.keeping.done(now, result.is_ok());
+        let unsaved = self.keeping.has_unsaved();
+        motion.lock(|motion| motion.show_unsaved(unsaved));
+        if let Err(failure) = result {
+            self.checks.finding = Some(Finding::Memory(failure));
+        }
+        if let Some(procedure) = command {
+            let state = if result.is_ok() { CommandState::Executed } else { CommandState::Failed };
+            self.server.command_progress(procedure.idn(), state);
+            self.service.set_command_change(self.server.command_change());
+        }
     }
 
     /// The slave's phase.
@@ -203,6 +306,8 @@ impl<B: Bus + Clone> Communication<B> {
             access: &mut self.access,
             rescaling: &mut self.rescaling,
             errors: &self.errors,
+            keeping: &mut self.keeping,
+            total_seconds: self.total_seconds,
             crash: self.crash.as_ref(),
             settings_changed: false,
         };
@@ -253,8 +358,13 @@ impl<B: Bus + Clone> Communication<B> {
     }
 
     fn remember<H: Hardware>(&mut self, error: PhaseError, motion: &mut impl Mutex<T = Motion<B, H>>) {
-        let seconds = seconds(motion.lock(|motion| motion.operating_time()));
-        self.errors.add(ErrorRecord { number: of_phase_error(error).number, seconds });
+        let now = motion.lock(|motion| motion.operating_time());
+        self.note_error(of_phase_error(error).number, now);
+    }
+
+    fn note_error(&mut self, number: u16, now: u64) {
+        self.errors.add(ErrorRecord { number, seconds: self.total_seconds.saturating_add(seconds(now)) });
+        self.keeping.note_event();
     }
 
     fn enter<H: Hardware>(
@@ -300,7 +410,7 @@ impl<B: Bus + Clone> Communication<B> {
             motion.operating_time()
         });
         for error in news.errors() {
-            self.errors.add(ErrorRecord { number: error.number, seconds: seconds(operating_time) });
+            self.note_error(error.number, operating_time);
         }
     }
 }

@@ -7,6 +7,8 @@
 //! | [`Motion`] | high | `command_valid` (t3), `capture_feedback` (t4), `control_loop` (125 us), `supervise` (500 us) |
 //! | [`Communication`] | low | `phase_change`, `service_channel` |
 //!
+//! What outlives the supply is kept by [`remembering::keep`], whenever there is nothing else to do.
+//!
 //! The application binds the tasks to interrupts and does nothing else; a test binds them to a simulated ring. The chip is
 //! reached through [`sercon816::Bus`], the motor through [`Hardware`].
 #![no_std]
@@ -38,6 +40,7 @@ mod limits;
 mod motion;
 mod operation_mode;
 pub mod oscilloscope;
+pub mod remembering;
 pub mod service;
 mod settings;
 mod signal;
@@ -74,6 +77,8 @@ pub use servo::monitor::{Divider, TemperatureSensor, Thermometers};
 pub use servo::motor::{BoardKind, CurrentControl, CurrentLink, CurrentLoopValues, Cycle, Facts, PowerStage, Samples};
 pub use servo::scope::Scope;
 
+use remembering::Recollection;
+
 use sercon816::Bus;
 use sercos::parameters::Parameters;
 
@@ -90,8 +95,8 @@ pub struct Drive<B, H: Hardware, P: 'static> {
     pub motion: Motion<B, H>,
 }
 
-/// A drive with the default parameters, torque-free; the chip is not touched before [`Communication::start`]. `link` is its own, for the
-/// current loop, and so is `scope`, the memory of its oscilloscope.
+/// A drive with the parameters that it remembers, torque-free; the chip is not touched before [`Communication::start`]. `link` is its own, for the
+/// current loop, and so is `scope`, the memory of its oscilloscope. What it does not remember is the default, and an error that S-0-0099 clears.
 ///
 /// # Errors
 /// The defaults do not make a drive with this board's loop timer (a mistake in the table or the board, found by tests).
@@ -102,12 +107,18 @@ pub fn new<B: Bus + Clone, H: Hardware, P: PowerStage<Board = H::Board>>(
     link: &'static CurrentLink,
     scope: &'static mut Scope,
     identity: Identity,
+    recollection: Recollection<'_>,
 ) -> Result<Drive<B, H, P>, InvalidSetting> {
-    let settings = service::loops::settings::<H>(&Parameters::new(&DICTIONARY))?;
-    Ok(Drive {
-        current: CurrentControl::new(stage, link, settings.motor.current),
-        interrupts: RingInterrupts::new(bus.clone()),
-        communication: Communication::new(bus.clone(), identity),
-        motion: Motion::new(bus, identity.address.get(), hardware, link, scope, settings),
-    })
+    let address = identity.address.get();
+    let defaults = service::loops::settings::<H>(&Parameters::new(&DICTIONARY))?;
+    let mut communication = Communication::new(bus.clone(), identity);
+    let remembers = communication.recall(recollection);
+    // A set that another program has saved may not go together here: S-0-0128 finds it.
+    let settings = service::loops::settings::<H>(communication.parameters()).unwrap_or(defaults);
+    let current = CurrentControl::new(stage, link, settings.motor.current);
+    let mut motion = Motion::new(bus.clone(), address, hardware, link, scope, settings);
+    if !remembers {
+        motion.memory_fault();
+    }
+    Ok(Drive { current, interrupts: RingInterrupts::new(bus), communication, motion })
 }

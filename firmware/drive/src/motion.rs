@@ -165,6 +165,7 @@ impl<B: Bus + Clone, H: Hardware> Motion<B, H> {
             Phase::Cp0 => Tasks::empty(),
             Phase::Cp1 | Phase::Cp2 => {
                 self.ring.answer();
+                self.clock.close_cycle();
                 self.refresh_values(self.encoder.position());
                 let status = self.status_word();
                 self.ring.show_initial_status(status);
@@ -193,6 +194,7 @@ impl<B: Bus + Clone, H: Hardware> Motion<B, H> {
             word = self.ring.show(word, words, value);
             index = index.wrapping_add(1);
         }
+        self.clock.close_cycle();
     }
 
     /// Task of the loop tick, every 125 us, started by the current loop: position, velocity and torque, and the order to the current loop.

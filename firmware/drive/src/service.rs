@@ -5,7 +5,7 @@ mod checks;
 pub(crate) mod commissioning;
 pub(crate) mod context;
 pub(crate) mod finding;
-mod hand_over;
+pub(crate) mod hand_over;
 mod lists;
 mod live;
 pub(crate) mod loops;

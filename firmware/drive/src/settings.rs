@@ -61,6 +61,8 @@ pub struct CycleSettings {
     pub ticks_per_cycle: u16,
     /// Loop ticks from one t3 event to the time at which the next is overdue: a cycle and a quarter, at least two ticks.
     pub ticks_to_overdue: u16,
+    /// us from t3 to t4, in the same cycle or across the MST.
+    pub from_t3_to_t4: u16,
     /// Communication cycles in a control unit cycle (S-0-0001): the command value changes once in so many.
     pub cycles_per_command: u16,
 }
@@ -78,7 +80,9 @@ impl CycleSettings {
         let clock = LoopClockSettings::new(loop_timer_counts, ticks_per_cycle, three_quarters(loop_timer_counts))
             .map_err(invalid(2))?;
         let ticks_to_overdue = ticks_per_cycle.saturating_add((ticks_per_cycle >> 2).max(2));
-        Ok(Self { clock, ticks_per_cycle, ticks_to_overdue, cycles_per_command })
+        let [cycle, t3, t4] = [2, 8, 7].map(|number| parameters.get_word(Idn::standard(number)));
+        let from_t3_to_t4 = t4.checked_sub(t3).unwrap_or_else(|| t4.wrapping_add(cycle).wrapping_sub(t3));
+        Ok(Self { clock, ticks_per_cycle, ticks_to_overdue, from_t3_to_t4, cycles_per_command })
     }
 }
 

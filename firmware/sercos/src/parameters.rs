@@ -10,6 +10,10 @@ use crate::idn::Idn;
 use crate::telegram_type::TelegramType;
 use heapless::{String, Vec};
 
+mod record;
+
+pub use record::MOST_BYTES;
+
 /// Highest bit number of a signal word's allocation (S-0-0328, S-0-0329): all data that have bits have two bytes.
 pub const HIGHEST_BIT: u16 = 15;
 

@@ -66,12 +66,14 @@ fn held<M: Master>(
     let bit_rate = configuration.bit_rate;
     let (chip, motor_side) = station(setup, bit_rate, &configuration.clock);
     let measurements = SharedMeasurements::default();
-    let drive = QemuDrive::start(elves, &chip, &motor_side, setup.address, bit_rate, measurements.clone())?;
+    let parts = (&chip, &motor_side);
+    let drive = QemuDrive::start(elves, parts, &setup.flash, setup.address, bit_rate, measurements.clone())?;
     let elf = Some(drive.elf());
     let drive = Rc::new(RefCell::new(drive));
     let inhabited =
         Inhabited { processor: Box::new(Held(drive.clone())), motor_side: motor_side.clone(), laws: laws.clone() };
     let ring = Ring::new(configuration, master, vec![chip.clone()]);
-    let handle = DriveHandle { address: setup.address, chip, motor_side, measurements, elf, laws };
+    let handle =
+        DriveHandle { address: setup.address, chip, motor_side, measurements, flash: Rc::default(), elf, laws };
     Ok((World::new(ring, vec![inhabited]), handle, drive))
 }

@@ -3,15 +3,19 @@
 //! What this file stands for is `firmware/app/src/main.rs` and the board: edges of the interrupt pins, the end of
 //! conversion, the order of priorities. Everything else is the product.
 
+use drive::remembering;
 use drive::{
     Communication, CurrentControl, CurrentLink, Drive, Identity, InterruptLine, Motion, RingInterrupts, Scope, Tasks,
 };
+use embassy_futures::block_on;
+use memory::{Log, Memory};
 use ring::Nanoseconds;
 use ring::chip::{ChipBus, InterruptPin, SharedChip};
 use ring::time::SharedClock;
 use rtic_core::Exclusive;
 
 use crate::executor::SharedMeasurements;
+use crate::memory::{BUFFER, HostFlash, SharedFlash};
 use crate::motor_side::{MotorSide, SharedMotorSide, SimulatedStage};
 use crate::processor::{Processor, ProcessorError};
 
@@ -43,7 +47,14 @@ pub struct HostDrive {
     edges: [Option<Nanoseconds>; 2],
     background: Option<(Nanoseconds, Tasks)>,
     measurements: SharedMeasurements,
+    memory: Memory<HostFlash>,
+    buffer: Box<[u8; BUFFER]>,
+    /// When the idle task looks for what is to be kept.
+    next_look: Nanoseconds,
 }
+
+/// How often the idle task looks for what is to be kept: as often as it feeds the watchdog.
+const LOOKS: Nanoseconds = Nanoseconds::from_millis(8);
 
 impl HostDrive {
     /// Switches a drive on: chip initialisation and everything that `init` does.
@@ -51,9 +62,8 @@ impl HostDrive {
     /// # Errors
     /// The drive refuses its chip.
     pub fn start(
-        chip: &SharedChip,
+        (chip, motor_side, flash): (&SharedChip, &SharedMotorSide, &SharedFlash),
         clock: &SharedClock,
-        motor_side: &SharedMotorSide,
         identity: Identity,
         latency: Latency,
         measurements: SharedMeasurements,
@@ -64,6 +74,9 @@ impl HostDrive {
         // As in the application: link and oscilloscope live as long as the drive, which is for ever.
         let link = Box::leak(Box::new(CurrentLink::new()));
         let scope = Box::leak(Box::new(Scope::new()));
+        let mut memory = Memory::new(HostFlash(flash.clone()));
+        let mut buffer = Box::new([0; BUFFER]);
+        let recollection = block_on(remembering::recall(&mut memory, &mut *buffer));
         let Drive { current, mut interrupts, mut communication, mut motion } = drive::new(
             bus,
             MotorSide::new(motor_side.clone()),
@@ -71,8 +84,13 @@ impl HostDrive {
             link,
             scope,
             identity,
+            recollection,
         )
         .map_err(|error| refused(&error))?;
+        let past = block_on(memory.load_log(&mut *buffer, Log::Events)).ok().flatten();
+        if let Some(crash) = past.and_then(|log| communication.recall_log(log)) {
+            communication.note_crash(crash, "before the supply went");
+        }
         communication.start(&mut interrupts, &mut motion).map_err(|error| refused(&error))?;
         Ok(Self {
             chip: chip.clone(),
@@ -85,6 +103,9 @@ impl HostDrive {
             edges: [None; 2],
             background: None,
             measurements,
+            memory,
+            buffer,
+            next_look: Nanoseconds::ZERO,
         })
     }
 
@@ -163,6 +184,20 @@ impl HostDrive {
     }
 }
 
+impl HostDrive {
+    /// What the idle task does beside feeding the watchdog.
+    fn idle(&mut self, now: Nanoseconds) {
+        if now < self.next_look || !self.motion.may_stand_still() {
+            return;
+        }
+        self.next_look = now + LOOKS;
+        let mut communication = Exclusive(&mut self.communication);
+        let mut motion = Exclusive(&mut self.motion);
+        // A word takes no time here; what it takes, and where it waits, the ELF shows.
+        block_on(remembering::keep(&mut self.memory, &mut *self.buffer, &mut communication, &mut motion));
+    }
+}
+
 impl Processor for HostDrive {
     fn next_event(&self) -> Option<Nanoseconds> {
         let background = self.background.map(|(due, _)| due);
@@ -187,6 +222,9 @@ impl Processor for HostDrive {
             self.start_tasks(now, work);
         }
         self.background_tasks(now);
+        if tick {
+            self.idle(now);
+        }
         // What the tasks wrote may have moved the pins: a flag cleared, or one that came while the handler ran.
         self.take_edges();
         Ok(())

@@ -3,6 +3,7 @@
 use std::cell::RefMut;
 
 use emulator::{DigitalInputs, EmulatorError, Environment, Guest, GuestConfiguration, IndexEdge, Reset, Stopped};
+use flash::FlashModel;
 use ring::Nanoseconds;
 use ring::chip::SharedChip;
 use ring::wire::BitRate;
@@ -30,8 +31,8 @@ impl QemuDrive {
     /// QEMU is missing, an ELF is not what it should be, or the bus does not come up.
     pub fn start(
         elves: &Elves,
-        chip: &SharedChip,
-        motor_side: &SharedMotorSide,
+        (chip, motor_side): (&SharedChip, &SharedMotorSide),
+        flash: &FlashModel,
         address: u8,
         bit_rate: BitRate,
         measurements: SharedMeasurements,
@@ -42,7 +43,9 @@ impl QemuDrive {
             foretells: elves.foretells,
             ..GuestConfiguration::new(&elves.product, &elves.bus)
         };
-        let guest = Guest::start(&how).map_err(|error| ProcessorError::Stuck { address, cause: error.to_string() })?;
+        let stuck = |error: EmulatorError| ProcessorError::Stuck { address, cause: error.to_string() };
+        let mut guest = Guest::start(&how).map_err(stuck)?;
+        guest.set_flash(flash.clone()).map_err(stuck)?;
         motor_side.borrow_mut().leave_breaks();
         let elf = Elf::new(guest);
         let environment = QemuEnvironment {

@@ -4,6 +4,7 @@ use std::cell::RefCell;
 use std::rc::Rc;
 
 use drive::{DriveAddress, Identity};
+use flash::FlashModel;
 use laws::{Observer, SharedObserver};
 use plant::ReferenceAxis;
 use ring::chip::{Alternatives, Chip, SharedChip, Straps};
@@ -16,6 +17,7 @@ use sercon816::{Block, MasterClock, Transceiver};
 use crate::elf::Elf;
 use crate::executor::{Executor, SharedMeasurements};
 use crate::host_drive::{HostDrive, Latency};
+use crate::memory::{SharedFlash, remembered, saved_defaults};
 use crate::motor_side::{MotorSideState, SharedMotorSide};
 use crate::processor::{Processor, ProcessorError};
 use crate::qemu_drive::QemuDrive;
@@ -35,10 +37,12 @@ pub struct DriveSetup {
     pub latency: Latency,
     /// How fast its crystal is, in ppm.
     pub clock_ppm: i64,
+    /// What it remembers.
+    pub flash: FlashModel,
 }
 
 impl DriveSetup {
-    /// A press drive on a chip that behaves as proposed.
+    /// A press drive on a chip that behaves as proposed, in whose memory the defaults were saved.
     pub fn new(address: u8) -> Self {
         Self {
             address,
@@ -46,6 +50,7 @@ impl DriveSetup {
             axis: ReferenceAxis::press(),
             latency: Latency::default(),
             clock_ppm: 0,
+            flash: saved_defaults(),
         }
     }
 
@@ -66,6 +71,8 @@ pub struct DriveHandle {
     pub motor_side: SharedMotorSide,
     /// What is measured on it.
     pub measurements: SharedMeasurements,
+    /// What it remembers, where it runs on this computer; of an ELF it is `Guest::flash`.
+    pub flash: SharedFlash,
     /// Its processor, where that runs in QEMU.
     pub elf: Option<Elf>,
     /// Who watches whether it keeps the laws of the axis.
@@ -101,7 +108,9 @@ pub(crate) fn station(setup: &DriveSetup, bit_rate: BitRate, clock: &SharedClock
 
 /// Watches the drive of a setup.
 pub(crate) fn observer(setup: &DriveSetup) -> SharedObserver {
-    Rc::new(RefCell::new(Observer::new(setup.address, setup.axis.machine)))
+    let mut observer = Observer::new(setup.address, setup.axis.machine);
+    observer.remember(remembered(&setup.flash));
+    Rc::new(RefCell::new(observer))
 }
 
 /// The identity that the switches of a drive give.
@@ -151,21 +160,32 @@ pub fn ring_of_drives_on<M: Master>(
         let (chip, motor_side) = station(setup, bit_rate, &clock);
         let identity = identity(setup.address, bit_rate)?;
         let measurements = SharedMeasurements::default();
+        let flash = Rc::new(RefCell::new(setup.flash.clone()));
         let mut elf = None;
         let processor: Box<dyn Processor> = match executor(setup.address) {
             Executor::Host => {
-                Box::new(HostDrive::start(&chip, &clock, &motor_side, identity, setup.latency, measurements.clone())?)
+                let parts = (&chip, &motor_side, &flash);
+                Box::new(HostDrive::start(parts, &clock, identity, setup.latency, measurements.clone())?)
             }
             Executor::Qemu(elves) => {
-                let drive =
-                    QemuDrive::start(&elves, &chip, &motor_side, setup.address, bit_rate, measurements.clone())?;
+                let parts = (&chip, &motor_side);
+                let measured = measurements.clone();
+                let drive = QemuDrive::start(&elves, parts, &setup.flash, setup.address, bit_rate, measured)?;
                 elf = Some(drive.elf());
                 Box::new(drive)
             }
         };
         let laws = observer(setup);
         stations.push(Inhabited { processor, motor_side: motor_side.clone(), laws: laws.clone() });
-        handles.push(DriveHandle { address: setup.address, chip: chip.clone(), motor_side, measurements, elf, laws });
+        handles.push(DriveHandle {
+            address: setup.address,
+            chip: chip.clone(),
+            motor_side,
+            measurements,
+            flash,
+            elf,
+            laws,
+        });
         chips.push(chip);
     }
     let ring = Ring::new(configuration, master, chips);

@@ -47,7 +47,7 @@ fn the_chip_starts_with_the_straps_of_the_switches_after_a_reset_and_is_waited_f
     for (bit_rate, straps) in [(0, (true, true)), (1, (false, true)), (2, (true, false)), (3, (false, false))] {
         let mut world = Quiet { bit_rate, ..Quiet::new() };
         let mut guest = Guest::start(&configuration()).unwrap();
-        run(&mut guest, &mut world, Nanoseconds::from_millis(12)).unwrap();
+        run(&mut guest, &mut world, Nanoseconds::from_millis(35)).unwrap();
         let events = &world.chip;
         println!("{bit_rate}: {events:?}");
         let at = |wanted: Chip| events.iter().find(|(_, seen)| *seen == wanted).map(|(time, _)| time.0);
@@ -59,9 +59,10 @@ fn the_chip_starts_with_the_straps_of_the_switches_after_a_reset_and_is_waited_f
         assert!(at(Chip::Reset(true)).unwrap() <= held, "{bit_rate}: not in reset");
         let [released, accessed] = [Chip::Reset(false), Chip::Accessed].map(|event| at(event).unwrap());
         // The pull-ups of the switches take 100 us, the reset 10 us, the start of the chip 1 ms: so much at least. A turn of the delay's loop
-        // counts three times as long here as its least on the part; and 1.4 ms pass for the rest of the set-up.
+        // counts three times as long here as its least on the part; and 1.4 ms pass for the rest of the set-up. Looking for
+        // what was saved takes 16 ms in between, while the chip repeats.
         assert!((110_000..400_000).contains(&(released - held)), "{bit_rate}: {} ns in reset", released - held);
-        assert!((3_500_000..5_500_000).contains(&(accessed - released)), "{bit_rate}: {} ns", accessed - released);
+        assert!((19_000_000..22_500_000).contains(&(accessed - released)), "{bit_rate}: {} ns", accessed - released);
         if straps != (true, true) {
             let strapped = last(|seen| matches!(seen, Chip::Straps(..))).0.0;
             assert!((100_000..350_000).contains(&(strapped - held)), "{bit_rate}: switches read too early");
@@ -76,7 +77,7 @@ fn a_station_whose_switches_show_no_drive_address_leaves_the_chip_alone() {
     for address in [0, 255, 1, 254] {
         let mut world = Quiet { address, ..Quiet::new() };
         let mut guest = Guest::start(&configuration()).unwrap();
-        run(&mut guest, &mut world, Nanoseconds::from_millis(12)).unwrap();
+        run(&mut guest, &mut world, Nanoseconds::from_millis(35)).unwrap();
         let accessed = world.chip.iter().any(|(_, seen)| *seen == Chip::Accessed);
         assert_eq!(accessed, (1..=254).contains(&address), "{address}");
         let released = world.chip.iter().any(|(_, seen)| *seen == Chip::Reset(false));
@@ -91,9 +92,9 @@ fn two_runs_are_the_same_to_the_nanosecond() {
         let mut world = Quiet::new();
         let mut guest = Guest::start(&configuration()).unwrap();
         let mut times = Vec::new();
-        while let Some(now) = guest.next_event().filter(|now| *now < Nanoseconds::from_millis(20)) {
+        while let Some(now) = guest.next_event().filter(|now| *now < Nanoseconds::from_millis(40)) {
             times.push(now);
-            guest.run(&mut world, now, Nanoseconds::from_millis(20)).unwrap();
+            guest.run(&mut world, now, Nanoseconds::from_millis(40)).unwrap();
         }
         (times, guest.measurements().clone())
     };
@@ -111,10 +112,10 @@ fn an_edge_of_either_interrupt_pin_is_answered_within_microseconds() {
     let mut guest = Guest::start(&configuration()).unwrap();
     guest.add_probe(Probe::new("INT0", Trigger::Int0Edge, Trigger::Read(STATUS_REGISTER_4)));
     guest.add_probe(Probe::new("INT1", Trigger::Int1Edge, Trigger::Read(STATUS_REGISTER_4)));
-    run(&mut guest, &mut world, Nanoseconds::from_millis(20)).unwrap();
+    run(&mut guest, &mut world, Nanoseconds::from_millis(40)).unwrap();
     // Off the beat of the loop timer, so that some edges meet the control loop at work.
     for edge in 0..40_u64 {
-        let now = Nanoseconds::from_millis(21) + Nanoseconds(edge * 531_700);
+        let now = Nanoseconds::from_millis(41) + Nanoseconds(edge * 531_700);
         run(&mut guest, &mut world, now).unwrap();
         if edge % 4 < 2 {
             world.pins.0 = !world.pins.0;
@@ -123,7 +124,7 @@ fn an_edge_of_either_interrupt_pin_is_answered_within_microseconds() {
         }
         guest.run(&mut world, now, now).unwrap();
     }
-    run(&mut guest, &mut world, Nanoseconds::from_millis(43)).unwrap();
+    run(&mut guest, &mut world, Nanoseconds::from_millis(63)).unwrap();
     for probe in &guest.measurements().probes {
         println!("{}: {:?}", probe.name, probe.latency);
         assert_eq!(probe.latency.count, 20, "{}: an edge was lost", probe.name);

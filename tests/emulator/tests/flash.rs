@@ -365,6 +365,7 @@ fn the_boards_flash_does_what_it_is_permitted_and_names_every_error() {
         "write zeros over it: Ok(())",
         "write ones over it: Err(NotWritten)",
         "write the last word: Ok(())",
+        "read the last byte: Ok(()), [9]",
         "write beyond the end: Err(OutOfBounds)",
         "read beyond the end: Err(OutOfBounds)",
         "write off the words: Err(NotAligned)",

@@ -48,7 +48,7 @@ const LATE_MICROSECONDS: u64 = 100;
 const COMMANDS: [u16; 9] = [36, 37, 47, 48, 80, 81, 258, 282, 346];
 
 /// Commands that give positions another zero, and values that give them another weight.
-const REZEROES: [u16; 17] = [44, 45, 46, 55, 76, 77, 78, 79, 103, 116, 121, 122, 123, 148, 262, 277, 447];
+const REZEROES: [u16; 18] = [44, 45, 46, 55, 76, 77, 78, 79, 103, 116, 121, 122, 123, 148, 262, 263, 277, 447];
 
 /// Watches one drive.
 pub struct Observer {
@@ -69,6 +69,12 @@ impl Observer {
     #[must_use]
     pub fn new(address: u8, machine: MachineSettings) -> Self {
         Self::with(address, machine, laws::all())
+    }
+
+    /// The drive was started with these values instead of its defaults: it remembers them.
+    pub fn remember(&mut self, values: impl IntoIterator<Item = (Idn, Vec<u16>)>) {
+        self.scene.settings.remember(values);
+        self.scene.units = Units::of(&self.scene.settings);
     }
 
     /// Sees and judges nothing: for a drive whose processor is going to be taken away, of which no law holds.
@@ -242,6 +248,9 @@ impl Observer {
                             CHANGERS.iter().filter(|(command, _)| *command == idn.0).flat_map(|(_, all)| *all)
                         {
                             scene.settings.forget(Idn(*changed));
+                        }
+                        if *idn == Idn(263) {
+                            scene.settings.load_saved();
                         }
                         if *idn == Idn(262) {
                             scene.settings.load_defaults(scene.wire.phase < 4);

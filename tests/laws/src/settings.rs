@@ -266,6 +266,25 @@ impl Settings {
         }
     }
 
+    /// What the drive had when it was started, other than [`DEFAULTS`]: its memory has given it back.
+    pub fn remember(&mut self, values: impl IntoIterator<Item = (Idn, Vec<u16>)>) {
+        for (idn, words) in values {
+            if Self::bytes_of(idn).is_some() || self.values.get(idn.0).is_some() {
+                self.note(idn, words);
+            }
+        }
+        self.scaling = self.scaling_now();
+        self.fresh.clear();
+        self.arrange();
+    }
+
+    /// S-0-0263 has been executed: what was saved is unknown until it is read.
+    pub fn load_saved(&mut self) {
+        self.values.retain(|number| OF_THE_RING.contains(&number));
+        self.scaling = self.scaling_now();
+        self.fresh.clear();
+    }
+
     /// Everything that is known, to be compared with what is read.
     #[must_use]
     pub fn words(&self, idn: Idn) -> Option<&[u16]> {

@@ -117,6 +117,9 @@ diagnoses! {
     NO_POWER_AT_SWITCH_ON = 0xE009 "Switched on without main power", "Freigabe ohne Leistung",
         "Bits 15 and 14 of the control word are set, but the DC link is not charged.",
         "Switch the main power on, then give bit 15 a new edge.";
+    SAVE_CUT = 0xE00A "Last save cut, set before it loaded", "Speichern abgebrochen, alter Satz gilt",
+        "The supply went while parameters were being saved; the control was not told that it was done. The set before is in force.",
+        "Check the parameters and save them again (S-0-0264).";
     OVERLOAD_WARNING = 0xE010 "Overload, current reduced", "Ueberlast, Strom begrenzt",
         "The thermal model of motor or amplifier has passed 90 % (P-0-0132, P-0-0133); the current is folded back.",
         "Reduce load or cycle; check friction, brake and S-0-0111, S-0-0112, P-0-0130, P-0-0131.";
@@ -224,6 +227,9 @@ diagnoses! {
     OPEN_PHASE = 0xF11C "Motor phase open", "Motorstrang offen",
         "One of the three motor phases carries nothing of the current that is asked of it, and the other two do.",
         "Check motor cable, connectors and motor contactor, all three cores; then S-0-0099.";
+    MEMORY = 0xF11D "No saved parameters", "Keine gespeicherten Parameter",
+        "Nothing was ever saved (S-0-0264), or what was saved cannot be read any more. All parameters are their defaults, which are no motor of yours.",
+        "Write the parameters of motor and axis, or load a backup; S-0-0264, then S-0-0099. If it comes again after S-0-0264, have the board replaced.";
     THERMOMETER_SHORT = 0xF11E "Temperature sensor: short circuit", "Temperatursensor: Kurzschluss",
         "The wires of a sensor touch each other: that of the heat sink where S-0-0384 shows -200.0, else that of the motor, which may also be another one than P-0-0134 says.",
         "Motor: check the cores of its sensor for a short circuit, and P-0-0134 against the motor; then S-0-0099. Heat sink: have the amplifier repaired.";
@@ -267,7 +273,7 @@ static ERRORS: [(Class1, &Diagnosis); 12] = [
 ];
 
 /// The errors of S-0-0129, the gravest first. They stand before those of C1D: they say more.
-static OWN_ERRORS: [(Manufacturer1, &Diagnosis); 15] = [
+static OWN_ERRORS: [(Manufacturer1, &Diagnosis); 16] = [
     (Manufacturer1::AMPLIFIER_FAULT, &AMPLIFIER_FAULT),
     // An open phase makes the currents wrong for many reasons.
     (Manufacturer1::OPEN_PHASE, &OPEN_PHASE),
@@ -284,6 +290,7 @@ static OWN_ERRORS: [(Manufacturer1, &Diagnosis); 15] = [
     (Manufacturer1::THERMOMETER_SHORT, &THERMOMETER_SHORT),
     (Manufacturer1::THERMOMETER_BROKEN, &THERMOMETER_BROKEN),
     (Manufacturer1::COMMAND_JUMP, &COMMAND_JUMP),
+    (Manufacturer1::MEMORY, &MEMORY),
 ];
 
 /// The diagnosis to show: an error before a warning before a state, the cause of a communication error before the fact.

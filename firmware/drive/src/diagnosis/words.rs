@@ -39,6 +39,8 @@ bitflags! {
         const COMMAND_JUMP = 1 << 12;
         /// A phase of the motor carries no current.
         const OPEN_PHASE = 1 << 13;
+        /// Nothing is remembered of the parameters.
+        const MEMORY = 1 << 14;
         /// A temperature sensor is short-circuited.
         const THERMOMETER_SHORT = 1 << 15;
         /// All errors of the search for the commutation angle.
@@ -79,6 +81,8 @@ bitflags! {
         const PARKED = 1 << 1;
         /// The password S-0-0267 locks the stored parameters.
         const PASSWORD = 1 << 2;
+        /// Parameters were written that are to be kept (S-0-0269 = 0) and are not yet.
+        const UNSAVED = 1 << 3;
     }
 }
 

@@ -142,8 +142,8 @@ sercos::data_blocks! {
     S 261 "Coarse position window" [position] I32 written ALWAYS (0 to 2_147_483_647) = 100_000 => Parameter, stored;
     /// Language of S-0-0095, P-0-0003, P-0-0010 and P-0-0011: 0 German (S-0-0095 only, the others stay English), 1 English.
     S 265 "Language selection" [""] U16/0 written ALWAYS (0 to 1) = 1 => Parameter, stored;
-    /// 1: operation data live in RAM and are lost with the supply. This drive has no other mode.
-    S 269 "Storage mode" [""] BITS/0 written ALWAYS (1 to 1) = 1 => Parameter;
+    /// 0: what is written of S-0-0192 is kept for the next start, a quarter of a second after the last write and not while torque is on; bit 3 of S-0-0182 is set until then. 1: it is kept by S-0-0264.
+    S 269 "Storage mode" [""] BITS/0 written ALWAYS (0 to 1) = 1 => Parameter, stored;
     /// Time after which an axis that does not come to a standstill is braked all the same; 0: never.
     S 273 "Maximum drive off delay time" ["ms"] U16/0 written ALWAYS (0 to 65_535) = 0 => Parameter, stored;
     /// Bit 3: the encoder counts the other way round. Rotary, incremental, at the motor: all other bits 0.

@@ -14,19 +14,21 @@ sercos::data_blocks! {
     S 266 "List of available languages" [""] NUMBERS/0 written NEVER () = 0 => Languages;
     /// Operation modes that S-0-0032 to S-0-0035 and S-0-0284 to S-0-0287 may name.
     S 292 "List of supported operation modes" [""] HEXES/0 written NEVER () = 0 => OperationModes;
-    /// S-0-0390 of the last 32 errors since the supply came on, the newest first; their times are in P-0-0004.
+    /// S-0-0390 of the last 32 errors, the newest first; their times are in P-0-0004. They outlive the supply.
     S 375 "List of diagnostic numbers" [""] HEXES/0 written NEVER () = 0 => DiagnosticNumbers;
     /// Why S-0-0127 blames each IDN of S-0-0021, in the same order; the codes are in the manual.
     P 1 "Reasons of S-0-0021" [""] HEXES/0 written NEVER () = 0 => ReasonsForCp3;
     /// Why S-0-0128 blames each IDN of S-0-0022, in the same order; the codes are in the manual.
     P 2 "Reasons of S-0-0022" [""] HEXES/0 written NEVER () = 0 => ReasonsForCp4;
+    /// Data blocks that were saved and could not be taken over at the start or by S-0-0263: unknown to this firmware, of another length, or out of today's range. They are the default, and S-0-0127 or S-0-0128 asks for those that it needs.
+    P 14 "Data that were not restored" [""] IDNS/0 written NEVER () = 0 => NotRestored;
 }
 
 sercos::data_blocks! {
     /// A list of four-byte numbers.
     pub enum Longs in LONG_LISTS: Live [];
 
-    /// When each error of S-0-0375 came, in seconds since the supply came on.
+    /// When each error of S-0-0375 came, in seconds of P-0-0015.
     P 4 "Times of the last errors" ["s"] LONGS/0 written NEVER () = 0 => ErrorTimes;
     /// P-0-0012 for the maker: cause (1 fault, 2 panic, 3 stack, 4 crystal, 5 unbound interrupt, 6 watchdog, 7 control stopped) in bits 6 to 0, exception from bit 16 up; crashes since the supply came on; pc, lr, sp, xPSR, r0 to r12; CFSR, HFSR, MMFAR, BFAR; line of a panic or tasks that did not begin; end of the file's name. Empty without a crash.
     P 13 "Record of the last crash" [""] HEX_LONGS/0 written NEVER () = 0 => CrashRecord;

@@ -20,6 +20,8 @@ sercos::data_blocks! {
     P 6 "Operating time" ["s"] U32/0 written NEVER () = 0 => OperatingTime;
     /// Why the processor was started: 1 supply, 2 reset pin, 3 watchdog, 4 software, 5 low power, 0 unknown.
     P 9 "Reset cause" [""] U16/0 written NEVER () = 0 => ResetCause;
+    /// Time for which the processor has run, all starts together; kept every hour, and with every error.
+    P 15 "Total operating time" ["s"] U32/0 written NEVER () = 0 => TotalOperatingTime;
     /// Electrical angle at this moment; -1: not known. Written without torque it is taken over: for an axis whose angle was kept elsewhere while its brake held it; -1 lets the drive search again.
     P 118 "Commutation angle" ["deg"] I32/2 written ALWAYS (-1 to 35_999) = -1 => CommutationAngle, restricted;
     /// 0: the commutation angle is not known; 1: from the alignment or from P-0-0118; 2: checked by the index.

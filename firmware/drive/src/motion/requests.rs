@@ -18,7 +18,7 @@ use super::homing::HomingFailure;
 use super::identification::{Failure, Outcome, Plan};
 use super::ring_clock::{ClockMonitor, PHASE_ERROR_CLASSES};
 use crate::diagnosis::faults::Findings;
-use crate::diagnosis::words::Circumstances;
+use crate::diagnosis::words::{Circumstances, Manufacturer1};
 use crate::hardware::{Hardware, ResetCause};
 use crate::settings::{CycleSettings, DriveSettings, MotionSettings};
 use crate::signal::bits::BitSettings;
@@ -166,6 +166,18 @@ impl<B: Bus + Clone, H: Hardware> Motion<B, H> {
         self.fail(Findings { class_1: Class1::COMMUNICATION, ..Findings::default() });
     }
 
+    /// Nothing is remembered of the parameters.
+    pub(crate) fn memory_fault(&mut self) {
+        let mut findings = Findings::default();
+        findings.add_own(Manufacturer1::MEMORY, false);
+        self.fail(findings);
+    }
+
+    /// Parameters were written that are to be kept and are not yet.
+    pub(crate) fn show_unsaved(&mut self, unsaved: bool) {
+        self.status.show_unsaved(unsaved);
+    }
+
     /// S-0-0014 and S-0-0390, for the AT.
     pub fn set_diagnostics(&mut self, interface_status: u16, diagnostic_number: u16) {
         self.status.set_diagnostics(interface_status, diagnostic_number);
@@ -293,6 +305,12 @@ impl<B: Bus + Clone, H: Hardware> Motion<B, H> {
     /// Whether torque is on.
     pub const fn has_torque(&self) -> bool {
         self.operation.state().has_torque()
+    }
+
+    /// Whether the processor may stand still for 100 us from now on, the time of a word of flash: there is no torque, and nothing is due on the ring. Each
+    /// answer is for one word.
+    pub fn may_stand_still(&mut self) -> bool {
+        !self.has_torque() && self.clock.is_idle(self.ring.phase(), &self.settings.cycle)
     }
 
     /// Whether the motor stands (C3D bit 1).

@@ -1,7 +1,11 @@
 //! The instants of the ring: when t3 is due, what the hardware latched at the edges of t3 and t4, and how well the loops keep their phase to
 //! them (P-0-0150 to P-0-0152).
 
+use sercos::Phase;
 use servo::clock::{LoopClock, LoopClockSettings};
+
+use crate::hardware::LOOP_PERIOD_MICROSECONDS;
+use crate::settings::CycleSettings;
 
 /// Keeps the loops in step with the ring.
 ///
@@ -16,6 +20,8 @@ pub(super) struct RingClock {
     clock: LoopClock,
     /// Encoder count at the last edge of t4.
     latch: u32,
+    /// Behind the last t3, or in CP1 and CP2 behind the last MDT, all that is due before the next one has been done.
+    done: bool,
     /// Ticks of the supervision for which somebody still waits for the clock to lock.
     patience: u16,
 }
@@ -23,7 +29,7 @@ pub(super) struct RingClock {
 impl RingClock {
     /// A clock that knows nothing of the ring, outside the cyclic phases.
     pub(super) const fn new(settings: LoopClockSettings) -> Self {
-        Self { until_overdue: 0, edge_phase: 0, clock: LoopClock::new(settings), latch: 0, patience: 0 }
+        Self { until_overdue: 0, edge_phase: 0, clock: LoopClock::new(settings), latch: 0, done: false, patience: 0 }
     }
 
     /// Begins without knowledge of phase and drift.
@@ -54,11 +60,37 @@ impl RingClock {
         self.latch
     }
 
+    /// The last task of a cycle has been done: that of t4, or in CP1 and CP2 that of the MDT.
+    #[inline]
+    pub(super) const fn close_cycle(&mut self) {
+        self.done = true;
+    }
+
+    /// The processor may stand still for the time of a word of flash, 100 us at most, before t3, t4 or the next MDT is due. In CP1 and CP2 once a cycle.
+    ///
+    /// How long ago t3 was is known to a tick, of which one may just have begun.
+    pub(super) fn is_idle(&mut self, phase: Phase, cycle: &CycleSettings) -> bool {
+        const TICK: u32 = LOOP_PERIOD_MICROSECONDS as u32;
+        /// A word, and whoever was interrupted by the wake-up.
+        const STAND: u32 = 110;
+        match phase {
+            Phase::Cp0 => true,
+            Phase::Cp1 | Phase::Cp2 => core::mem::take(&mut self.done),
+            Phase::Cp3 | Phase::Cp4 => {
+                let ticks = cycle.ticks_to_overdue.saturating_sub(self.until_overdue);
+                let free_at = u32::from(ticks).saturating_add(1).saturating_mul(TICK).saturating_add(STAND);
+                let next = u32::from(cycle.ticks_per_cycle).saturating_mul(TICK);
+                self.until_overdue != 0 && free_at < next && (self.done || free_at < u32::from(cycle.from_t3_to_t4))
+            }
+        }
+    }
+
     /// A t3 event, at the edge that was taken.
     #[inline]
     pub(super) fn on_t3(&mut self, ticks_to_overdue: u16) {
         self.clock.on_t3(self.edge_phase);
         self.until_overdue = ticks_to_overdue;
+        self.done = false;
     }
 
     /// The phase error of the last t3 event, in counts of the loop timer.

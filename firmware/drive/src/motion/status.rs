@@ -199,6 +199,11 @@ impl Status {
         self.manufacturer_3.set(Manufacturer3::PASSWORD, locked);
     }
 
+    /// Parameters are not kept yet.
+    pub(super) fn show_unsaved(&mut self, unsaved: bool) {
+        self.manufacturer_3.set(Manufacturer3::UNSAVED, unsaved);
+    }
+
     /// The axis is parked.
     #[inline]
     pub(super) const fn is_parked(&self) -> bool {

@@ -20,6 +20,7 @@ use crate::dictionary::procedures::Procedure;
 use crate::hardware::Hardware;
 use crate::identity::Identity;
 use crate::motion::Motion;
+use crate::remembering::keeping::Keeping;
 
 /// What the transition checks have found and prepared.
 #[derive(Debug, Default)]
@@ -51,6 +52,9 @@ pub(crate) struct Context<'a, B, M> {
     pub(crate) access: &'a mut Access,
     pub(crate) rescaling: &'a mut Rescaling,
     pub(crate) errors: &'a ErrorMemory,
+    pub(crate) keeping: &'a mut Keeping,
+    /// Of all starts before this one.
+    pub(crate) total_seconds: u32,
     /// P-0-0012, P-0-0013.
     pub(crate) crash: Option<&'a LastCrash>,
     /// A parameter of the loops has changed before they have begun to work with it; they get it once the step is released.
@@ -72,6 +76,18 @@ where
                 Ok(settings) => self.motion.lock(|motion| motion.apply_settings(&settings)),
                 Err(_) => debug_assert!(!self.loops_work(), "what the loops work with was checked"),
             }
+        }
+    }
+
+    /// What S-0-0192 lists has changed: with S-0-0269 = 0 it is kept as soon as it can be.
+    pub(crate) fn note_stored(&mut self, parameters: &Parameters) {
+        const STORAGE_MODE: Idn = Idn::standard(269);
+        if parameters.get_word(STORAGE_MODE) == 0 && self.keeping.has_memory() {
+            let now = self.motion.lock(|motion| {
+                motion.show_unsaved(true);
+                motion.operating_time()
+            });
+            self.keeping.note_write(now);
         }
     }
 

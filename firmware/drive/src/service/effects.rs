@@ -53,6 +53,7 @@ struct Effects {
     controlled: u32,
     commutation_angle: u64,
     locked: bool,
+    kept: bool,
 }
 
 impl Effects {
@@ -83,6 +84,10 @@ impl Effects {
                 controlled: context.motion.lock(|motion| motion.controlled_bits()).0,
                 commutation_angle: context.read(DICTIONARY.find(P(118)).unwrap(), parameters),
                 locked: context.is_locked(),
+                kept: {
+                    context.note_stored(parameters);
+                    context.keeping.has_unsaved()
+                },
             }
         })
     }
@@ -102,6 +107,7 @@ impl Effects {
             ("bits", self.controlled != other.controlled),
             ("commutation", self.commutation_angle != other.commutation_angle),
             ("lock", self.locked != other.locked),
+            ("memory", self.kept != other.kept),
         ]
         .into_iter()
         .filter_map(|(what, differs)| differs.then_some(what))
@@ -194,7 +200,7 @@ fn every_data_block_that_can_be_written_has_an_effect_or_refuses_to_be_changed()
     }
     assert!(without.is_empty(), "nothing reads {without:?}");
     // No kind of effect is there in vain.
-    assert_eq!(kinds.len(), 12, "{kinds:?}");
+    assert_eq!(kinds.len(), 13, "{kinds:?}");
 }
 
 #[test]

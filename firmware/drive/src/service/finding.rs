@@ -10,6 +10,7 @@ use crate::dictionary::access::Access;
 use crate::dictionary::access_of;
 use crate::dictionary::texts::Text;
 use crate::motion::HomingFailure;
+use crate::remembering::keeping::MemoryFailure;
 use crate::settings::invalid::InvalidSetting;
 
 /// What keeps a transition check from passing, homing from starting or a write from being taken.
@@ -33,6 +34,10 @@ pub(crate) enum Finding {
     Controller,
     /// S-0-0148 has failed.
     Homing(HomingFailure),
+    /// S-0-0264 with torque.
+    SaveWithTorque,
+    /// S-0-0263 or S-0-0264 has failed, or what was written could not be kept.
+    Memory(MemoryFailure),
     /// S-0-0149 has failed: the torque went.
     PositiveStop,
 }
@@ -50,7 +55,9 @@ impl fmt::Display for Finding {
             Self::DataBlock(invalid) | Self::WriteOf(invalid) => invalid.fmt(formatter),
             Self::Settings(setting) | Self::Write(setting) => setting.fmt(formatter),
             Self::Value(idn, taken) => write!(formatter, "{idn}: {taken}"),
-            Self::LoadInOperation => formatter.write_str("S-0-0262 changes what is protected in CP4"),
+            Self::LoadInOperation => formatter.write_str("S-0-0262 and S-0-0263 change what is protected in CP4"),
+            Self::SaveWithTorque => formatter.write_str("S-0-0264 only without torque: the flash stops the processor"),
+            Self::Memory(failure) => formatter.write_str(failure.words()),
             Self::NotSynchronised => formatter.write_str("the loops have not locked to the ring"),
             Self::Homing(HomingFailure::Way(error)) => error.fmt(formatter),
             Self::Homing(HomingFailure::Torque) => formatter.write_str("the torque went while homing"),

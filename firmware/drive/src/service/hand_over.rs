@@ -13,7 +13,7 @@ use crate::motion::Motion;
 use crate::settings::DriveSettings;
 
 /// Hands them over.
-pub(super) fn by_parts<B: Bus + Clone, H: Hardware>(
+pub(crate) fn by_parts<B: Bus + Clone, H: Hardware>(
     motion: &mut impl Mutex<T = Motion<B, H>>,
     settings: &DriveSettings,
 ) {

@@ -29,6 +29,7 @@ where
             Words::OperationModes => fill(list, OperationMode::SUPPORTED.into_iter()),
             Words::DiagnosticNumbers => fill(list, self.errors.newest_first().map(|error| error.number)),
             Words::ReasonsForCp3 => fill(list, self.checks.invalid_for_cp3.codes()),
+            Words::NotRestored => fill(list, self.keeping.dropped.iter().map(|idn| idn.0)),
             Words::ReasonsForCp4 => fill(list, self.checks.invalid_for_cp4.codes()),
         }
     }

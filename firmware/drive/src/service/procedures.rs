@@ -16,6 +16,7 @@ use super::loops;
 use crate::dictionary::procedures::Procedure;
 use crate::hardware::Hardware;
 use crate::motion::Motion;
+use crate::remembering::keeping::MemoryFailure;
 use crate::settings::homing;
 
 /// S-0-0147.
@@ -80,6 +81,8 @@ where
                 Ok(CommandState::Executed)
             }
             Procedure::LoadDefaults => self.load_defaults(parameters),
+            Procedure::LoadParameters => self.load_parameters(),
+            Procedure::SaveParameters => self.save_parameters(),
             Procedure::SetAbsolutePosition => self.set_absolute_position(parameters),
         }
     }
@@ -97,6 +100,7 @@ where
             Procedure::Homing => self.motion.lock(|motion| motion.hold_for_homing(false)),
             Procedure::PositiveStop => self.motion.lock(Motion::cancel_positive_stop),
             Procedure::Probing => self.motion.lock(|motion| motion.set_probing(None)),
+            Procedure::LoadParameters | Procedure::SaveParameters => self.keeping.cancel(),
             // Over in an instant, or not the identification that runs: there is nothing left to undo.
             _ => {}
         }
@@ -127,7 +131,7 @@ where
             Procedure::CheckForCp4 => self.check_cp4(parameters, true),
             Procedure::ComputeGains => {
                 let result = commissioning::compute_gains(parameters, <H::Board>::FACTS.frequency, loops::accept::<H>);
-                self.found(result)
+                self.taken(result, parameters)
             }
             _ => match self.start_identification(started, parameters) {
                 Ok(()) => CommandState::Executing,
@@ -153,7 +157,15 @@ where
         let outcome = self.motion.lock(Motion::take_identified)?;
         let procedure = self.commissioning.identifying.take()?;
         let result = commissioning::take_over(outcome, parameters, loops::accept::<H>);
-        Some((procedure.idn(), self.found(result)))
+        Some((procedure.idn(), self.taken(result, parameters)))
+    }
+
+    /// Found, and taken over into the parameters.
+    fn taken(&mut self, result: Result<(), CommissioningFinding>, parameters: &Parameters) -> CommandState {
+        if result.is_ok() {
+            self.note_stored(parameters);
+        }
+        self.found(result)
     }
 
     fn found(&mut self, result: Result<(), CommissioningFinding>) -> CommandState {
@@ -230,11 +242,7 @@ where
     /// S-0-0262. In CP4 it would change scaling, modes and motor, which the phase protects; and to load some defaults only would be a drive
     /// that nobody has asked for.
     fn load_defaults(&mut self, parameters: &mut Parameters) -> Result<CommandState, ServiceError> {
-        self.unlocked()?;
-        if self.phases.current() == Phase::Cp4 {
-            self.checks.finding = Some(Finding::LoadInOperation);
-            return Err(ServiceError::CommandNotExecutableNow);
-        }
+        self.may_load()?;
         self.without_torque(|context| {
             parameters.load_defaults();
             context.rescaling.defaults_loaded(parameters);
@@ -243,7 +251,44 @@ where
             }
             context.checks.finding = None;
             context.settings_changed = true;
+            context.note_stored(parameters);
         })
+    }
+
+    fn may_load(&mut self) -> Result<(), ServiceError> {
+        self.unlocked()?;
+        if self.phases.current() == Phase::Cp4 {
+            self.checks.finding = Some(Finding::LoadInOperation);
+            return Err(ServiceError::CommandNotExecutableNow);
+        }
+        Ok(())
+    }
+
+    /// S-0-0263.
+    fn load_parameters(&mut self) -> Result<CommandState, ServiceError> {
+        self.may_load()?;
+        if self.motion.lock(|motion| motion.has_torque()) {
+            return Err(ServiceError::CommandNotExecutableNow);
+        }
+        self.start_keeping(Procedure::LoadParameters)
+    }
+
+    /// S-0-0264.
+    fn save_parameters(&mut self) -> Result<CommandState, ServiceError> {
+        if self.motion.lock(|motion| motion.has_torque()) {
+            self.checks.finding = Some(Finding::SaveWithTorque);
+            return Err(ServiceError::ProtectedBySettings);
+        }
+        self.start_keeping(Procedure::SaveParameters)
+    }
+
+    fn start_keeping(&mut self, procedure: Procedure) -> Result<CommandState, ServiceError> {
+        if !self.keeping.has_memory() {
+            self.checks.finding = Some(Finding::Memory(MemoryFailure::NoMemory));
+        }
+        self.keeping.start(procedure)?;
+        self.checks.finding = None;
+        Ok(CommandState::Executing)
     }
 }
 

@@ -32,6 +32,7 @@ use crate::hardware::{Hardware, Inputs, InterruptLine, ProbeInput, ResetCause};
 use crate::identity::DriveAddress;
 use crate::identity::Identity;
 use crate::motion::Motion;
+use crate::remembering::keeping::Keeping;
 
 /// Registers and RAM that keep what is written.
 #[derive(Clone, Debug, Default)]
@@ -147,6 +148,7 @@ pub(crate) struct Rig {
     identity: Identity,
     access: Access,
     errors: ErrorMemory,
+    pub(super) keeping: Keeping,
     /// P-0-0012.
     pub(super) crash: Option<LastCrash>,
 }
@@ -177,6 +179,7 @@ impl Rig {
             identity,
             access: Access::default(),
             errors: ErrorMemory::new(),
+            keeping: Keeping::with_memory(),
             crash: None,
         };
         for phase in [0, 1, 2] {
@@ -248,6 +251,8 @@ impl Rig {
             identity: &self.identity,
             access: &mut self.access,
             errors: &self.errors,
+            keeping: &mut self.keeping,
+            total_seconds: 0,
             crash: self.crash.as_ref(),
             settings_changed: false,
         };

@@ -59,6 +59,10 @@ where
             Number::RealTimeStatusBit2 => self.ask(|motion| motion.real_time_status()[1].into()),
             Number::Checksum => parameters.checksum(),
             Number::OperatingTime => seconds(self.motion.lock(|motion| motion.operating_time())),
+            Number::TotalOperatingTime => {
+                let now = self.motion.lock(|motion| motion.operating_time());
+                self.total_seconds.saturating_add(seconds(now))
+            }
             Number::ResetCause => self.ask(|motion| motion.reset_cause().code().into()),
             Number::CommutationAngle => self.ask(|motion| motion.commutation_angle().cast_unsigned()),
             Number::CommutationState => self.ask(|motion| motion.commutation_state().into()),

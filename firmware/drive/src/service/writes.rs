@@ -69,6 +69,9 @@ where
                 _ => self.motion.lock(|motion| motion.oscilloscope().stop()),
             }
         }
+        if block.stored {
+            self.note_stored(parameters);
+        }
         if block.location != Location::Parameter || scope::is_own(block.idn) {
             // The loops know nothing of them.
             return Ok(());

@@ -435,8 +435,11 @@ fn is_external(address: u32) -> bool {
 /// A read of the product in the flash that holds the parameters, which is memory; `base` is its first address.
 pub(crate) unsafe extern "C" fn flash_read(base: Opaque, offset: Address, width: u32) -> u64 {
     let address = (base as usize as u64 + offset) as u32;
-    let word = u64::from(machine().word(address));
-    word & (u64::MAX >> (64 - 8 * width))
+    // By bytes of whole words: a word that begins in the last one does not lie in the mapping, and would be looked for here again.
+    (0..width).rev().fold(0, |value, byte| {
+        let at = address + byte;
+        value << 8 | u64::from(machine().word(at & !3) >> (8 * (at & 3)) & 0xFF)
+    })
 }
 
 /// A read of the product in one of the windows; `base` is the window's first address.

@@ -36,7 +36,9 @@ impl Law for Findings {
                 *self = Self { started: Some(*idn), success: None, tried: Some(*idn) };
             }
             // Other commands have findings of their own.
-            Event::Service(Heard::Written(Idn(149 | 262), Element::Data, _) | Heard::Refused(Idn(149 | 262), ..)) => {
+            Event::Service(
+                Heard::Written(Idn(149 | 262..=264), Element::Data, _) | Heard::Refused(Idn(149 | 262..=264), ..),
+            ) => {
                 *self = Self::default();
             }
             Event::Service(Heard::Opened(idn, EXECUTED)) if self.started == Some(*idn) => self.success = Some(true),

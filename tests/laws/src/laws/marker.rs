@@ -80,7 +80,7 @@ impl Law for Marker {
             Event::Service(Heard::Written(idn, Element::Data, _)) if PARAMETERS.contains(&idn.0) => {
                 self.begun = None;
             }
-            Event::Service(Heard::Written(Idn(262 | 447), ..)) => *self = Self::default(),
+            Event::Service(Heard::Written(Idn(262 | 263 | 447), ..)) => *self = Self::default(),
             Event::Service(Heard::Opened(HOMING, 3)) if scene.command == Some(HOMING) => {
                 (self.homed, self.answers) = (self.begun.take(), 0);
             }

@@ -1,0 +1,227 @@
+//! What is to be kept, and when.
+
+use sercos::error::ServiceError;
+
+use super::set::Dropped;
+use crate::dictionary::procedures::Procedure;
+
+/// Work for the memory.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
+pub enum Keep {
+    /// The parameters.
+    Save,
+    /// The parameters are to be what was saved.
+    Load,
+    /// What has happened.
+    Log,
+}
+
+/// Why something was not kept or found, for P-0-0003.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
+pub(crate) enum MemoryFailure {
+    /// The page is full until the next start.
+    Full,
+    /// The flash refuses, or keeps something else than what is written.
+    Flash,
+    /// There is no set, or none that can be read.
+    NoSet,
+    /// The drive has no memory.
+    NoMemory,
+}
+
+impl MemoryFailure {
+    /// In words.
+    pub(crate) const fn words(self) -> &'static str {
+        match self {
+            Self::Full => "the memory is full until the next start: switch the supply off and on, then save",
+            Self::Flash => {
+                "the flash does not keep what is written; once more, and if it stays, have the board replaced"
+            }
+            Self::NoSet => "nothing was saved, or it cannot be read any more: write the parameters, then S-0-0264",
+            Self::NoMemory => "this drive has no memory for parameters",
+        }
+    }
+}
+
+/// After the last write the parameters are kept when so many us have passed without another (S-0-0269 = 0).
+const QUIET: u64 = 250_000;
+/// At least so many us lie between two times at which what has happened is kept.
+const LOG_INTERVAL: u64 = 2_000_000;
+/// The operating time is kept so often, in us.
+const TIME_INTERVAL: u64 = 3_600_000_000;
+
+/// What waits to be kept.
+#[derive(Debug, Default)]
+pub(crate) struct Keeping {
+    /// There is somebody who keeps.
+    present: bool,
+    /// The command that waits for its end.
+    command: Option<Procedure>,
+    /// It has not been begun yet.
+    due: bool,
+    /// What is being done.
+    running: Option<Keep>,
+    /// When the last parameter was written that is not kept yet (S-0-0269 = 0).
+    written: Option<u64>,
+    /// Something has happened that is not kept yet.
+    happened: bool,
+    /// When it was kept last.
+    logged: u64,
+    /// P-0-0014.
+    pub(crate) dropped: Dropped,
+}
+
+impl Keeping {
+    /// There is a memory, and somebody who calls [`super::keep`].
+    pub(crate) fn with_memory() -> Self {
+        Self { present: true, ..Self::default() }
+    }
+
+    pub(crate) const fn has_memory(&self) -> bool {
+        self.present
+    }
+
+    /// S-0-0263 or S-0-0264.
+    ///
+    /// # Errors
+    /// One of them goes on, or there is no memory.
+    pub(crate) fn start(&mut self, procedure: Procedure) -> Result<(), ServiceError> {
+        if !self.present || self.command.is_some() {
+            return Err(ServiceError::CommandNotExecutableNow);
+        }
+        (self.command, self.due) = (Some(procedure), true);
+        Ok(())
+    }
+
+    /// The command is cancelled: what has been begun comes to its end without it.
+    pub(crate) fn cancel(&mut self) {
+        (self.command, self.due) = (None, false);
+    }
+
+    /// A parameter was written that is to be kept.
+    pub(crate) const fn note_write(&mut self, now: u64) {
+        self.written = Some(now);
+    }
+
+    /// Something has happened that is to be kept.
+    pub(crate) const fn note_event(&mut self) {
+        self.happened = true;
+    }
+
+    /// Something was written that is not kept yet.
+    pub(crate) const fn has_unsaved(&self) -> bool {
+        self.written.is_some()
+    }
+
+    /// The next thing to be kept; `torque`: nothing is begun then.
+    pub(crate) fn next(&mut self, now: u64, torque: bool) -> Option<Keep> {
+        if torque {
+            return None;
+        }
+        let keep = if core::mem::take(&mut self.due) {
+            if self.command == Some(Procedure::LoadParameters) { Keep::Load } else { Keep::Save }
+        } else if self.written.is_some_and(|then| now.saturating_sub(then) >= QUIET) {
+            Keep::Save
+        } else if self.happened && now.saturating_sub(self.logged) >= LOG_INTERVAL
+            || now.saturating_sub(self.logged) >= TIME_INTERVAL
+        {
+            Keep::Log
+        } else {
+            return None;
+        };
+        self.running = Some(keep);
+        match keep {
+            // What is written from here on may be in the set or not.
+            Keep::Save | Keep::Load => self.written = None,
+            Keep::Log => (self.happened, self.logged) = (false, now),
+        }
+        Some(keep)
+    }
+
+    /// It was kept, or not; the command that has ended with it.
+    pub(crate) fn done(&mut self, now: u64, kept: bool) -> Option<Procedure> {
+        let keep = self.running.take()?;
+        match keep {
+            Keep::Save if !kept && self.command.is_none() => {
+                // Once more, and not at once.
+                self.written = Some(now);
+                None
+            }
+            Keep::Save | Keep::Load if !self.due => self.command.take(),
+            _ => None,
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_command_is_done_once_without_torque_and_ends_with_what_was_done() {
+        let mut keeping = Keeping::with_memory();
+        keeping.start(Procedure::SaveParameters).unwrap();
+        assert_eq!(keeping.start(Procedure::LoadParameters), Err(ServiceError::CommandNotExecutableNow));
+        assert_eq!(keeping.next(0, true), None);
+        assert_eq!(keeping.next(0, false), Some(Keep::Save));
+        assert_eq!(keeping.next(0, false), None);
+        assert_eq!(keeping.done(0, true), Some(Procedure::SaveParameters));
+        keeping.start(Procedure::LoadParameters).unwrap();
+        assert_eq!(keeping.next(0, false), Some(Keep::Load));
+        assert_eq!(keeping.done(0, false), Some(Procedure::LoadParameters));
+    }
+
+    #[test]
+    fn a_drive_without_memory_says_so() {
+        assert_eq!(Keeping::default().start(Procedure::SaveParameters), Err(ServiceError::CommandNotExecutableNow));
+    }
+
+    #[test]
+    fn a_cancelled_command_is_told_nothing_and_the_next_one_is_done_anew() {
+        let mut keeping = Keeping::with_memory();
+        keeping.start(Procedure::SaveParameters).unwrap();
+        keeping.cancel();
+        assert_eq!(keeping.next(0, false), None);
+        keeping.start(Procedure::SaveParameters).unwrap();
+        assert_eq!(keeping.next(0, false), Some(Keep::Save));
+        keeping.cancel();
+        keeping.start(Procedure::SaveParameters).unwrap();
+        assert_eq!(keeping.done(0, true), None, "that was the first one's");
+        assert_eq!(keeping.next(0, false), Some(Keep::Save));
+        assert_eq!(keeping.done(0, true), Some(Procedure::SaveParameters));
+    }
+
+    #[test]
+    fn writes_are_kept_when_they_have_come_to_an_end_and_once_more_where_that_failed() {
+        let mut keeping = Keeping::with_memory();
+        for now in [0, 200_000, 400_000] {
+            keeping.note_write(now);
+            assert_eq!(keeping.next(now + 100_000, false), None);
+        }
+        assert!(keeping.has_unsaved());
+        assert_eq!(keeping.next(650_000, true), None, "not with torque");
+        assert_eq!(keeping.next(650_000, false), Some(Keep::Save));
+        keeping.note_write(651_000);
+        assert_eq!(keeping.done(660_000, false), None);
+        assert_eq!(keeping.next(700_000, false), None);
+        assert_eq!(keeping.next(910_000, false), Some(Keep::Save));
+        assert_eq!(keeping.done(920_000, true), None);
+        assert!(!keeping.has_unsaved());
+    }
+
+    #[test]
+    fn events_are_kept_not_too_often_and_the_operating_time_every_hour() {
+        let mut keeping = Keeping::with_memory();
+        keeping.note_event();
+        assert_eq!(keeping.next(1_000_000, false), None);
+        assert_eq!(keeping.next(2_000_000, false), Some(Keep::Log));
+        assert_eq!(keeping.done(2_000_000, true), None);
+        keeping.note_event();
+        assert_eq!(keeping.next(3_999_999, false), None);
+        assert_eq!(keeping.next(4_000_000, false), Some(Keep::Log));
+        assert_eq!(keeping.next(3_600_000_000, false), None);
+        assert_eq!(keeping.next(3_604_000_000, false), Some(Keep::Log));
+    }
+}

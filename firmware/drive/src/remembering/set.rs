@@ -1,0 +1,229 @@
+//! The set of parameters in the memory: a record for each data block of S-0-0192, each with its IDN.
+//!
+//! | bytes | what |
+//! |---|---|
+//! | 1 | version of this form, 1 |
+//! | 1 | 0 |
+//! | 2 | number of records |
+//! | 2 | IDN of a record |
+//! | 1 | bytes of its operation data |
+//! | 1 | bytes until the next record: what the data block takes at most |
+//! | n | operation data as the service channel carries them, least significant byte first, then zeros |
+//!
+//! A program that knows other data blocks than the one that has written the set takes what it knows and says what it does not.
+
+use heapless::Vec;
+use sercos::Idn;
+use sercos::data_block::{DataBlock, Selection};
+use sercos::dictionary::Dictionary;
+use sercos::parameters::Parameters;
+
+use crate::dictionary::DICTIONARY;
+
+const VERSION: u8 = 1;
+const HEAD_BYTES: usize = 4;
+const RECORD_BYTES: usize = 4;
+/// IDNs that are told of when a set does not fit.
+pub(crate) const MOST_DROPPED: usize = 64;
+
+/// Bytes of the set of this drive.
+pub const MOST_SET_BYTES: usize = set_bytes(&DICTIONARY);
+
+/// The memory takes it, with some room for what comes.
+const _: () = assert!(MOST_SET_BYTES + 256 <= memory::MOST_BYTES, "the set does not fit into the memory");
+
+const fn set_bytes(dictionary: &Dictionary) -> usize {
+    let blocks = dictionary.blocks();
+    let mut bytes = HEAD_BYTES;
+    let mut index = 0;
+    while index < blocks.len() {
+        if blocks[index].is_in(Selection::Backup) {
+            bytes += RECORD_BYTES + blocks[index].most_bytes();
+        }
+        index += 1;
+    }
+    bytes
+}
+
+/// Data blocks of a set that were not taken over: unknown, of another length, or out of today's range.
+pub(crate) type Dropped = Vec<Idn, MOST_DROPPED>;
+
+/// Puts all parameters of S-0-0192 into `buffer`; their number of bytes, or `None` if they do not fit.
+pub fn write_set(parameters: &Parameters, buffer: &mut [u8]) -> Option<usize> {
+    let (head, mut rest) = buffer.split_at_mut_checked(HEAD_BYTES)?;
+    let mut records = 0_u16;
+    let mut written = HEAD_BYTES;
+    for block in parameters.dictionary().select(Selection::Backup) {
+        let bytes = parameters.bytes(block);
+        let room = block.most_bytes();
+        let (record, behind) = core::mem::take(&mut rest).split_at_mut_checked(RECORD_BYTES.checked_add(room)?)?;
+        let (of_record, data) = record.split_first_chunk_mut::<RECORD_BYTES>()?;
+        let [low, high] = block.idn.0.to_le_bytes();
+        *of_record = [low, high, u8::try_from(bytes.len()).ok()?, u8::try_from(room).ok()?];
+        data.fill(0);
+        data.get_mut(..bytes.len())?.copy_from_slice(&bytes);
+        written = written.checked_add(RECORD_BYTES)?.checked_add(room)?;
+        records = records.checked_add(1)?;
+        rest = behind;
+    }
+    let [low, high] = records.to_le_bytes();
+    head.copy_from_slice(&[VERSION, 0, low, high]);
+    Some(written)
+}
+
+/// Takes a set over, on top of the defaults, and says what of it was not. `None` if the bytes are no set: nothing has changed then.
+pub(crate) fn take_set(bytes: &[u8], parameters: &mut Parameters) -> Option<Dropped> {
+    let all = || Records::of(bytes);
+    // To the end, so that half a set is none.
+    if !all()?.all(|record| record.is_some()) {
+        return None;
+    }
+    parameters.load_defaults();
+    let mut dropped = Dropped::new();
+    for record in all()?.flatten() {
+        let block = parameters.dictionary().find(record.idn).filter(|block| block.is_in(Selection::Backup));
+        let taken = block.is_some_and(|block| take(record.data, block, parameters));
+        if !taken {
+            // More than that are not told of.
+            let _ = dropped.push(record.idn);
+        }
+    }
+    Some(dropped)
+}
+
+/// The parameters that a set holds, on top of the defaults; `None` if the bytes are no set. For tools.
+pub fn read_set(bytes: &[u8]) -> Option<Parameters> {
+    let mut parameters = Parameters::new(&DICTIONARY);
+    take_set(bytes, &mut parameters)?;
+    Some(parameters)
+}
+
+fn take(data: &[u8], block: &DataBlock, parameters: &mut Parameters) -> bool {
+    parameters.set_bytes(block, data).is_ok()
+}
+
+struct Record<'a> {
+    idn: Idn,
+    data: &'a [u8],
+}
+
+/// The records of a set; `None` once, where it ends too early.
+struct Records<'a> {
+    left: u16,
+    bytes: &'a [u8],
+}
+
+impl<'a> Records<'a> {
+    fn of(bytes: &'a [u8]) -> Option<Self> {
+        let (&[version, _, low, high], bytes) = bytes.split_first_chunk::<HEAD_BYTES>()?;
+        (version == VERSION).then_some(Self { left: u16::from_le_bytes([low, high]), bytes })
+    }
+
+    fn record(&mut self) -> Option<Record<'a>> {
+        let (&[low, high, length, room], rest) = self.bytes.split_first_chunk::<RECORD_BYTES>()?;
+        let (data, rest) = rest.split_at_checked(room.into())?;
+        let data = data.get(..length.into())?;
+        self.bytes = rest;
+        Some(Record { idn: Idn(u16::from_le_bytes([low, high])), data })
+    }
+}
+
+impl<'a> Iterator for Records<'a> {
+    type Item = Option<Record<'a>>;
+
+    fn next(&mut self) -> Option<Self::Item> {
+        if self.left == 0 {
+            return None;
+        }
+        let record = self.record();
+        self.left = if record.is_some() { self.left.saturating_sub(1) } else { 0 };
+        Some(record)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use std::vec::Vec;
+
+    const S: fn(u16) -> Idn = Idn::standard;
+
+    fn written(parameters: &Parameters) -> Vec<u8> {
+        let mut buffer = [0xEE; MOST_SET_BYTES];
+        let length = write_set(parameters, &mut buffer).unwrap();
+        buffer[..length].to_vec()
+    }
+
+    fn changed() -> Parameters {
+        let mut parameters = Parameters::new(&DICTIONARY);
+        parameters.set(S(41), 7_654_321).unwrap();
+        parameters.set(S(32), 11).unwrap();
+        parameters.set_text(S(142), b"folder 3").unwrap();
+        parameters.set_list(Idn::SIGNAL_STATUS_LIST, &[S(330), S(331)]).unwrap();
+        parameters.set_longs(Idn::product(7), &[u32::MAX, 0, 5]).unwrap();
+        parameters
+    }
+
+    #[test]
+    fn a_set_gives_back_every_parameter_and_is_as_long_as_is_said() {
+        let mut taken = Parameters::new(&DICTIONARY);
+        let set = written(&changed());
+        assert_eq!(set.len(), MOST_SET_BYTES);
+        assert_eq!(take_set(&set, &mut taken), Some(Dropped::new()));
+        assert_eq!(taken.checksum(), changed().checksum());
+        assert_eq!((taken.text(S(142)), taken.longs(Idn::product(7))), ("folder 3", [u32::MAX, 0, 5].as_slice()));
+    }
+
+    #[test]
+    fn what_is_not_in_a_set_is_the_default_afterwards() {
+        let mut parameters = changed();
+        assert_eq!(take_set(&[VERSION, 0, 0, 0], &mut parameters), Some(Dropped::new()));
+        assert_eq!(parameters.checksum(), Parameters::new(&DICTIONARY).checksum());
+    }
+
+    #[test]
+    fn a_buffer_that_is_too_small_and_bytes_that_are_no_set_change_nothing() {
+        let set = written(&changed());
+        for length in 0..set.len() {
+            assert_eq!(write_set(&changed(), &mut std::vec![0; length]), None);
+            let mut parameters = Parameters::new(&DICTIONARY);
+            assert_eq!(take_set(&set[..length], &mut parameters), None, "{length} bytes");
+            assert_eq!(parameters, Parameters::new(&DICTIONARY));
+        }
+        let mut other = set;
+        other[0] = 2;
+        assert_eq!(take_set(&other, &mut Parameters::new(&DICTIONARY)), None);
+    }
+
+    /// A set as another program may have written it: 20 data blocks that are unknown here, 20 values that are out of today's range.
+    #[test]
+    fn what_a_program_does_not_know_or_does_not_take_is_dropped_and_named_and_the_rest_is_taken() {
+        let mut set = written(&changed());
+        let mut expected = Vec::new();
+        let mut at = HEAD_BYTES;
+        while at < set.len() && expected.len() < 20 {
+            let idn = Idn(u16::from_le_bytes([set[at], set[at + 1]]));
+            let block = DICTIONARY.find(idn).unwrap();
+            let limit = block.maximum.filter(|maximum| *maximum < 0x7FFF && block.most_bytes() == 2);
+            if let Some(maximum) = limit {
+                set[at + 4..at + 6].copy_from_slice(&(maximum as u16 + 1).to_le_bytes());
+                expected.push(idn);
+            }
+            at += RECORD_BYTES + usize::from(set[at + 3]);
+        }
+        for number in 0..20 {
+            let idn = Idn::product(4_000 + number);
+            let [low, high] = idn.0.to_le_bytes();
+            set.extend([low, high, 2, 2, 0x34, 0x12]);
+            expected.push(idn);
+        }
+        let records = u16::from_le_bytes([set[2], set[3]]) + 20;
+        set[2..4].copy_from_slice(&records.to_le_bytes());
+        let mut parameters = Parameters::new(&DICTIONARY);
+        assert_eq!(take_set(&set, &mut parameters).unwrap().as_slice(), expected);
+        assert_eq!(parameters.text(S(142)), "folder 3");
+        for idn in &expected[..20] {
+            assert_eq!(parameters.get(*idn), Parameters::new(&DICTIONARY).get(*idn), "{idn} is the default");
+        }
+    }
+}

@@ -1,0 +1,101 @@
+//! The memory of a drive on this computer: the model of its flash, behind the product's own keeper.
+
+use std::cell::RefCell;
+use std::rc::Rc;
+use std::sync::OnceLock;
+
+use drive::DICTIONARY;
+use drive::remembering::{Recollection, read_set, recall, write_set};
+use embassy_futures::block_on;
+use embedded_storage_async::nor_flash::{ErrorType, MultiwriteNorFlash, NorFlash, ReadNorFlash};
+use flash::{FlashError, FlashModel};
+use memory::{MOST_BYTES, Memory};
+use ring::ident::Idn;
+use sercos::data_block::Selection;
+use sercos::parameters::Parameters;
+
+/// The flash of a drive, which outlives it.
+pub type SharedFlash = Rc<RefCell<FlashModel>>;
+
+/// Bytes of the buffer that a memory works in.
+pub(crate) const BUFFER: usize = MOST_BYTES + 32;
+
+/// A flash into which these parameters were saved.
+///
+/// # Panics
+/// They do not fit, which the drive's own tests rule out.
+pub fn saved(parameters: &Parameters) -> FlashModel {
+    kept(|out| write_set(parameters, out))
+}
+
+/// A flash into which this set was saved, as another firmware may have written it.
+///
+/// # Panics
+/// It is longer than a memory takes.
+pub fn saved_set(set: &[u8]) -> FlashModel {
+    kept(|out| {
+        out.get_mut(..set.len())?.copy_from_slice(set);
+        Some(set.len())
+    })
+}
+
+/// What a drive remembers that is started over this flash, as its control would read it; nothing where there is no set.
+pub(crate) fn remembered(flash: &FlashModel) -> Vec<(Idn, Vec<u16>)> {
+    let mut memory = Memory::new(flash.clone());
+    let mut buffer = [0; BUFFER];
+    let recollection = block_on(recall(&mut memory, &mut buffer));
+    let (Recollection::Set(set) | Recollection::Unfinished(Some(set))) = recollection else { return Vec::new() };
+    let Some(parameters) = read_set(set) else { return Vec::new() };
+    let words = |bytes: &[u8]| bytes.chunks(2).map(|pair| u16::from_le_bytes([pair[0], pair[1]])).collect();
+    let values = DICTIONARY.select(Selection::Backup).filter(|block| block.fixed_bytes().is_some());
+    values.map(|block| (Idn(block.idn.0), words(&parameters.bytes(block)))).collect()
+}
+
+fn kept(write: impl FnMut(&mut [u8]) -> Option<usize>) -> FlashModel {
+    let mut memory = Memory::new(FlashModel::new());
+    let mut buffer = [0; BUFFER];
+    block_on(memory.start(&mut buffer)).expect("a blank flash is fine");
+    block_on(memory.save(&mut buffer, write)).expect("a set fits");
+    memory.flash().clone()
+}
+
+/// The flash of a drive that somebody has put into operation: the defaults were saved.
+pub(crate) fn saved_defaults() -> FlashModel {
+    static CONTENTS: OnceLock<Vec<u8>> = OnceLock::new();
+    let contents = CONTENTS.get_or_init(|| saved(&Parameters::new(&DICTIONARY)).contents().to_vec());
+    FlashModel::with_contents(contents).expect("the contents of a flash")
+}
+
+/// A flash that others look at, too.
+pub(crate) struct HostFlash(pub(crate) SharedFlash);
+
+impl ErrorType for HostFlash {
+    type Error = FlashError;
+}
+
+impl ReadNorFlash for HostFlash {
+    const READ_SIZE: usize = FlashModel::READ_SIZE;
+
+    async fn read(&mut self, offset: u32, bytes: &mut [u8]) -> Result<(), FlashError> {
+        block_on(self.0.borrow_mut().read(offset, bytes))
+    }
+
+    fn capacity(&self) -> usize {
+        self.0.borrow().capacity()
+    }
+}
+
+impl NorFlash for HostFlash {
+    const WRITE_SIZE: usize = <FlashModel as NorFlash>::WRITE_SIZE;
+    const ERASE_SIZE: usize = <FlashModel as NorFlash>::ERASE_SIZE;
+
+    async fn erase(&mut self, from: u32, to: u32) -> Result<(), FlashError> {
+        block_on(NorFlash::erase(&mut *self.0.borrow_mut(), from, to))
+    }
+
+    async fn write(&mut self, offset: u32, bytes: &[u8]) -> Result<(), FlashError> {
+        block_on(self.0.borrow_mut().write(offset, bytes))
+    }
+}
+
+impl MultiwriteNorFlash for HostFlash {}

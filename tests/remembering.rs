@@ -1,0 +1,247 @@
+//! What outlives the supply: parameters, errors, operating time; and what the drive does when there is nothing to remember.
+//!
+//! The supply is cut by starting another drive over the same flash. The flash of the host's drives takes no time; where a word waits and how long the
+//! processor stands is shown with the ELF.
+
+use bench::{DriveSetup, Executor, parameters_of, product, saved};
+use drive::DICTIONARY;
+use flash::FlashModel;
+use plant::ReferenceAxis;
+use ring::Nanoseconds;
+use ring::ident::{Idn, Value};
+use ring::master::{CommandValues, DriveScript, MasterScript, Motion, Telegram};
+use ring::service_client::{Reply, Request};
+use sercos::parameters::Parameters;
+
+use crate::elf::on_qemu;
+use crate::running::{ADDRESS, Bench, VELOCITY};
+
+const LOAD: u16 = 263;
+const SAVE: u16 = 264;
+const DIAGNOSTIC: u16 = 390;
+const FINDING: u16 = 0x8003;
+const NOT_RESTORED: u16 = 0x800E;
+/// F11DH.
+const NO_SAVED_PARAMETERS: u64 = 0xF11D;
+
+/// An axis that is none of the defaults: the motor would not turn with those.
+fn axis() -> ReferenceAxis {
+    ReferenceAxis::small_cnc()
+}
+
+/// What the recorded master writes: times and telegram, nothing of the axis; the mode is remembered.
+fn only_communication(turns: bool) -> MasterScript {
+    let drive = DriveScript::new(ADDRESS, Telegram::standard(2).unwrap());
+    let motion = turns.then(|| Motion::new(1_000_000, |_| CommandValues::at_velocity(VELOCITY)));
+    MasterScript { motion, stops_at_refusals: false, reset_diagnostics: false, ..MasterScript::new(vec![drive]) }
+}
+
+/// A drive that remembers this, with nobody who tells it more.
+fn started(executor: Executor, flash: FlashModel, turns: bool) -> Bench {
+    let setup = DriveSetup { axis: axis(), flash, ..DriveSetup::new(ADDRESS) };
+    Bench::on(executor, setup, only_communication(turns))
+}
+
+/// In CP4, without torque.
+fn in_cp4(executor: Executor, flash: FlashModel) -> Bench {
+    let mut bench = started(executor, flash, false);
+    for _ in 0..1_000 {
+        bench.run(Nanoseconds::from_millis(10));
+        if bench.world.ring().master().is_done() {
+            return bench;
+        }
+    }
+    panic!("{}", bench.world.ring().master().state());
+}
+
+/// A drive whose user has told it its motor and has saved nothing yet; in CP4, without torque.
+fn told(executor: Executor) -> Bench {
+    let drive = DriveScript::new(ADDRESS, Telegram::standard(2).unwrap())
+        .with(Idn::OPERATION_MODE, Value::Word(2))
+        .with_all(parameters_of(&axis()));
+    let script = MasterScript { stops_at_refusals: false, reset_diagnostics: false, ..MasterScript::new(vec![drive]) };
+    let setup = DriveSetup { axis: axis(), flash: FlashModel::new(), ..DriveSetup::new(ADDRESS) };
+    let mut bench = Bench::on(executor, setup, script);
+    for _ in 0..1_000 {
+        bench.run(Nanoseconds::from_millis(10));
+        if bench.world.ring().master().is_done() {
+            return bench;
+        }
+    }
+    panic!("{}", bench.world.ring().master().state());
+}
+
+/// Data status of a command that was started and has ended, 3 or FH; the error where it was refused.
+fn command(bench: &mut Bench, idn: u16) -> Result<u16, u16> {
+    use ring::service_client::ServiceError;
+    match bench.ask(Request::Command { idn: Idn(idn), polls: 20_000 }) {
+        Ok(Reply::Command(outcome)) => Ok(outcome.status),
+        Err(ServiceError::Refused { code, .. }) => Err(code),
+        Err(ServiceError::CommandFailed { status, .. }) => Ok(status),
+        other => panic!("{other:?}"),
+    }
+}
+
+fn flash_of(bench: &Bench) -> FlashModel {
+    match &bench.drive.elf {
+        Some(elf) => elf.guest.borrow().flash().clone(),
+        None => bench.drive.flash.borrow().clone(),
+    }
+}
+
+fn turns(bench: &mut Bench) -> bool {
+    for _ in 0..400 {
+        bench.run(Nanoseconds::from_millis(10));
+        if (299.0..301.0).contains(&bench.rpm()) {
+            return true;
+        }
+    }
+    false
+}
+
+fn saves_and_turns_after_the_supply_was_cut(executor: &Executor) {
+    let mut bench = told(executor.clone());
+    assert_eq!(bench.number(DIAGNOSTIC), NO_SAVED_PARAMETERS);
+    assert_eq!(command(&mut bench, SAVE), Ok(3), "{}", bench.text(FINDING));
+    let mut bench = started(executor.clone(), flash_of(&bench), true);
+    assert!(turns(&mut bench), "{} rpm, {}", bench.rpm(), bench.world.ring().master().state());
+    assert_eq!(bench.number(0x8000 | 110), u64::from(axis().machine.windings.pole_pairs));
+    assert_eq!(bench.entries(NOT_RESTORED), Vec::<u16>::new());
+}
+
+#[test]
+fn what_was_saved_turns_the_motor_after_the_supply_was_cut_though_the_master_writes_only_communication() {
+    saves_and_turns_after_the_supply_was_cut(&Executor::Host);
+}
+
+#[test]
+fn the_elf_saves_in_cp4_and_turns_the_motor_after_the_supply_was_cut() {
+    saves_and_turns_after_the_supply_was_cut(&on_qemu());
+}
+
+#[test]
+fn a_drive_that_remembers_nothing_has_no_torque_until_its_user_has_acknowledged_that() {
+    let mut damaged = saved(&Parameters::new(&DICTIONARY));
+    damaged.contents_mut()[60] ^= 1;
+    for flash in [FlashModel::new(), damaged] {
+        let mut bench = started(Executor::Host, flash, true);
+        assert!(!turns(&mut bench) && !bench.has_torque());
+        assert_eq!(bench.number(DIAGNOSTIC), NO_SAVED_PARAMETERS);
+        assert_eq!(bench.status() & 0x2000, 0x2000, "C1D in the status word");
+        assert!(bench.entries(375).contains(&(NO_SAVED_PARAMETERS as u16)));
+        bench.clear_errors();
+        assert_ne!(bench.number(DIAGNOSTIC), NO_SAVED_PARAMETERS);
+    }
+}
+
+#[test]
+fn saving_under_torque_is_refused_with_the_reason() {
+    let mut bench = Bench::running();
+    assert_eq!(command(&mut bench, SAVE), Err(0x700C));
+    assert_eq!(bench.text(FINDING), "S-0-0264 only without torque: the flash stops the processor");
+    assert_eq!(command(&mut bench, LOAD), Err(0x7012));
+    assert_eq!(bench.drive.flash.borrow().operations(), 0);
+}
+
+#[test]
+fn loading_brings_back_what_was_saved_and_not_in_cp4() {
+    let mut parameters = Parameters::new(&DICTIONARY);
+    parameters.set(sercos::Idn::standard(41), 7_654_321).unwrap();
+    let mut bench = in_cp4(Executor::Host, saved(&parameters));
+    assert_eq!(bench.number(41), 7_654_321);
+    bench.write(41, Value::Long(5)).unwrap();
+    assert_eq!(command(&mut bench, LOAD), Err(0x7012));
+    assert_eq!(bench.number(41), 5);
+
+    // In CP2, behind what the control writes there.
+    let mut script = only_communication(false);
+    script.drives[0].parameters.push((Idn(41), Value::Long(5)));
+    let setup = DriveSetup { axis: axis(), flash: saved(&parameters), ..DriveSetup::new(ADDRESS) };
+    let mut bench = Bench::on(Executor::Host, setup, script);
+    let is_written = |bench: &Bench| {
+        let services = &bench.world.ring().master().report().drives[0].services;
+        services.iter().any(|service| service.request.idn() == Idn(41))
+    };
+    while !is_written(&bench) {
+        bench.run(Nanoseconds::from_millis(1));
+    }
+    bench.world.ring_mut().master_mut().service(0).request(Request::Command { idn: Idn(LOAD), polls: 1_000 });
+    bench.run(Nanoseconds::from_millis(1_500));
+    let services = &bench.world.ring().master().report().drives[0].services;
+    let loaded = services.iter().find(|service| service.request.idn() == Idn(LOAD)).map(|service| &service.result);
+    assert!(matches!(loaded, Some(Ok(Reply::Command(outcome))) if outcome.status == 3), "{loaded:?}");
+    assert_eq!(bench.number(41), 7_654_321);
+}
+
+#[test]
+fn with_storage_mode_0_every_acknowledged_write_is_kept_and_a_bit_says_what_is_not_yet() {
+    let flash = saved(&Parameters::new(&DICTIONARY));
+    let before = flash.operations();
+    let mut bench = in_cp4(Executor::Host, flash);
+    bench.write(41, Value::Long(5)).unwrap();
+    bench.run(Nanoseconds::from_millis(1_000));
+    assert_eq!(bench.drive.flash.borrow().operations(), before, "S-0-0269 is 1");
+    let unsaved = |bench: &mut Bench| bench.number(182) & 8 != 0;
+    assert!(!unsaved(&mut bench));
+    bench.write(269, Value::Word(0)).unwrap();
+    bench.write(41, Value::Long(6)).unwrap();
+    assert!(unsaved(&mut bench));
+    bench.run(Nanoseconds::from_millis(400));
+    assert!(!unsaved(&mut bench));
+    let mut bench = in_cp4(Executor::Host, flash_of(&bench));
+    assert_eq!((bench.number(41), bench.number(269)), (6, 0));
+}
+
+#[test]
+fn writes_under_torque_wait_until_it_goes() {
+    let mut bench = Bench::running();
+    bench.write(269, Value::Word(0)).unwrap();
+    bench.write(41, Value::Long(77)).unwrap();
+    bench.run(Nanoseconds::from_millis(1_000));
+    assert_eq!(bench.drive.flash.borrow().operations(), 0);
+    assert_eq!(bench.number(182) & 8, 8);
+    bench.world.ring_mut().master_mut().restart(only_communication(false));
+    bench.run(Nanoseconds::from_millis(1_500));
+    let mut bench = in_cp4(Executor::Host, flash_of(&bench));
+    assert_eq!(bench.number(41), 77);
+}
+
+#[test]
+fn errors_their_times_and_the_operating_time_outlive_the_supply() {
+    let mut bench = Bench::running();
+    bench.run(Nanoseconds::from_millis(3_000));
+    let first = bench.number(0x800F);
+    assert!((4..10).contains(&first), "{first} s");
+    bench.drive.motor_side.borrow_mut().set_amplifier_inputs(bench::Amplifier { main_power: false, fault: false });
+    bench.run(Nanoseconds::from_millis(6_000));
+    bench.world.ring_mut().master_mut().restart(only_communication(false));
+    bench.run(Nanoseconds::from_millis(3_000));
+    let errors = bench.entries(375);
+    assert!(errors.contains(&0xF109), "{errors:04X?}");
+    let mut bench = in_cp4(Executor::Host, flash_of(&bench));
+    assert_eq!(bench.entries(375)[..errors.len()], errors);
+    let now = bench.number(0x800F);
+    assert!((first..first + 4).contains(&now), "{now} s after {first} s");
+}
+
+#[test]
+fn a_set_of_another_firmware_gives_what_is_known_and_in_range_and_names_the_rest() {
+    // The table as it is, but for a data block that exists no more, and one whose range has become smaller.
+    let mut set = vec![0; 4_096];
+    let length = drive::remembering::write_set(&Parameters::new(&DICTIONARY), &mut set).unwrap();
+    set.truncate(length);
+    let place = |set: &[u8], idn: u16| {
+        let mut at = 4;
+        while set[at..at + 2] != idn.to_le_bytes() {
+            at += 4 + usize::from(set[at + 3]);
+        }
+        at
+    };
+    let language = place(&set, 265);
+    set[language + 4] = 9;
+    let name = place(&set, product(7).0);
+    set[name..name + 2].copy_from_slice(&(0x8000 | 3_000_u16).to_le_bytes());
+    let mut bench = in_cp4(Executor::Host, bench::saved_set(&set));
+    assert_eq!(bench.entries(NOT_RESTORED), [265, 0x8000 | 3_000]);
+    assert_eq!(bench.number(265), 1);
+}
