@@ -73,9 +73,8 @@ pub use state::{Conditions, DriveState, StateMachine, Switches, status_bits};
 pub use tasks::Tasks;
 
 pub use servo::current::{CurrentSensing, PwmFrequency};
-pub use servo::motor::{
-    BoardKind, CurrentControl, CurrentLink, CurrentLoopValues, Cycle, Facts, PowerStage, Samples, TemperatureSensor,
-};
+pub use servo::monitor::{Divider, TemperatureSensor, Thermometers};
+pub use servo::motor::{BoardKind, CurrentControl, CurrentLink, CurrentLoopValues, Cycle, Facts, PowerStage, Samples};
 pub use servo::scope::Scope;
 
 use remembering::set::Recollection;

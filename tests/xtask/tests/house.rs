@@ -201,3 +201,30 @@ fn another_crate_is_found_by_its_name() {
     let named = made_up(&files).names_of(&["drive", "servo", "board", "sercos"]);
     assert_eq!(named.into_iter().collect::<Vec<_>>(), ["drive", "servo"]);
 }
+
+/// Boards that stand in for the real one where the firmware runs on a PC.
+const STAND_INS: [&str; 5] = [
+    "firmware/servo/src/motor/example.rs",
+    "firmware/servo/tests/machine_bench/stage.rs",
+    "firmware/drive/src/service/rig.rs",
+    "tests/bench/src/motor_side.rs",
+    "tests/garbage/src/configuration.rs",
+];
+
+#[test]
+fn the_boards_of_the_tests_measure_temperatures_as_the_board_does() {
+    let repository = Path::new(env!("CARGO_MANIFEST_DIR")).ancestors().nth(2).unwrap();
+    let inputs = |file: &str| -> Vec<String> {
+        let text = std::fs::read_to_string(repository.join(file)).unwrap();
+        let lines = text.lines().map(|line| line.trim().trim_start_matches("pub(crate) ").to_owned());
+        let mut inputs: Vec<String> =
+            lines.filter(|line| line.starts_with("const DIVIDER:") || line.starts_with("thermometers: &")).collect();
+        inputs.sort_unstable();
+        inputs
+    };
+    let board = inputs("board/src/facts.rs");
+    assert_eq!(board.len(), 2, "{board:?}");
+    for file in STAND_INS {
+        assert_eq!(inputs(file), board, "{file} has another divider or sensor than board/src/facts.rs");
+    }
+}
