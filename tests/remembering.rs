@@ -304,7 +304,7 @@ fn while_the_elf_saves_in_cp4_no_at_is_missed_and_t4_keeps_its_time() {
 #[test]
 #[ignore = "needs QEMU and the ELF: cargo xtask test"]
 fn the_elf_has_the_old_set_or_the_new_one_wherever_its_supply_is_cut() {
-    for nth in [1, 2, 4, 5, 6, 7, 100, 250, 330, 335, 336, 337] {
+    for nth in [1, 5, 100, 335, 337] {
         let mut parameters = Parameters::new(&DICTIONARY);
         parameters.set(sercos::Idn::standard(41), 1_111).unwrap();
         let mut bench = in_cp4(on_qemu(), saved(&parameters));
@@ -325,7 +325,12 @@ fn the_elf_has_the_old_set_or_the_new_one_wherever_its_supply_is_cut() {
         }
         let mut flash = flash_of(&bench);
         flash.restore_supply();
-        let mut bench = in_cp4(on_qemu(), flash);
+        // What was cut goes with its page: an erase, for which the master has to wait.
+        let setup = DriveSetup { axis: axis(), flash, ..DriveSetup::new(ADDRESS) };
+        let mut bench = Bench::on(on_qemu(), setup, MasterScript { good_msts: 3_000, ..only_communication(false) });
+        while !bench.world.ring().master().is_done() {
+            bench.run(Nanoseconds::from_millis(10));
+        }
         let value = bench.number(41);
         println!("cut at word {nth} ({lost}): S-0-0041 = {value}");
         assert!(value == 1_111 || value == 2_222, "cut at word {nth}: {value}");

@@ -100,6 +100,8 @@ pub struct Drive<B, H: Hardware, P: 'static> {
 ///
 /// # Errors
 /// The defaults do not make a drive with this board's loop timer (a mistake in the table or the board, found by tests).
+// What it works with is gone when it returns, and no part of the frame that interrupts find under them.
+#[inline(never)]
 pub fn new<B: Bus + Clone, H: Hardware, P: PowerStage<Board = H::Board>>(
     bus: B,
     hardware: H,
