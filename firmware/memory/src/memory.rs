@@ -48,7 +48,7 @@ pub struct Memory<F: NorFlash> {
     map: Map<F>,
     saves: Saves,
     condition: Condition,
-    /// Bytes left in the page that is being filled.
+    /// Bytes left in the page that is being filled, at least.
     room: u32,
 }
 
@@ -115,7 +115,7 @@ impl<F: NorFlash> Memory<F> {
         self.condition
     }
 
-    /// Bytes that can be kept until the next start.
+    /// Bytes that can be kept until the next start, at least.
     pub const fn room(&self) -> u32 {
         self.room
     }
@@ -216,6 +216,14 @@ impl<F: NorFlash> Memory<F> {
 
     /// Fills the page up until it turns: what is in force goes over to the other one, and this one is erased.
     async fn turn(&mut self, buffer: &mut [u8]) -> Result<(), Error<F::Error>> {
+        let before = self.filling().await?;
+        if let Some(spare) = before.map(other)
+            && self.erased_at_end(spare, Self::PAGE).await? < Self::PAGE
+        {
+            // It says that it is erased, and is not: an erase was cut, or a bit is damaged.
+            let from = spare.saturating_mul(Self::PAGE);
+            self.map.flash().erase(from, from.saturating_add(Self::PAGE)).await.map_err(Error::Flash)?;
+        }
         for _ in 0..Self::PADDINGS {
             let length = Self::PADDING_BYTES;
             let mut padding = |room: &mut [u8]| {
@@ -223,18 +231,14 @@ impl<F: NorFlash> Memory<F> {
                 room.fill(0);
                 Some(length)
             };
-            let turns = self.room < LONGEST_ITEM;
             self.store(buffer, PADDING, &Written::new(None, &mut padding)).await?;
-            if turns {
-                let last = self.room;
-                self.measure().await?;
-                if self.room > last {
-                    break;
-                }
+            if self.filling().await? != before {
+                break;
             }
         }
         // Or it would go over with every turn.
-        self.store(buffer, PADDING, &Written::new(None, &mut |_: &mut [u8]| Some(0))).await
+        self.store(buffer, PADDING, &Written::new(None, &mut |_: &mut [u8]| Some(0))).await?;
+        self.measure().await
     }
 
     async fn store<W: FnMut(&mut [u8]) -> Option<usize>>(
@@ -261,41 +265,68 @@ impl<F: NorFlash> Memory<F> {
         Err(last)
     }
 
-    /// What is left of the page that is being filled; 0 where none is blank besides, which the next item would have to erase.
+    /// What is left of the page that is being filled, [`Self::RESERVE`] at most: a start has no time to look at more. 0 where the next item would have to
+    /// erase the other page.
     async fn measure(&mut self) -> Result<(), Error<F::Error>> {
-        let mut blank = 0_u32;
-        let mut left = Self::PAGE;
-        for page in 0..PAGES {
-            let free = self.erased_at_end(page).await?;
-            if free == Self::PAGE {
-                blank = blank.saturating_add(1);
-            } else {
-                left = free;
-            }
-        }
-        // The last word says that a page is full.
-        self.room = if blank == 0 { 0 } else { left.saturating_sub(Self::FRAME) };
+        let reserve = Self::RESERVE.saturating_add(Self::FRAME);
+        let erased = match self.filling().await? {
+            Some(page) => self.erased_at_end(page, reserve).await?,
+            None if self.is_blank().await? => reserve,
+            None => 0,
+        };
+        self.room = erased.saturating_sub(Self::FRAME);
         Ok(())
     }
 
-    /// Erased bytes at the end of a page. A drive starts behind it: whole chunks are compared at once.
-    async fn erased_at_end(&mut self, page: u32) -> Result<u32, Error<F::Error>> {
-        const CHUNK: u32 = 128;
-        let start = page.saturating_mul(Self::PAGE);
+    /// The page that is being filled: its first word is written, its last is not, and the other one says that it is erased.
+    async fn filling(&mut self) -> Result<Option<u32>, Error<F::Error>> {
+        for page in 0..PAGES {
+            if self.marks(page).await? == (true, false) && self.marks(other(page)).await? == (false, false) {
+                return Ok(Some(page));
+            }
+        }
+        Ok(None)
+    }
+
+    async fn is_blank(&mut self) -> Result<bool, Error<F::Error>> {
+        Ok(self.marks(0).await? == (false, false) && self.marks(1).await? == (false, false))
+    }
+
+    /// Whether something is written into the first word of a page, and into its last.
+    async fn marks(&mut self, page: u32) -> Result<(bool, bool), Error<F::Error>> {
+        const WORD: u32 = 4;
+        let first = page.saturating_mul(Self::PAGE);
+        let last = first.saturating_add(Self::PAGE).saturating_sub(WORD);
+        let mut word = [[0; WORD as usize]; 2];
+        for (word, at) in word.iter_mut().zip([first, last]) {
+            self.map.flash().read(at, word).await.map_err(Error::Flash)?;
+        }
+        let [first, last] = word.map(|word| word != [ERASED; WORD as usize]);
+        Ok((first, last))
+    }
+
+    /// Erased bytes at the end of a page, as far as `limit`. A drive starts behind it: whole chunks are compared at once, by words.
+    async fn erased_at_end(&mut self, page: u32, limit: u32) -> Result<u32, Error<F::Error>> {
+        const CHUNK: u32 = 256;
+        let end = page.saturating_add(1).saturating_mul(Self::PAGE);
         let mut erased = 0_u32;
         let mut chunk = [0_u8; CHUNK as usize];
-        while erased < Self::PAGE {
-            let from = start.saturating_add(Self::PAGE).saturating_sub(erased).saturating_sub(CHUNK);
+        while erased < limit {
+            let from = end.saturating_sub(erased).saturating_sub(CHUNK);
             self.map.flash().read(from, &mut chunk).await.map_err(Error::Flash)?;
-            // By words: so many bytes, one after the other, would take some 10 ms of the start.
             if !chunk.as_chunks::<4>().0.iter().all(|word| u32::from_ne_bytes(*word) == u32::MAX) {
                 let more = chunk.iter().rev().take_while(|byte| **byte == ERASED).count() as u32;
-                return Ok(erased.saturating_add(more));
+                return Ok(erased.saturating_add(more).min(limit));
             }
             erased = erased.saturating_add(CHUNK);
         }
-        Ok(erased)
+        Ok(limit)
     }
+}
+
+/// The other page.
+const fn other(page: u32) -> u32 {
+    PAGES.saturating_sub(1).saturating_sub(page)
 }
 
 const fn key(log: Log) -> u8 {

@@ -72,3 +72,24 @@ fn a_flash_that_is_not_ours_is_told_and_taken_over() {
         assert_eq!(load(&mut started(memory.flash().clone()).unwrap().0), Some(set(1, 40)));
     }
 }
+
+/// The markers of a page say that it is erased, and it is not: an erase that was cut, or a bit.
+#[test]
+fn a_spare_page_that_is_not_erased_is_erased_before_it_is_needed() {
+    for dirt in [16, 300, Small::PAGE - 9] {
+        let (mut memory, _) = started(Small(FlashModel::new())).unwrap();
+        let mut number = 1;
+        save(&mut memory, &set(number, 120)).unwrap();
+        let mut flash = memory.flash().clone();
+        flash.0.contents_mut()[flash::SECTOR_BYTES + dirt] = 0x5A;
+        while flash.0.erases() == [0, 0] || number < 60 {
+            let (mut memory, condition) = started(flash).unwrap();
+            assert_eq!((condition, load(&mut memory)), (Condition::Whole, Some(set(number, 120))), "dirt at {dirt}");
+            number += 1;
+            save(&mut memory, &set(number, 120)).unwrap();
+            flash = memory.flash().clone();
+        }
+        // The spare, because it was dirty, and the page that was full.
+        assert_eq!(flash.0.erases(), [1, 1], "dirt at {dirt}");
+    }
+}

@@ -36,7 +36,7 @@ fn a_set_that_is_too_long_is_refused_and_the_one_before_stays() {
 fn nothing_is_erased_until_the_next_start_however_often_is_saved() {
     let mut flash = FlashModel::new();
     let (mut turns, mut number, mut fewest) = (0, 0, u32::MAX);
-    for _ in 0..4 {
+    for _ in 0..12 {
         let (mut memory, _) = started(flash).unwrap();
         let erased: u64 = memory.flash().erases().iter().sum();
         turns = erased;
@@ -53,9 +53,10 @@ fn nothing_is_erased_until_the_next_start_however_often_is_saved() {
         fewest = fewest.min(saves);
         flash = memory.flash().clone();
     }
-    assert_eq!(turns, 3);
+    // A page holds two reserves and a half.
+    assert!((4..=8).contains(&turns), "{turns} turns");
     // 1.8 KB and the frame of each, and what a save of the longest set needs behind the last.
-    assert!((RESERVE / 1_900..=128 * 1_024 / 1_836).contains(&fewest), "{fewest} saves");
+    assert!((RESERVE / 1_900..=RESERVE / 1_830).contains(&fewest), "{fewest} saves");
 }
 
 #[test]
