@@ -14,9 +14,9 @@ use crate::setup::Installing;
 use crate::{Verdict, firmware, workspace};
 use anyhow::{Context, Result, bail};
 use bench::{DriveSetup, Executor};
-use file::{Entry, ParameterFile};
+use file::ParameterFile;
 use flash::FlashModel;
-use link::{Drive, Failed, Link};
+use link::{Described, Drive, Failed, Link};
 use load::Manner;
 use ring_link::RingLink;
 use sercos::Idn;
@@ -47,42 +47,22 @@ pub(crate) enum Action {
     Print(Vec<Idn>),
 }
 
+/// What was done, for the user.
+struct Done {
+    text: String,
+    verdict: Verdict,
+}
+
+/// What is done with a drive that has been run up.
+type Work<'a> = &'a mut dyn FnMut(&mut Drive<RingLink>, load::Tell<'_>) -> Result<Done>;
+
 /// Does it.
 pub(crate) fn run(action: &Action, which: &Which, installing: Installing) -> Result<Verdict> {
-    if let Action::CompareFiles(one, other) = action {
-        let names = [one, other].map(|path| path.display().to_string());
-        let files = [ParameterFile::read(one)?, ParameterFile::read(other)?];
-        return Ok(show_differences(&files[0], &files[1], &names));
-    }
-    // Everything that can be known before a drive is started.
-    let file = match action {
-        Action::Load { file, .. } | Action::CompareWithDrive(file) => Some(ParameterFile::read(file)?),
-        _ => None,
-    };
-    let flash = match &which.flash {
-        Some(path) => read_flash(path)?,
-        None => DriveSetup::new(1).flash,
-    };
-    let executor = firmware::executor(which.on, installing)?;
-    let done = with_drive(&executor, flash, which.flash.as_deref(), |drive, tell| match (action, &file) {
-        (Action::Save(path), _) => save(drive, path, tell),
-        (Action::Load { file: path, no_store, skip_unknown }, Some(file)) => {
-            let manner = Manner { store: !no_store, skip_unknown: *skip_unknown };
-            load_and_tell(drive, file, path, manner, tell)
-        }
-        (Action::CompareWithDrive(path), Some(file)) => {
-            let has = read_all(drive, tell)?;
-            Ok(Done::Differences { file: file.clone(), drive: has, name: path.display().to_string() })
-        }
-        (Action::Print(idns), _) => print(drive, idns, tell),
-        _ => bail!("a file is missing"),
-    });
-    match done {
-        Ok(Done::Text(text)) => {
+    match act(action, which, installing) {
+        Ok(Done { text, verdict }) => {
             print!("{text}");
-            Ok(Verdict::Passed)
+            Ok(verdict)
         }
-        Ok(Done::Differences { file, drive, name }) => Ok(show_differences(&file, &drive, &[name, "drive".to_owned()])),
         // The run was possible and came to nothing: that is a result.
         Err(error) if error.is::<Failed>() => {
             eprintln!("failed: {}", crate::cli::one_line(&error.to_string()));
@@ -92,19 +72,37 @@ pub(crate) fn run(action: &Action, which: &Which, installing: Installing) -> Res
     }
 }
 
-/// What a run with a drive leaves to be said.
-enum Done {
-    Text(String),
-    Differences { file: ParameterFile, drive: ParameterFile, name: String },
+/// The files are looked at before anything is built or started.
+fn act(action: &Action, which: &Which, installing: Installing) -> Result<Done> {
+    let with_drive = |work: Work<'_>| {
+        let kept_in = which.flash.as_deref();
+        let flash = kept_in.map_or_else(|| Ok(DriveSetup::new(1).flash), read_flash)?;
+        with_drive(&firmware::executor(which.on, installing)?, flash, kept_in, work)
+    };
+    match action {
+        Action::Save(path) => with_drive(&mut |drive, tell| save(drive, path, tell)),
+        Action::Load { file: path, no_store, skip_unknown } => {
+            let file = ParameterFile::read(path)?;
+            let manner = Manner { store: !no_store, skip_unknown: *skip_unknown };
+            with_drive(&mut |drive, tell| load_and_tell(drive, &file, path, manner, tell))
+        }
+        Action::CompareWithDrive(path) => {
+            let file = ParameterFile::read(path)?;
+            with_drive(&mut |drive, tell| {
+                let has = read_like(drive, &file, tell)?;
+                Ok(differences(&file, &has, [&path.display().to_string(), "drive"]))
+            })
+        }
+        Action::CompareFiles(one, other) => {
+            let files = [ParameterFile::read(one)?, ParameterFile::read(other)?];
+            Ok(differences(&files[0], &files[1], [&one.display().to_string(), &other.display().to_string()]))
+        }
+        Action::Print(idns) => with_drive(&mut |drive, tell| print(drive, idns, tell)),
+    }
 }
 
 /// Runs a drive up, does something with it, and keeps what it remembers, whatever came of it.
-fn with_drive<T>(
-    executor: &Executor,
-    flash: FlashModel,
-    kept_in: Option<&Path>,
-    work: impl FnOnce(&mut Drive<RingLink>, load::Tell<'_>) -> Result<T>,
-) -> Result<T> {
+fn with_drive(executor: &Executor, flash: FlashModel, kept_in: Option<&Path>, work: Work<'_>) -> Result<Done> {
     let bars = RefCell::new(PhaseBars::new());
     let show = |phase: u8, time_us: u64, what: String| {
         bars.borrow_mut().show(&Progress { phase, what, done: 0, of: 0, time_us });
@@ -150,23 +148,39 @@ fn read_flash(path: &Path) -> Result<FlashModel> {
 fn read_all<L: Link>(drive: &mut Drive<L>, tell: load::Tell<'_>) -> Result<ParameterFile> {
     let kept = drive.backup_list()?;
     let origin = drive.origin()?;
-    Ok(ParameterFile::new(origin, entries(drive, &kept, tell)?))
+    let entries = described(drive, &kept, tell)?.into_iter().map(|block| Ok((block.idn, block.entry()?)));
+    Ok(ParameterFile::new(origin, entries.collect::<Result<Vec<_>>>()?))
 }
 
-fn entries<L: Link>(drive: &mut Drive<L>, idns: &[Idn], tell: load::Tell<'_>) -> Result<Vec<(Idn, Entry)>> {
-    let mut entries = Vec::new();
+/// The same in the words of another file, where they mean what the drive has: `0x2` for `0x0002`.
+fn read_like<L: Link>(drive: &mut Drive<L>, file: &ParameterFile, tell: load::Tell<'_>) -> Result<ParameterFile> {
+    let kept = drive.backup_list()?;
+    let origin = drive.origin()?;
+    let entries = described(drive, &kept, tell)?.into_iter().map(|block| {
+        let entry = block.entry()?;
+        let same = file.entry(block.idn).filter(|filed| {
+            filed.unit == entry.unit && filed.value.transmitted(block.attribute).as_ref() == Ok(&block.value)
+        });
+        Ok((block.idn, same.cloned().unwrap_or(entry)))
+    });
+    Ok(ParameterFile::new(origin, entries.collect::<Result<Vec<_>>>()?))
+}
+
+fn described<L: Link>(drive: &mut Drive<L>, idns: &[Idn], tell: load::Tell<'_>) -> Result<Vec<Described>> {
+    let mut blocks = Vec::new();
     for (index, idn) in idns.iter().enumerate() {
         tell(drive.link().time_us(), "reading", index + 1, idns.len());
-        entries.push((*idn, drive.must_describe(*idn, true)?.entry()?));
+        blocks.push(drive.must_describe(*idn, true)?);
     }
-    Ok(entries)
+    Ok(blocks)
 }
 
 fn save<L: Link>(drive: &mut Drive<L>, path: &Path, tell: load::Tell<'_>) -> Result<Done> {
     let file = read_all(drive, tell)?;
-    workspace::write_beside(path, file.text()?)?;
+    workspace::write_beside(path, &file.text()?)?;
     let blocks = counted(file.entries().count() as u64, "data block");
-    Ok(Done::Text(format!("saved: {blocks}, checksum {}, in {}\n", file.saved_from.checksum, path.display())))
+    let text = format!("saved: {blocks}, checksum {}, in {}\n", file.saved_from.checksum, path.display());
+    Ok(Done { text, verdict: Verdict::Passed })
 }
 
 fn load_and_tell<L: Link>(
@@ -201,22 +215,23 @@ fn load_and_tell<L: Link>(
         loaded.checksum,
         if loaded.checksum == file.saved_from.checksum { "as in the file" } else { "another than in the file" },
     );
-    Ok(Done::Text(text))
+    Ok(Done { text, verdict: Verdict::Passed })
 }
 
 fn print<L: Link>(drive: &mut Drive<L>, idns: &[Idn], tell: load::Tell<'_>) -> Result<Done> {
     let idns = if idns.is_empty() { drive.backup_list()? } else { idns.to_vec() };
-    Ok(Done::Text(table::of_entries(&entries(drive, &idns, tell)?)))
+    let entries = described(drive, &idns, tell)?.into_iter().map(|block| Ok((block.idn, block.entry()?)));
+    let text = table::of_entries(&entries.collect::<Result<Vec<_>>>()?);
+    Ok(Done { text, verdict: Verdict::Passed })
 }
 
-fn show_differences(one: &ParameterFile, other: &ParameterFile, names: &[String; 2]) -> Verdict {
+fn differences(one: &ParameterFile, other: &ParameterFile, names: [&str; 2]) -> Done {
     let differences = table::differences(one, other);
     if differences.is_empty() {
-        println!("no difference in {}", counted(one.entries().count() as u64, "data block"));
-        return Verdict::Passed;
+        let text = format!("no difference in {}\n", counted(one.entries().count() as u64, "data block"));
+        return Done { text, verdict: Verdict::Passed };
     }
-    print!("{}", table::of_differences(&differences, names.each_ref().map(String::as_str)));
-    Verdict::Failed
+    Done { text: table::of_differences(&differences, names), verdict: Verdict::Failed }
 }
 
 #[cfg(test)]

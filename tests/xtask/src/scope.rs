@@ -88,7 +88,7 @@ fn conclude(recording: &Recording, csv: Option<&Path>, folder: &Path) -> Result<
     workspace::write_whole(&page, &report::html(recording))?;
     println!("plot: {}", page.display());
     if let Some(csv) = csv {
-        workspace::write_beside(csv, report::csv(recording))?;
+        workspace::write_beside(csv, &report::csv(recording))?;
         println!("table: {}", csv.display());
     }
     Ok(Verdict::Passed)

@@ -209,7 +209,7 @@ impl<L: Link> Loading<'_, L> {
         let outcome = match self.drive.command(LOAD_SAVED)? {
             Ok(()) => "S-0-0263 has brought back what was saved".to_owned(),
             Err(refusal) => match self.drive.command(LOAD_DEFAULTS)? {
-                Ok(()) => "nothing was saved before, so S-0-0262 has brought the defaults".to_owned(),
+                Ok(()) => "S-0-0263 brings nothing back, so S-0-0262 has brought the defaults".to_owned(),
                 Err(_) => format!(
                     "S-0-0263 does not bring back what was saved ({refusal}): {} data blocks stay written until the supply goes",
                     self.written.len()

@@ -5,7 +5,7 @@ use super::link::{Drive, Failed, Link};
 use super::load::{Loaded, Manner, load};
 use super::ring_link::RingLink;
 use super::value::Readable;
-use super::{read_all, table};
+use super::{read_all, read_like, table};
 use anyhow::Result;
 use bench::{DriveSetup, Executor};
 use flash::FlashModel;
@@ -197,7 +197,7 @@ fn a_refused_value_leaves_a_drive_that_has_saved_nothing_with_its_defaults() {
     let mut blank = host(FlashModel::new());
     let before = file_of(&mut blank);
     let line = refusal(&mut blank, &with(&before, &[(HOMING_VELOCITY, "42"), (Idn::standard(265), "7")]));
-    assert!(line.ends_with("; nothing was saved before, so S-0-0262 has brought the defaults"), "{line}");
+    assert!(line.ends_with("; S-0-0263 brings nothing back, so S-0-0262 has brought the defaults"), "{line}");
     assert_eq!(file_of(&mut blank), before);
 }
 
@@ -287,4 +287,30 @@ fn data_blocks_that_a_file_does_not_have_stay_as_they_are() {
     let loaded = load_into(&mut first, &ParameterFile::new(Origin::default(), entries), WHOLE).unwrap();
     assert_eq!((loaded.common, loaded.left), (1, before.entries().count() - 1));
     assert_eq!(differing(&file_of(&mut first), &before), [HOMING_VELOCITY]);
+}
+
+#[test]
+fn a_drive_that_cannot_save_says_why_and_works_with_what_it_had() {
+    let mut flash = defaults();
+    flash.cut_in(1, 7);
+    let mut worn = host(flash);
+    let before = file_of(&mut worn);
+    let line = refusal(&mut worn, &with(&before, &[(HOMING_VELOCITY, "42")]));
+    assert!(line.starts_with("S-0-0264 (save): the drive ends it with an error: the flash does not keep"), "{line}");
+    assert!(line.contains("so S-0-0262 has brought the defaults"), "the flash cannot be read either: {line}");
+    assert_eq!(file_of(&mut worn), before);
+}
+
+#[test]
+fn a_value_in_other_words_is_no_difference_to_the_drive() {
+    let mut first = host(defaults());
+    let before = file_of(&mut first);
+    let words = [(Idn::standard(32), "0x2"), (HOMING_VELOCITY, "100"), (Idn::product(172), "707")];
+    let file = with(&before, &words);
+    assert_ne!(file, before);
+    let has = read_like(&mut first, &file, &mut |_, _, _, _| ()).unwrap();
+    assert_eq!(differing(&file, &has), []);
+    let file = with(&before, &[(Idn::standard(32), "0x1"), (HOMING_VELOCITY, "fast")]);
+    let has = read_like(&mut first, &file, &mut |_, _, _, _| ()).unwrap();
+    assert_eq!(differing(&file, &has), [Idn::standard(32), HOMING_VELOCITY]);
 }
