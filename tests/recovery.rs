@@ -22,7 +22,7 @@ use sercos::data_block::{DataBlock, Location, NeededFor};
 /// Cases in a run without `PROPTEST_CASES`: some ten seconds.
 const CASES: u32 = 150;
 /// Enough to lose what does not belong to a failure, in a minute.
-const SHRINKING_STEPS: u32 = 120;
+const SHRINKING_STEPS: u32 = 400;
 
 /// In cycles; a master that waits longer calls the ring open.
 const LONGEST_DARKNESS: u64 = 150;
@@ -83,12 +83,13 @@ impl Bench {
         Self { world, drives }
     }
 
-    fn run(&mut self, milliseconds: u64) {
+    /// A broken law is a failed case and no panic: each step of the shrinking would write one, and bury what is left.
+    fn run(&mut self, milliseconds: u64) -> Result<(), TestCaseError> {
         let until = self.world.now() + Nanoseconds::from_millis(milliseconds);
-        self.world.run_until(until).unwrap();
+        self.world.run_until(until).map_err(|error| TestCaseError::fail(format!("{error:?}")))
     }
 
-    fn happen(&mut self, event: &Event) {
+    fn happen(&mut self, event: &Event) -> Result<(), TestCaseError> {
         let from = self.world.ring().cycle().unwrap_or(0) + 2;
         match &event.what {
             What::Telegrams { kind, effect, cycles, hop } => {
@@ -115,7 +116,7 @@ impl Bench {
                 drive.motor_side.borrow_mut().set_amplifier_inputs(inputs);
             }
         }
-        self.run(u64::from(event.then));
+        self.run(u64::from(event.then))
     }
 
     /// The amplifiers are sound again. Faults of telegrams may go on for a while: they end before the tenth clean MST of CP0.
@@ -129,7 +130,7 @@ impl Bench {
     fn recover(&mut self) -> Result<(), TestCaseError> {
         self.world.ring_mut().master_mut().restart(proper_script(self.drives.len()));
         for _ in 0..1_000 {
-            self.run(10);
+            self.run(10)?;
             let master = self.world.ring().master();
             if let Some(error) = &master.report().error {
                 return Err(TestCaseError::fail(format!("{error}, in {}", master.state())));
@@ -155,7 +156,7 @@ impl Bench {
                 self.world.ring_mut().master_mut().service(drive).request(Request::Read(idn));
             }
         }
-        self.run(100);
+        self.run(100)?;
         let report = self.world.ring().master().report();
         prop_assert_eq!(&report.error, &None);
         for record in &report.drives {
@@ -350,9 +351,9 @@ proptest! {
         events in prop::collection::vec(any_event(), 1..8),
     ) {
         let mut bench = Bench::new(drives);
-        bench.run(lead);
+        bench.run(lead)?;
         for event in &events {
-            bench.happen(event);
+            bench.happen(event)?;
         }
         bench.mend();
         bench.recover()?;

@@ -33,6 +33,7 @@ mod run_up;
 #[path = "common/running.rs"]
 mod running;
 mod stops;
+mod temperatures;
 mod tension;
 mod torque;
 mod travel;

@@ -1,8 +1,11 @@
 //! What this board is built with, for the firmware above it.
 
-use drive::{BoardKind, Facts, TemperatureSensor};
+use drive::{BoardKind, Divider, Facts, TemperatureSensor, Thermometers};
 
 use crate::{bridge, current_sense, encoder, loop_phase};
+
+/// Of both temperature inputs: 2.2 kOhm of 0.1 % to the 3.3 V that are the converters' reference, so that no error of a supply counts.
+const DIVIDER: Divider = Divider { pull_up: 2_200, supply: 3_300, reference: 3_300 };
 
 /// This board.
 #[derive(Debug)]
@@ -16,12 +19,6 @@ impl BoardKind for Kind {
         loop_timer_counts: loop_phase::COUNTS,
         sample_to_count: current_sense::HOLD_TO_COUNT_NANOSECONDS,
         encoder_rate: encoder::INCREMENTS_PER_SECOND,
-        // 500 counts at 0 degrees C, 10 counts a kelvin, -40 to 250 degrees C.
-        temperature_sensor: TemperatureSensor {
-            zero_counts: 500,
-            millicounts_per_kelvin: 10_000,
-            lowest_sample: 100,
-            highest_sample: 3_000,
-        },
+        thermometers: &Thermometers::new(TemperatureSensor::Ntc5k, &DIVIDER, &DIVIDER),
     };
 }

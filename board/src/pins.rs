@@ -27,8 +27,8 @@
 //! | break | PB12 | 73 | AF1 TIM1_BKIN, pull-down | gate drivers and overcurrent comparator, 1 = no fault |
 //! | currents A, B, C | PC0, PC1, PC2 | 26 to 28 | analogue, IN10 to IN12 | current amplifiers, half of the supply = 0 A |
 //! | DC link voltage | PC3 | 29 | analogue, IN13 | divider |
-//! | temperature, heat sink | PC4 | 44 | analogue, IN14 | resistor with negative coefficient |
-//! | temperature, motor | PF6 | 18 | analogue, ADC3_IN4 | sensor in the winding |
+//! | temperature, heat sink | PC4 | 44 | analogue, IN14 | sensor of the power module (5 kOhm, negative coefficient) to ground, 2.2 kOhm to VREF+ |
+//! | temperature, motor | PF6 | 18 | analogue, ADC3_IN4 | sensor in the winding (P-0-0134) to ground, 2.2 kOhm to VREF+ |
 //! | brake coil | PC5 | 45 | output, low at start | coil driver, 1 = released, pull-down there |
 //! | brake chopper | PF11 | 49 | output, low at start | driver of the chopper's switch, 1 = resistor on, pull-down there |
 //! | main power | PC9 | 99 | input, pull-down | charging circuit, 1 = DC link charged |

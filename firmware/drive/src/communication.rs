@@ -23,7 +23,7 @@ use crate::interrupts::RingInterrupts;
 use crate::motion::Motion;
 use crate::remembering::keeping::{Keep, Keeping, MemoryFailure};
 use crate::remembering::log::Log;
-use crate::remembering::{Recollection, set};
+use crate::remembering::set::{self, Recollection};
 use crate::service::access::Access;
 use crate::service::commissioning::Commissioning;
 use crate::service::context::{Checks, Context};

@@ -73,12 +73,11 @@ pub use state::{Conditions, DriveState, StateMachine, Switches, status_bits};
 pub use tasks::Tasks;
 
 pub use servo::current::{CurrentSensing, PwmFrequency};
-pub use servo::motor::{
-    BoardKind, CurrentControl, CurrentLink, CurrentLoopValues, Cycle, Facts, PowerStage, Samples, TemperatureSensor,
-};
+pub use servo::monitor::{Divider, TemperatureSensor, Thermometers};
+pub use servo::motor::{BoardKind, CurrentControl, CurrentLink, CurrentLoopValues, Cycle, Facts, PowerStage, Samples};
 pub use servo::scope::Scope;
 
-use remembering::Recollection;
+use remembering::set::Recollection;
 
 use sercon816::Bus;
 use sercos::parameters::Parameters;
@@ -101,6 +100,8 @@ pub struct Drive<B, H: Hardware, P: 'static> {
 ///
 /// # Errors
 /// The defaults do not make a drive with this board's loop timer (a mistake in the table or the board, found by tests).
+// What it works with is gone when it returns, and no part of the frame that interrupts find under them.
+#[inline(never)]
 pub fn new<B: Bus + Clone, H: Hardware, P: PowerStage<Board = H::Board>>(
     bus: B,
     hardware: H,

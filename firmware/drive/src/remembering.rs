@@ -10,5 +10,5 @@ mod task;
 
 pub use keeping::Keep;
 pub use log::MOST_LOG_BYTES;
-pub use set::{MOST_SET_BYTES, read_set, write_set};
-pub use task::{Recollection, keep, recall};
+pub use set::{MOST_SET_BYTES, Recollection, read_set, write_set};
+pub use task::{keep, recall};

@@ -509,6 +509,21 @@ mod tests {
     }
 
     #[test]
+    fn a_shut_down_temperature_that_the_sensor_cannot_show_is_refused() {
+        let with_sensor = |number: u16, shutdown: u16| {
+            let mut parameters = with(&[(204, shutdown.into())]);
+            parameters.set(Idn::product(134), number.into()).unwrap();
+            DriveSettings::new(&parameters, &FACTS, source).map_err(|error| error.idn)
+        };
+        // A resistor with negative coefficient shows up to 200 degrees C.
+        assert!(with_sensor(3, 2_000).is_ok());
+        assert_eq!(with_sensor(3, 2_001).err(), Some(Idn::standard(204)));
+        for number in [0, 1, 2, 4, 5] {
+            assert!(with_sensor(number, 2_500).is_ok(), "{number}");
+        }
+    }
+
+    #[test]
     fn the_trip_level_of_a_small_motor_on_a_large_amplifier_is_the_motors() {
         let counts = |motor: u32, level: u32| {
             let mut parameters = with(&[(109, motor), (110, 14_000)]);

@@ -36,4 +36,5 @@ mod set;
 
 pub use error::{Error, FramError};
 pub use fram::Fram;
-pub use memory::{Condition, Log, MOST_BYTES, Memory, RESERVE};
+pub use memory::{Log, MOST_BYTES, Memory, RESERVE};
+pub use set::Condition;

@@ -5,7 +5,7 @@ use sequential_storage::cache::{Cache, Uncached};
 use sequential_storage::map::{MapConfig, MapStorage};
 
 use crate::error::Error;
-use crate::set::{Saves, Written, numbered};
+use crate::set::{Condition, Saves, Written, numbered};
 
 /// Most bytes of a set or a log.
 pub const MOST_BYTES: usize = 3 * 1024;
@@ -32,20 +32,6 @@ const SAVE: u32 = LONGEST_ITEM + 2 * SHORT_ITEM;
 const PAGES: u32 = 2;
 /// What an erased word reads.
 const ERASED: u8 = 0xFF;
-
-/// What a start has found.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-#[cfg_attr(feature = "defmt", derive(defmt::Format))]
-pub enum Condition {
-    /// Nothing was ever saved.
-    Empty,
-    /// The set of the last save is there.
-    Whole,
-    /// The last save was not finished, and nobody was told that it was: the set of the one before is there, if there was one.
-    Unfinished,
-    /// The set of the last save cannot be read any more. There may be an older one, which [`Memory::load`] does not give.
-    Damaged,
-}
 
 /// What is kept beside the set, each by itself: the newest that can be read counts.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

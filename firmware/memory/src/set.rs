@@ -4,7 +4,19 @@ use core::cell::Cell;
 
 use sequential_storage::map::{SerializationError, Value};
 
-use crate::memory::Condition;
+/// What a start has found.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
+pub enum Condition {
+    /// Nothing was ever saved.
+    Empty,
+    /// The set of the last save is there.
+    Whole,
+    /// The last save was not finished, and nobody was told that it was: the set of the one before is there, if there was one.
+    Unfinished,
+    /// The set of the last save cannot be read any more. There may be an older one, which [`Memory::load`](crate::Memory::load) does not give.
+    Damaged,
+}
 
 /// Numbers of the last save that was begun, that can be read, and that was finished; 0: none.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]

@@ -93,6 +93,13 @@ pub enum SettingsError {
         /// P-0-0105 in V.
         maximum: u32,
     },
+    /// The shut-down temperature must not be above the hottest that the sensor shows.
+    BeyondSensor {
+        /// Shut-down temperature in 0.1 degree C.
+        actual: u16,
+        /// Hottest that the sensor shows, in 0.1 degree C.
+        hottest: u16,
+    },
     /// The feedrate override must not exceed 100 % (10 000).
     FeedrateOverride {
         /// In 0.01 %.
@@ -153,6 +160,12 @@ impl fmt::Display for SettingsError {
                 write!(
                     formatter,
                     "magnets induce {actual} V between two phases at this speed, expected at most P-0-0105 of {maximum} V, or P-0-0239 = 1"
+                )
+            }
+            Self::BeyondSensor { actual, hottest } => {
+                write!(
+                    formatter,
+                    "shut-down temperature of {actual} in 0.1 degree C, the sensor shows {hottest} at most"
                 )
             }
             Self::FeedrateOverride { actual } => {

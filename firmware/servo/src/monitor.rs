@@ -8,6 +8,7 @@ pub(crate) mod generating;
 pub(crate) mod load;
 pub(crate) mod open_phase;
 pub(crate) mod temperature;
+pub(crate) mod thermometer;
 pub(crate) mod travel_range;
 
 pub use bus_voltage::{
@@ -18,5 +19,8 @@ pub use current_balance::CurrentBalance;
 pub use generating::{GeneratingParameters, GeneratingSettings};
 pub use load::{LoadModel, LoadOutput, LoadParameters, LoadSettings};
 pub use open_phase::OpenPhase;
-pub use temperature::{Temperature, TemperatureError, TemperatureOutput, TemperatureParameters, TemperatureSettings};
+pub use temperature::{
+    NO_TEMPERATURE, Temperature, TemperatureError, TemperatureOutput, TemperatureParameters, TemperatureSettings,
+};
+pub use thermometer::{Characteristic, Contact, Curve, Divider, TemperatureSensor, Thermometers};
 pub use travel_range::{Commanded, RangeEnd, RangeMonitor, TravelRange};

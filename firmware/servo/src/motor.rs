@@ -20,7 +20,7 @@ pub(crate) mod watched;
 
 pub use current_task::CurrentControl;
 pub use cycle_values::CurrentLoopValues;
-pub use facts::{BoardKind, Facts, TemperatureSensor};
+pub use facts::{BoardKind, Facts};
 pub use fault::{FaultReaction, MotorFault, MotorFaults};
 pub use link::CurrentLink;
 pub use monitoring::Surroundings;
@@ -251,7 +251,7 @@ impl<B: BoardKind> Motor<B> {
     }
 
     /// Takes new settings over. Another number of pole pairs or increments, or another direction of the encoder, makes the commutation angle
-    /// unknown again.
+    /// unknown again, and another sensor begins a measurement of its own.
     pub fn apply_settings(&mut self, settings: &MotorSettings, encoder_reversed: bool) {
         let direction = if encoder_reversed { u32::MAX } else { 1 };
         if settings.commutation != self.settings.commutation || direction != self.direction {
@@ -265,6 +265,9 @@ impl<B: BoardKind> Motor<B> {
         }
         if settings.current != self.settings.current {
             self.link.settings.send(|shared| shared.set(&settings.current));
+        }
+        if !settings.winding.has_sensor_of(&self.settings.winding) {
+            self.winding = Temperature::new();
         }
         self.direction = direction;
         self.angle_per_increment = settings.angle_per_increment.wrapping_mul(direction);

@@ -27,6 +27,7 @@ mod open_phase;
 mod position_on_machine;
 mod regeneration_on_machine;
 mod stops;
+mod temperatures;
 mod torque;
 mod torque_on_machine;
 mod trajectory;

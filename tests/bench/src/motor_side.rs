@@ -5,8 +5,8 @@ use std::cell::RefCell;
 use std::rc::Rc;
 
 use drive::{
-    BoardKind, Cycle, Facts, Hardware, Inputs, InterruptLine, PowerStage, ProbeInput, ResetCause, Samples,
-    TemperatureSensor,
+    BoardKind, Cycle, Divider, Facts, Hardware, Inputs, InterruptLine, PowerStage, ProbeInput, ResetCause, Samples,
+    TemperatureSensor, Thermometers,
 };
 use laws::Sight;
 use plant::{Machine, ReferenceAxis};
@@ -374,6 +374,9 @@ impl MotorSide {
     }
 }
 
+/// Of both temperature inputs.
+const DIVIDER: Divider = Divider { pull_up: 2_200, supply: 3_300, reference: 3_300 };
+
 /// The board that this computer stands for.
 #[derive(Debug)]
 pub struct HostBoard;
@@ -386,12 +389,7 @@ impl BoardKind for HostBoard {
         loop_timer_counts: 10_500,
         sample_to_count: CONVERSION.0 as u16,
         encoder_rate: 18_600_000,
-        temperature_sensor: TemperatureSensor {
-            zero_counts: 500,
-            millicounts_per_kelvin: 10_000,
-            lowest_sample: 100,
-            highest_sample: 3_000,
-        },
+        thermometers: &Thermometers::new(TemperatureSensor::Ntc5k, &DIVIDER, &DIVIDER),
     };
 }
 

@@ -43,7 +43,11 @@ impl Causes {
                 | Fault::EncoderSlip
                 | Fault::EncoderJump
                 | Fault::CommutationDisturbed => Cause::Encoder,
-                Fault::MotorHot | Fault::HeatSinkHot | Fault::TemperatureSensorBroken => Cause::Temperature,
+                Fault::MotorHot
+                | Fault::HeatSinkHot
+                | Fault::TemperatureSensorBroken
+                | Fault::TemperatureSensorShort
+                | Fault::HeatSinkSensorBroken => Cause::Temperature,
                 Fault::GateDriver => Cause::GateDriver,
                 Fault::SafeTorqueOff | Fault::OneSafeTorqueChannel => Cause::SafeTorqueOff,
                 Fault::Overvoltage | Fault::MainsFailure | Fault::MainPowerLost | Fault::EmergencyStop => Cause::Supply,
@@ -63,9 +67,9 @@ impl Causes {
             Action::Write(0x8076, _) => Cause::Encoder,
             Action::SafeTorqueOff(_) => Cause::SafeTorqueOff,
             Action::Mains(_) | Action::Contactor { .. } => Cause::Supply,
-            // The undervoltage and overvoltage thresholds, and those of the temperatures.
+            // The undervoltage and overvoltage thresholds, those of the temperatures, and the sensor of the motor.
             Action::Write(0x8068 | 0x8069, _) => Cause::Supply,
-            Action::Write(200..=204, _) => Cause::Temperature,
+            Action::Write(200..=204 | 0x8086, _) => Cause::Temperature,
             Action::LoseMst(_)
             | Action::LoseMdt(_)
             | Action::DamageMst(_)
@@ -89,7 +93,7 @@ impl Causes {
         let seen = |cause| self.seen.contains(&cause);
         match diagnosis {
             0xF001..=0xF008 | 0xF116 => seen(Cause::Ring),
-            0xF101 | 0xF102 | 0xF117 => seen(Cause::Temperature),
+            0xF101 | 0xF102 | 0xF117 | 0xF11E => seen(Cause::Temperature),
             // An angle that was searched for may turn out wrong at the index.
             0xF105 => seen(Cause::Encoder) || !axis.aligned,
             0xF109 => seen(Cause::Supply) || seen(Cause::Encoder),

@@ -1,6 +1,6 @@
 //! Everything that breaks, how it is broken, and how it is repaired.
 
-use plant::{BrakeFailure, HoldingBrake, ReferenceAxis};
+use plant::{BrakeFailure, HoldingBrake, ReferenceAxis, ThermometerFailure};
 use ring::Nanoseconds;
 use ring::fibre::{Effect, TelegramKind};
 use ring::ident::{Idn, Value};
@@ -66,6 +66,10 @@ pub enum Fault {
     HeatSinkHot,
     /// The wire of the motor's temperature sensor is broken.
     TemperatureSensorBroken,
+    /// The wires of the motor's temperature sensor touch each other.
+    TemperatureSensorShort,
+    /// The wire of the heat sink's temperature sensor is broken.
+    HeatSinkSensorBroken,
     /// The axis is blocked at the peak torque.
     Overload,
     /// The axis is blocked.
@@ -235,9 +239,9 @@ impl Fault {
             Self::MotorHot => rig.machine(|machine, now| machine.set_temperatures([WARM[0], 160.0], now)),
             Self::MotorWarm => rig.machine(|machine, now| machine.set_temperatures([WARM[0], 126.0], now)),
             Self::HeatSinkHot => rig.machine(|machine, now| machine.set_temperatures([110.0, WARM[1]], now)),
-            Self::TemperatureSensorBroken => {
-                rig.machine(|machine, now| machine.fail_temperature_sensor(1, Some(FULL_SCALE), now));
-            }
+            Self::TemperatureSensorBroken => fail_thermometer(rig, 1, ThermometerFailure::BrokenWire),
+            Self::TemperatureSensorShort => fail_thermometer(rig, 1, ThermometerFailure::ShortCircuit),
+            Self::HeatSinkSensorBroken => fail_thermometer(rig, 0, ThermometerFailure::BrokenWire),
             Self::Overload | Self::AxisBlocked => rig.break_brake(None),
             Self::Overspeed => {
                 // In torque mode the drive does not oppose it before S-0-0091, and has 8 Nm to stop with.
@@ -293,7 +297,9 @@ impl Fault {
                 machine.shift_current_sensor(phase, 0, now);
             }
             machine.open_phase(1, false, now);
-            machine.fail_temperature_sensor(1, None, now);
+            for sensor in 0..2 {
+                machine.fail_temperature_sensor(sensor, None, now);
+            }
             machine.freeze_encoder(false, now);
             machine.set_temperatures(WARM, now);
             machine.set_load_torque(0.0, now);
@@ -307,6 +313,11 @@ impl Fault {
             inputs.safe_torque_2 = true;
         });
     }
+}
+
+/// Of the heat sink (0) or the motor (1).
+fn fail_thermometer(rig: &impl Target, sensor: usize, failure: ThermometerFailure) {
+    rig.machine(|machine, now| machine.fail_temperature_sensor(sensor, Some(failure), now));
 }
 
 fn open_the_contactor(rig: &impl Target) {
@@ -336,6 +347,8 @@ impl fmt::Display for Fault {
             Self::MotorWarm => "motor at 126 degrees C",
             Self::HeatSinkHot => "heat sink at 110 degrees C",
             Self::TemperatureSensorBroken => "wire of the motor's temperature sensor broken",
+            Self::TemperatureSensorShort => "motor's temperature sensor short-circuited",
+            Self::HeatSinkSensorBroken => "wire of the heat sink's temperature sensor broken",
             Self::Overload => "axis blocked at peak torque",
             Self::AxisBlocked => "axis blocked",
             Self::Overspeed => "load drives the axis beyond 125 % of S-0-0113",

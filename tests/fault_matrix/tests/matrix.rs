@@ -19,13 +19,15 @@ fn the_drive_does_what_the_matrix_asks_in_every_state_and_mode_and_the_page_in_t
 }
 
 /// One cell of each kind of hardware that a fault takes part in; `cargo xtask faults --on qemu` runs all.
-const SAMPLE: [(Fault, State, Mode); 10] = [
+const SAMPLE: [(Fault, State, Mode); 12] = [
     (Fault::Overcurrent, State::AtSpeed, Mode::Velocity),
     (Fault::ConvertersStuck, State::SwitchingOn, Mode::Velocity),
     (Fault::Overvoltage, State::AtSpeed, Mode::Torque),
     (Fault::MainPowerLost, State::AtSpeed, Mode::Velocity),
     (Fault::GateDriver, State::Halted, Mode::Position),
     (Fault::EncoderFrozen, State::AtSpeed, Mode::Velocity),
+    (Fault::MotorHot, State::AtSpeed, Mode::Velocity),
+    (Fault::HeatSinkHot, State::AtSpeed, Mode::Velocity),
     (Fault::TemperatureSensorBroken, State::AtSpeed, Mode::Velocity),
     (Fault::SafeTorqueOff, State::AtSpeed, Mode::Velocity),
     (Fault::LateCycles, State::AtSpeed, Mode::Velocity),

@@ -3,7 +3,7 @@
 use std::sync::LazyLock;
 
 use drive::dictionary::{DICTIONARY, records, source};
-use drive::{CurrentSensing, DriveSettings, Facts, PwmFrequency, TemperatureSensor};
+use drive::{CurrentSensing, Divider, DriveSettings, Facts, PwmFrequency, TemperatureSensor, Thermometers};
 use sercos::command::CommandStatus;
 use sercos::data_block::{DataBlock, Location, NeededFor, Selection};
 use sercos::duration::{self, BitRate};
@@ -14,6 +14,9 @@ use crate::bytes::{Bytes, chosen};
 use crate::run_up::{command, run_up, words_of};
 use crate::support::{CAPABILITIES, Slave};
 
+/// Of both temperature inputs.
+const DIVIDER: Divider = Divider { pull_up: 2_200, supply: 3_300, reference: 3_300 };
+
 /// As the board has them.
 const FACTS: Facts = Facts {
     frequency: PwmFrequency::Khz16,
@@ -22,12 +25,7 @@ const FACTS: Facts = Facts {
     loop_timer_counts: 10_500,
     sample_to_count: 2_200,
     encoder_rate: 18_600_000,
-    temperature_sensor: TemperatureSensor {
-        zero_counts: 500,
-        millicounts_per_kelvin: 10_000,
-        lowest_sample: 100,
-        highest_sample: 3_000,
-    },
+    thermometers: &Thermometers::new(TemperatureSensor::Ntc5k, &DIVIDER, &DIVIDER),
 };
 
 /// Whatever values a master writes before it asks for the transition checks:

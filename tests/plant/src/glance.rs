@@ -27,7 +27,7 @@ pub struct Glance {
     pub brake_broken: bool,
     /// A current sensor does not show the current.
     pub blind: bool,
-    /// A thermometer does not show the temperature.
+    /// A wire of a thermometer is broken, or its wires touch.
     pub feverish: bool,
     /// The encoder does not count.
     pub encoder_frozen: bool,

@@ -1,7 +1,8 @@
 //! All parameters of a machine.
 
 use crate::{
-    CurrentSensors, Effects, Encoder, HeatedBody, HoldingBrake, Inverter, Mechanics, Supply, Thermal, Windings,
+    CurrentSensors, Effects, Encoder, HeatedBody, HoldingBrake, Inverter, Mechanics, Supply, Thermal, Thermometer,
+    Windings,
 };
 
 /// Increments of the textbook's encoder.
@@ -28,6 +29,8 @@ pub struct MachineSettings {
     pub brake: Option<HoldingBrake>,
     /// Heat of windings and heat sink.
     pub thermal: Thermal,
+    /// Sensors of heat sink and windings.
+    pub thermometers: [Thermometer; 2],
     /// What it has beside the textbook's machine.
     pub effects: Effects,
     /// Seed of the sensors' noise.
@@ -47,6 +50,9 @@ impl MachineSettings {
             brake.check();
         }
         self.thermal.check();
+        for thermometer in &self.thermometers {
+            thermometer.check();
+        }
         self.effects.check();
     }
 
@@ -82,6 +88,7 @@ impl MachineSettings {
             },
             brake: None,
             thermal: Thermal { winding: cool, heat_sink: cool, ambient: 20.0 },
+            thermometers: Thermometer::USUAL,
             effects: Effects::NONE,
             seed: 1,
         }

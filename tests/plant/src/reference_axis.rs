@@ -5,7 +5,7 @@
 
 use crate::{
     Chopper, Coupling, CurrentSensors, Effects, Encoder, HeatedBody, HoldingBrake, Inverter, Load, Machine,
-    MachineSettings, Mechanics, Motor, MotorSettings, Saturation, Supply, Thermal, Windings,
+    MachineSettings, Mechanics, Motor, MotorSettings, Saturation, Supply, Thermal, Thermometer, Windings,
 };
 
 /// A complete axis: the plant, its amplifier, and parameters that suit it.
@@ -107,6 +107,7 @@ impl ReferenceAxis {
                     heat_sink: HeatedBody { capacity: 2_000.0, resistance: 0.25 },
                     ambient: AMBIENT,
                 },
+                thermometers: Thermometer::USUAL,
                 effects: Effects::NONE,
                 seed: 1,
             },
@@ -170,6 +171,7 @@ impl ReferenceAxis {
                     heat_sink: HeatedBody { capacity: 300.0, resistance: 1.5 },
                     ambient: AMBIENT,
                 },
+                thermometers: Thermometer::USUAL,
                 effects: Effects::NONE,
                 seed: 2,
             },
@@ -236,6 +238,7 @@ impl ReferenceAxis {
                     heat_sink: HeatedBody { capacity: 600.0, resistance: 1.0 },
                     ambient: AMBIENT,
                 },
+                thermometers: Thermometer::USUAL,
                 effects: Effects::NONE,
                 seed: 3,
             },
@@ -305,6 +308,7 @@ impl ReferenceAxis {
                     heat_sink: HeatedBody { capacity: 600.0, resistance: 1.0 },
                     ambient: AMBIENT,
                 },
+                thermometers: Thermometer::USUAL,
                 effects: Effects::NONE,
                 seed: 4,
             },
@@ -364,6 +368,7 @@ impl ReferenceAxis {
                     heat_sink: HeatedBody { capacity: 600.0, resistance: 1.0 },
                     ambient: AMBIENT,
                 },
+                thermometers: Thermometer::USUAL,
                 effects: Effects::NONE,
                 seed: 5,
             },

@@ -1,4 +1,4 @@
-//! What the converter of the board sees: 12 bit samples of currents, bus voltage and temperatures.
+//! What the converter of the board sees: 12 bit samples of currents and bus voltage; `thermometer` has those of the temperatures.
 
 use crate::noise::Noise;
 use crate::turn::floor;
@@ -7,9 +7,6 @@ use crate::turn::floor;
 const MIDDLE: f64 = 2_048.0;
 /// The largest sample.
 const LARGEST: i64 = 4_095;
-/// Temperature sensors: the sample at 0 degrees Celsius, and its change per kelvin.
-const COUNTS_AT_ZERO_CELSIUS: f64 = 500.0;
-const COUNTS_PER_KELVIN: f64 = 10.0;
 
 /// Sensors of the three phase currents, positive into the motor. A sample is
 /// `2048 + offset + current * 2048 / range * (1 + gain_error) + noise`, rounded and clipped.
@@ -43,11 +40,7 @@ pub(crate) fn bus_sample(voltage: f64, range: f64) -> u16 {
     quantise(voltage * 4_096.0 / range)
 }
 
-/// The sample of a temperature in degrees Celsius.
-pub(crate) fn temperature_sample(temperature: f64) -> u16 {
-    quantise(COUNTS_AT_ZERO_CELSIUS + COUNTS_PER_KELVIN * temperature)
-}
-
-fn quantise(counts: f64) -> u16 {
+/// The sample of a level in counts.
+pub(crate) fn quantise(counts: f64) -> u16 {
     floor(counts + 0.5).clamp(0, LARGEST) as u16
 }

@@ -3,7 +3,7 @@
 use core::f64::consts::TAU;
 
 use crate::common::{MICROSECOND, MILLISECOND, SECOND, assert_near, ideal, seized};
-use plant::{CurrentSensors, Encoder, Machine, MachineSettings};
+use plant::{CurrentSensors, Encoder, Machine, MachineSettings, ThermalResistor, Thermometer, ThermometerFailure};
 
 fn with_encoder(change: impl FnOnce(&mut Encoder)) -> MachineSettings {
     let mut settings = ideal();
@@ -144,21 +144,16 @@ fn samples_beyond_the_range_are_clipped() {
     assert_eq!(with_current(sensors).current_samples(100 * MILLISECOND), [4_095, 0, 0]);
     let mut settings = ideal();
     settings.bus_range = 299.0;
-    settings.thermal.ambient = -60.0;
+    settings.thermometers = [Thermometer { supply: 5.0, ..Thermometer::with(ThermalResistor::Absent) }; 2];
     let mut machine = Machine::new(settings);
     assert_eq!(machine.bus_sample(0), 4_095);
-    assert_eq!(machine.temperature_samples(0), [0, 0]);
-    settings.thermal.ambient = 400.0;
-    assert_eq!(Machine::new(settings).temperature_samples(0), [4_095, 4_095]);
+    assert_eq!(machine.temperature_samples(0), [4_095, 4_095]);
 }
 
 #[test]
-fn bus_and_temperature_samples_are_linear() {
-    let mut settings = ideal();
-    settings.thermal.ambient = 23.46;
-    let mut machine = Machine::new(settings);
+fn bus_samples_are_linear() {
+    let mut machine = Machine::new(ideal());
     assert_eq!(machine.bus_sample(0), 2_400);
-    assert_eq!(machine.temperature_samples(0), [735, 735]);
 }
 
 #[test]
@@ -185,9 +180,10 @@ fn a_current_sensor_with_a_moved_zero_shows_so_much_more() {
 fn heat_sink_and_windings_take_the_temperatures_that_they_are_given_and_a_broken_sensor_does_not_see_them() {
     let mut machine = Machine::new(ideal());
     machine.set_temperatures([60.0, 100.0], MILLISECOND);
-    machine.fail_temperature_sensor(1, Some(4_095), 2 * MILLISECOND);
-    assert_eq!(machine.temperature_samples(MILLISECOND), [1_100, 1_500]);
-    assert_eq!(machine.temperature_samples(2 * MILLISECOND), [1_100, 4_095]);
+    machine.fail_temperature_sensor(1, Some(ThermometerFailure::BrokenWire), 2 * MILLISECOND);
+    // 1 515.3 and 1 000 Ohm beside 2 200.
+    assert_eq!(machine.temperature_samples(MILLISECOND), [1_671, 1_280]);
+    assert_eq!(machine.temperature_samples(2 * MILLISECOND), [1_671, 4_095]);
 }
 
 #[test]

@@ -110,8 +110,8 @@ fn the_heat_sink_warms_up_with_its_time_constant() {
         let expected = 30.0 + 20.0 * (1.0 - (-(at as f64) * 1e-9 / 0.5).exp());
         assert_near(machine.heat_sink_temperature(at), expected, 0.05);
     }
-    // 49.93 and 30 degrees Celsius
-    assert_eq!(machine.temperature_samples(SECOND), [973, 800]);
+    // 47.29 and 30 degrees Celsius: 2 277 and 625.5 Ohm beside 2 200.
+    assert_eq!(machine.temperature_samples(SECOND), [2_083, 907]);
     machine.set_ambient(10.0, SECOND);
     let warm = machine.heat_sink_temperature(SECOND);
     let expected = 30.0 + (warm - 30.0) * (-1.0_f64).exp();

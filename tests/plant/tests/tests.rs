@@ -15,3 +15,4 @@ mod reference_axes;
 mod shunts;
 mod stiction;
 mod supply;
+mod thermometers;

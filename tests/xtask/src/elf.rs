@@ -7,7 +7,7 @@ mod program;
 mod stack;
 
 pub(crate) use checks::{Check, Finding, findings};
-pub(crate) use code::Flow;
+pub(crate) use code::{Flow, Instruction};
 pub(crate) use graph::{Depth, Graph};
 pub(crate) use program::Program;
-pub(crate) use stack::{bound, of_start};
+pub(crate) use stack::{bound, of_start, only_at_start};

@@ -1,4 +1,4 @@
-//! The last errors and when they came (S-0-0375, P-0-0004). In RAM: it begins anew with the supply.
+//! The last errors and when they came (S-0-0375, P-0-0004).
 
 use heapless::Deque;
 
@@ -11,7 +11,7 @@ pub const ERRORS: usize = 32;
 pub struct ErrorRecord {
     /// S-0-0390.
     pub number: u16,
-    /// Seconds since the processor was started.
+    /// Seconds of operation (P-0-0015).
     pub seconds: u32,
 }
 

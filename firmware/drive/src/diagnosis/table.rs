@@ -159,7 +159,8 @@ diagnoses! {
     HEAT_SINK_TEMPERATURE = 0xF101 "Amplifier too hot", "Leistungsteil zu heiss",
         "The heat sink has reached S-0-0203.", "Check cooling and ambient temperature, let it cool by 5 K, then S-0-0099.";
     WINDING_TEMPERATURE = 0xF102 "Motor too hot", "Motor zu heiss",
-        "The motor has reached S-0-0204.", "Check the motor's cooling and load, let it cool by 5 K, then S-0-0099.";
+        "The motor has reached S-0-0204. With P-0-0134 = 4 or 5: its PTC or switch says so, or a wire of it is broken.",
+        "Check the motor's cooling and load, let it cool by 5 K, then S-0-0099. PTC or switch: check its wires, too.";
     ENCODER = 0xF105 "Encoder error", "Geberfehler",
         "The encoder's signal stopped, jumped or stands while the rotor turns (its flux tells), or its index does not fit the count. Not told: a dead encoder while the rotor is held.",
         "Check the encoder's cable, shield and supply, S-0-0116; a wrong index also P-0-0117; lost at standstill also P-0-0114.";
@@ -208,8 +209,9 @@ diagnoses! {
     SYNCHRONISATION = 0xF116 "Loops lost the ring's rhythm", "Synchronisation verloren",
         "The loops lost their phase to the MST while the axis was in operation; P-0-0151 and P-0-0152 show how far.",
         "Check the master's cycle and its jitter against S-0-0002.";
-    TEMPERATURE_SENSOR = 0xF117 "Temperature sensor", "Temperatursensor",
-        "The sensor of motor or heat sink is broken or short-circuited.", "Check its wires.";
+    THERMOMETER_BROKEN = 0xF117 "Temperature sensor: wire broken", "Temperatursensor: Drahtbruch",
+        "A sensor is not connected, or a wire of it is broken: that of the heat sink where S-0-0384 shows -200.0, else that of the motor, which may also be another one than P-0-0134 says.",
+        "Motor: check plug and cores of its sensor, and P-0-0134 (0: it has none); then S-0-0099. Heat sink: have the amplifier repaired.";
     ALIGNMENT_NO_MOVEMENT = 0xF118 "Alignment: motor does not move", "Kommutierung: Motor steht",
         "The motor does not move under the alignment current P-0-0116.",
         "Check that axis and brake are free, motor and encoder are connected; raise P-0-0116.";
@@ -228,6 +230,9 @@ diagnoses! {
     MEMORY = 0xF11D "No saved parameters", "Keine gespeicherten Parameter",
         "Nothing was ever saved (S-0-0264), or what was saved cannot be read any more. All parameters are their defaults, which are no motor of yours.",
         "Write the parameters of motor and axis, or load a backup; S-0-0264, then S-0-0099. If it comes again after S-0-0264, have the board replaced.";
+    THERMOMETER_SHORT = 0xF11E "Temperature sensor: short circuit", "Temperatursensor: Kurzschluss",
+        "The wires of a sensor touch each other: that of the heat sink where S-0-0384 shows -200.0, else that of the motor, which may also be another one than P-0-0134 says.",
+        "Motor: check the cores of its sensor for a short circuit, and P-0-0134 against the motor; then S-0-0099. Heat sink: have the amplifier repaired.";
     FIRMWARE_FAULT = 0xF120 "Firmware fault, restarted", "Firmwarefehler, neu gestartet",
         "The processor met an instruction, an address or an interrupt that the program must not have.",
         "Run up again. Report P-0-0012 and P-0-0013 with the firmware's version: this must not happen.";
@@ -268,7 +273,7 @@ static ERRORS: [(Class1, &Diagnosis); 12] = [
 ];
 
 /// The errors of S-0-0129, the gravest first. They stand before those of C1D: they say more.
-static OWN_ERRORS: [(Manufacturer1, &Diagnosis); 15] = [
+static OWN_ERRORS: [(Manufacturer1, &Diagnosis); 16] = [
     (Manufacturer1::AMPLIFIER_FAULT, &AMPLIFIER_FAULT),
     // An open phase makes the currents wrong for many reasons.
     (Manufacturer1::OPEN_PHASE, &OPEN_PHASE),
@@ -282,7 +287,8 @@ static OWN_ERRORS: [(Manufacturer1, &Diagnosis); 15] = [
     (Manufacturer1::ALIGNMENT_NO_MOVEMENT, &ALIGNMENT_NO_MOVEMENT),
     (Manufacturer1::ALIGNMENT_DIRECTION, &ALIGNMENT_DIRECTION),
     (Manufacturer1::ALIGNMENT, &ALIGNMENT),
-    (Manufacturer1::TEMPERATURE_SENSOR, &TEMPERATURE_SENSOR),
+    (Manufacturer1::THERMOMETER_SHORT, &THERMOMETER_SHORT),
+    (Manufacturer1::THERMOMETER_BROKEN, &THERMOMETER_BROKEN),
     (Manufacturer1::COMMAND_JUMP, &COMMAND_JUMP),
     (Manufacturer1::MEMORY, &MEMORY),
 ];

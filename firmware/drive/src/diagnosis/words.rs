@@ -27,8 +27,8 @@ bitflags! {
         const OVERSPEED = 1 << 6;
         /// The loops lost the rhythm of the ring while torque was on.
         const SYNCHRONISATION = 1 << 7;
-        /// A temperature sensor is outside its range.
-        const TEMPERATURE_SENSOR = 1 << 8;
+        /// A wire of a temperature sensor is broken.
+        const THERMOMETER_BROKEN = 1 << 8;
         /// The search for the commutation angle: the motor does not move.
         const ALIGNMENT_NO_MOVEMENT = 1 << 9;
         /// The search for the commutation angle: encoder and motor phases turn against each other.
@@ -41,6 +41,8 @@ bitflags! {
         const OPEN_PHASE = 1 << 13;
         /// Nothing is remembered of the parameters.
         const MEMORY = 1 << 14;
+        /// A temperature sensor is short-circuited.
+        const THERMOMETER_SHORT = 1 << 15;
         /// All errors of the search for the commutation angle.
         const ALIGNMENTS = 7 << 9;
     }

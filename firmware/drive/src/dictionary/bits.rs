@@ -16,7 +16,7 @@ sercos::data_blocks! {
     S 13 "Class 3 diagnostic (C3D)" [""] BITS/0 written NEVER () = 0 => Word(Class3);
     /// Phase in bits 2 to 0; communication errors in bits 3 to 9 (10, duplicate address, cannot be seen by a slave), until S-0-0099 clears them.
     S 14 "Interface status" [""] BITS/0 written NEVER () = 0 => Word(InterfaceStatus);
-    /// The errors behind C1D bit 15: bit 0 amplifier fault, 1 current sensor, 2 current loop too late, 3 brake, 4 safe torque off, 5 its channels contradict each other, 6 overspeed, 7 loops lost the ring, 8 temperature sensor, 9 to 11 search for the commutation angle.
+    /// The errors behind C1D bit 15: bit 0 amplifier fault, 1 current sensor, 2 current loop too late, 3 brake, 4 safe torque off, 5 its channels contradict each other, 6 overspeed, 7 loops lost the ring, 8 wire of a temperature sensor broken, 9 to 11 search for the commutation angle, 12 command jumped, 13 motor phase open, 14 no saved parameters, 15 temperature sensor short-circuited.
     S 129 "Manufacturer class 1 diagnostic" [""] BITS/0 written NEVER () = 0 => Word(Manufacturer1);
     /// The control word of the last MDT.
     S 134 "Master control word" [""] BITS/0 written NEVER () = 0 => Word(Control);

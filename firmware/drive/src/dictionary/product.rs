@@ -54,6 +54,8 @@ sercos::data_blocks! {
     P 130 "Thermal time constant of the motor" ["s"] U32/3 written IN_CP2_CP3 (1_000 to 3_600_000) = 60_000 => Parameter, stored, needed_for_cp4;
     /// Of the bridge.
     P 131 "Thermal time constant of the amplifier" ["s"] U32/3 written IN_CP2_CP3 (1_000 to 3_600_000) = 5_000 => Parameter, stored, needed_for_cp4;
+    /// 0 none, 1 KTY84-130, 2 Pt1000, 3 resistor with negative coefficient of 10 kOhm (B25/85 3 435 K), 4 PTC thermistors, one to three in series, 5 switch that opens when it is hot. With 0, 4 and 5 S-0-0383 shows -200.0, and S-0-0201 and S-0-0204 have no effect: 4 shuts down above 3.3 kOhm, 5 when it opens, with F102H.
+    P 134 "Temperature sensor of the motor" [""] U16/0 written IN_CP2_CP3 (0 to 5) = 1 => Parameter, stored, needed_for_cp4;
     /// What an error does to a motor that runs: 0 velocity command zero at the torque limit, 1 torque-free, 2 ramp S-0-0138.
     P 140 "Reaction to errors" [""] U16/0 written ALWAYS (0 to 2) = 2 => Parameter, stored;
     /// Path between position commands: 0 straight lines, 1 cubic, 2 cubic if S-0-0001 is 4 ms or more and else straight lines.

@@ -57,7 +57,10 @@ impl<B: Bus + Clone, H: Hardware> Motion<B, H> {
     /// The half that can wait: heat, a movement to a target, diagnostic words, and what others have to hear.
     fn bring_up_to_date(&mut self) -> Tasks {
         let faults = self.motor.supervise_heat();
-        self.take_faults(faults);
+        // Before S-0-0128 has taken P-0-0134 over, the sensor may be another one. A dead one is found again in CP4.
+        let unknown =
+            if self.ring.phase() == Phase::Cp4 { MotorFaults::NONE } else { MotorFaults::OF_THE_MOTORS_SENSOR };
+        self.take_faults(faults.without(unknown));
         if self.positioning.is_active() {
             self.position_to_target();
         }

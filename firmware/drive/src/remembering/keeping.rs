@@ -67,8 +67,8 @@ pub(crate) struct Keeping {
     written: Option<u64>,
     /// Something has happened that is not kept yet.
     happened: bool,
-    /// When it was kept last.
-    logged: u64,
+    /// When it was kept last; `None`: not since the start, and what a start finds is kept at once.
+    logged: Option<u64>,
     /// P-0-0014.
     pub(crate) dropped: Dropped,
 }
@@ -124,8 +124,8 @@ impl Keeping {
             if self.command == Some(Procedure::LoadParameters) { Keep::Load } else { Keep::Save }
         } else if self.written.is_some_and(|then| now.saturating_sub(then) >= QUIET) {
             Keep::Save
-        } else if self.happened && now.saturating_sub(self.logged) >= LOG_INTERVAL
-            || now.saturating_sub(self.logged) >= TIME_INTERVAL
+        } else if self.happened && self.logged.is_none_or(|then| now.saturating_sub(then) >= LOG_INTERVAL)
+            || now.saturating_sub(self.logged.unwrap_or(0)) >= TIME_INTERVAL
         {
             Keep::Log
         } else {
@@ -135,7 +135,7 @@ impl Keeping {
         match keep {
             // What is written from here on may be in the set or not.
             Keep::Save | Keep::Load => self.written = None,
-            Keep::Log => (self.happened, self.logged) = (false, now),
+            Keep::Log => (self.happened, self.logged) = (false, Some(now)),
         }
         Some(keep)
     }
@@ -214,9 +214,10 @@ mod tests {
     #[test]
     fn events_are_kept_not_too_often_and_the_operating_time_every_hour() {
         let mut keeping = Keeping::with_memory();
+        assert_eq!(keeping.next(0, false), None);
         keeping.note_event();
-        assert_eq!(keeping.next(1_000_000, false), None);
-        assert_eq!(keeping.next(2_000_000, false), Some(Keep::Log));
+        assert_eq!(keeping.next(2_000_000, true), None, "not with torque");
+        assert_eq!(keeping.next(2_000_000, false), Some(Keep::Log), "the first one at once");
         assert_eq!(keeping.done(2_000_000, true), None);
         keeping.note_event();
         assert_eq!(keeping.next(3_999_999, false), None);

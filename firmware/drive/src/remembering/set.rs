@@ -45,6 +45,19 @@ const fn set_bytes(dictionary: &Dictionary) -> usize {
     bytes
 }
 
+/// What a start has found of the parameters.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Recollection<'a> {
+    /// The set that was saved last.
+    Set(&'a [u8]),
+    /// The last save was cut, and not acknowledged: the set before it, where there is one.
+    Unfinished(Option<&'a [u8]>),
+    /// Nothing was ever saved.
+    Empty,
+    /// The set that was saved last cannot be read any more.
+    Damaged,
+}
+
 /// Data blocks of a set that were not taken over: unknown, of another length, or out of today's range.
 pub(crate) type Dropped = Vec<Idn, MOST_DROPPED>;
 

@@ -6,22 +6,10 @@ use rtic_core::Mutex;
 use sercon816::Bus;
 
 use super::keeping::{Keep, MemoryFailure};
+use super::set::Recollection;
 use crate::communication::Communication;
 use crate::hardware::Hardware;
 use crate::motion::Motion;
-
-/// What a start has found of the parameters.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Recollection<'a> {
-    /// The set that was saved last.
-    Set(&'a [u8]),
-    /// The last save was cut, and not acknowledged: the set before it, where there is one.
-    Unfinished(Option<&'a [u8]>),
-    /// Nothing was ever saved.
-    Empty,
-    /// The set that was saved last cannot be read any more.
-    Damaged,
-}
 
 /// Looks for the parameters: mends the memory, makes room in it, and reads the set into `buffer` ([`memory::MOST_BYTES`] and 32 more).
 ///

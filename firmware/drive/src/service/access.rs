@@ -11,7 +11,7 @@ pub const LONGEST_PASSWORD: usize = 10;
 /// The lock on stored parameters. It protects against slips, not against malice: passwords cross the ring in plain text.
 ///
 /// Unlocked, writing 3 to 10 characters locks with them, an empty text keeps it unlocked. Locked, the password unlocks, and everything
-/// else is refused. Without a supply the password is forgotten, as are the parameters that it protects.
+/// else is refused. It is not saved: without a supply the password is forgotten, which is the way back for a drive that is locked with an unknown one.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct Access {
     password: Option<String<LONGEST_PASSWORD>>,

@@ -17,7 +17,8 @@ use sercos::transition::{self, Invalid};
 use sercos::{Idn, Phase, PhaseMachine};
 
 use servo::current::{CurrentSensing, PwmFrequency};
-use servo::motor::{BoardKind, CurrentLink, Facts, TemperatureSensor};
+use servo::monitor::{Divider, TemperatureSensor, Thermometers};
+use servo::motor::{BoardKind, CurrentLink, Facts};
 
 use super::access::Access;
 use super::commissioning::Commissioning;
@@ -59,6 +60,9 @@ impl Bus for Memory {
 #[derive(Debug)]
 pub(crate) struct Still;
 
+/// Of both temperature inputs.
+const DIVIDER: Divider = Divider { pull_up: 2_200, supply: 3_300, reference: 3_300 };
+
 impl BoardKind for Still {
     const FACTS: Facts = Facts {
         frequency: PwmFrequency::Khz16,
@@ -67,12 +71,7 @@ impl BoardKind for Still {
         loop_timer_counts: 10_500,
         sample_to_count: 2_200,
         encoder_rate: 18_600_000,
-        temperature_sensor: TemperatureSensor {
-            zero_counts: 500,
-            millicounts_per_kelvin: 10_000,
-            lowest_sample: 100,
-            highest_sample: 3_000,
-        },
+        thermometers: &Thermometers::new(TemperatureSensor::Ntc5k, &DIVIDER, &DIVIDER),
     };
 }
 

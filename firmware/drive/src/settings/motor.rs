@@ -83,19 +83,19 @@ pub(super) fn settings(
     let commutation_settings =
         CommutationSettings::new(u8::try_from(pole_pairs).unwrap_or(0), increments).map_err(commutation(P(110)))?;
     let angle = (u64::from(pole_pairs) << 32).saturating_add(u64::from(increments) / 2);
-    let sensor = &facts.temperature_sensor;
-    let temperature = |warning: u16, shutdown: u16| {
+    let motor_sensor = facts.thermometers.motor(word(P(134))).ok_or(InvalidSetting { idn: P(134), reason: None })?;
+    let temperature = |sensor, warning: u16, shutdown: u16| {
         TemperatureSettings::new(&TemperatureParameters {
-            zero_counts: sensor.zero_counts,
-            millicounts_per_kelvin: sensor.millicounts_per_kelvin,
-            lowest_sample: sensor.lowest_sample,
-            highest_sample: sensor.highest_sample,
+            sensor,
             warning: word(S(warning)),
             shutdown: word(S(shutdown)),
             filter: 2_000,
             debounce: 200,
         })
-        .map_err(of(S(warning)))
+        .map_err(|reason| {
+            let idn = S(if matches!(reason, SettingsError::BeyondSensor { .. }) { shutdown } else { warning });
+            InvalidSetting { idn, reason: Some(reason) }
+        })
     };
     let load = |continuous: u16, peak_current: u16, time: u16| {
         LoadSettings::new(&LoadParameters {
@@ -152,8 +152,8 @@ pub(super) fn settings(
             holds_a_load: brake_bits & BRAKE_FITTED != 0,
         })
         .map_err(of(P(105)))?,
-        heat_sink: temperature(200, 203)?,
-        winding: temperature(201, 204)?,
+        heat_sink: temperature(facts.thermometers.heat_sink(), 200, 203)?,
+        winding: temperature(motor_sensor, 201, 204)?,
         motor_load: load(111, 109, 130)?,
         amplifier_load: load(112, 110, 131)?,
         encoder: EncoderMonitorSettings::new(&EncoderMonitorParameters {

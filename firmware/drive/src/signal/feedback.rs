@@ -41,9 +41,9 @@ sercos::data_blocks! {
     S 347 "Velocity error" [velocity] I32 written NEVER () = 0 => VelocityError;
     /// Filtered voltage of the DC link.
     S 380 "DC bus voltage" ["V"] U16/0 written NEVER () = 0 => BusVoltage;
-    /// From the sensor in the motor.
+    /// From the sensor in the motor (P-0-0134); -200.0 where there is none, where it has no degrees, and while it is broken.
     S 383 "Motor temperature" ["C"] I16/1 written NEVER () = 0 => MotorTemperature;
-    /// Of the heat sink.
+    /// Of the heat sink; -200.0 while its sensor is broken.
     S 384 "Amplifier temperature" ["C"] I16/1 written NEVER () = 0 => AmplifierTemperature;
     /// State or error of the drive as a number; belongs to S-0-0095.
     S 390 "Diagnostic number" [""] HEX/0 written NEVER () = 0 => DiagnosticNumber;

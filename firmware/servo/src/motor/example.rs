@@ -1,6 +1,6 @@
 //! A motor for the tests of this folder: that of the drive's default parameters.
 
-use super::facts::{BoardKind, Facts, TemperatureSensor};
+use super::facts::{BoardKind, Facts};
 use super::settings::{CurrentSettings, MotorSettings};
 use crate::arithmetic::gain::Gain;
 use crate::axis::limits::{CommandedTorqueLimits, TorqueLimitParameters, TorqueLimitSettings};
@@ -18,6 +18,7 @@ use crate::monitor::chopper::{ChopperParameters, ChopperSettings};
 use crate::monitor::generating::{GeneratingParameters, GeneratingSettings};
 use crate::monitor::load::{LoadParameters, LoadSettings};
 use crate::monitor::temperature::{TemperatureParameters, TemperatureSettings};
+use crate::monitor::thermometer::{Divider, TemperatureSensor, Thermometers};
 use crate::units::{CurrentFraction, Position, Velocity};
 
 /// A board of 16 kHz.
@@ -32,28 +33,23 @@ impl BoardKind for Example {
         loop_timer_counts: 10_500,
         sample_to_count: 2_200,
         encoder_rate: 18_600_000,
-        temperature_sensor: TemperatureSensor {
-            zero_counts: 500,
-            millicounts_per_kelvin: 10_000,
-            lowest_sample: 100,
-            highest_sample: 3_000,
-        },
+        thermometers: &Thermometers::new(TemperatureSensor::Ntc5k, &DIVIDER, &DIVIDER),
     };
 }
+
+/// Of both temperature inputs.
+const DIVIDER: Divider = Divider { pull_up: 2_200, supply: 3_300, reference: 3_300 };
 
 /// Of the encoder in a revolution.
 pub(crate) const INCREMENTS: u32 = 10_000;
 
 /// 20 A peak, 4 pole pairs, no brake.
 pub(crate) fn settings() -> MotorSettings {
-    let Facts { frequency, dead_time, temperature_sensor: sensor, .. } = Example::FACTS;
+    let Facts { frequency, dead_time, thermometers, .. } = Example::FACTS;
     let fastest = Velocity::from_ten_thousandths_rpm(60_000_000);
     let commutation = CommutationSettings::new(4, INCREMENTS).unwrap();
     let temperature = TemperatureSettings::new(&TemperatureParameters {
-        zero_counts: sensor.zero_counts,
-        millicounts_per_kelvin: sensor.millicounts_per_kelvin,
-        lowest_sample: sensor.lowest_sample,
-        highest_sample: sensor.highest_sample,
+        sensor: thermometers.heat_sink(),
         warning: 800,
         shutdown: 900,
         filter: 2_000,

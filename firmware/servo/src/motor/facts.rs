@@ -2,6 +2,7 @@
 
 use crate::current::sensing::{CurrentSensing, ShuntWindow};
 use crate::current::settings::PwmFrequency;
+use crate::monitor::thermometer::Thermometers;
 
 /// A kind of board.
 pub trait BoardKind: core::fmt::Debug + 'static {
@@ -26,8 +27,8 @@ pub struct Facts {
     pub sample_to_count: u16,
     /// Increments of the encoder a second that its inputs count for certain.
     pub encoder_rate: u32,
-    /// The sensors on heat sink and motor.
-    pub temperature_sensor: TemperatureSensor,
+    /// What the samples of the temperatures mean, on the heat sink and for every sensor that a motor may have.
+    pub thermometers: &'static Thermometers,
 }
 
 impl Facts {
@@ -45,17 +46,4 @@ impl Facts {
     pub const fn reads_the_encoder_twice(&self) -> bool {
         self.frequency.cycles_per_tick() == 2
     }
-}
-
-/// A temperature sensor with a straight characteristic, as its converter of 12 bits shows it.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct TemperatureSensor {
-    /// Counts at 0 degrees C.
-    pub zero_counts: i16,
-    /// Counts a kelvin, times 1000.
-    pub millicounts_per_kelvin: i32,
-    /// Below it the sensor is broken.
-    pub lowest_sample: u16,
-    /// Above it, too.
-    pub highest_sample: u16,
 }

@@ -23,8 +23,10 @@ pub enum MotorFault {
     AmplifierTemperature,
     /// The motor is too hot.
     MotorTemperature,
-    /// A temperature sensor is outside its range.
-    TemperatureSensor,
+    /// A wire of a temperature sensor is broken.
+    ThermometerBroken,
+    /// A temperature sensor is short-circuited.
+    ThermometerShort,
     /// The commutation angle is not known and may not be searched for, or is not that of the index.
     Commutation,
     /// The search for the commutation angle: the motor does not move.
@@ -53,7 +55,7 @@ pub enum FaultReaction {
 
 impl MotorFault {
     /// All of them, in the order of their declaration.
-    pub const ALL: [Self; 17] = [
+    pub const ALL: [Self; 18] = [
         Self::Overvoltage,
         Self::Undervoltage,
         Self::Overcurrent,
@@ -63,7 +65,8 @@ impl MotorFault {
         Self::Overload,
         Self::AmplifierTemperature,
         Self::MotorTemperature,
-        Self::TemperatureSensor,
+        Self::ThermometerBroken,
+        Self::ThermometerShort,
         Self::Commutation,
         Self::AlignmentNoMovement,
         Self::AlignmentDirection,
@@ -92,7 +95,8 @@ impl MotorFault {
             Self::Overload
             | Self::AmplifierTemperature
             | Self::MotorTemperature
-            | Self::TemperatureSensor
+            | Self::ThermometerBroken
+            | Self::ThermometerShort
             | Self::Brake => FaultReaction::Stop,
         }
     }
@@ -110,6 +114,11 @@ pub struct MotorFaults(u32);
 impl MotorFaults {
     /// None.
     pub const NONE: Self = Self(0);
+
+    /// What the sensor of the motor can say of the motor and of itself.
+    pub const OF_THE_MOTORS_SENSOR: Self = Self(
+        MotorFault::MotorTemperature.bit() | MotorFault::ThermometerBroken.bit() | MotorFault::ThermometerShort.bit(),
+    );
 
     /// This one alone.
     #[must_use]
@@ -142,6 +151,13 @@ impl MotorFaults {
         self.0 |= faults.0;
     }
 
+    /// Those that are not among others.
+    #[inline]
+    #[must_use]
+    pub const fn without(self, others: Self) -> Self {
+        Self(self.0 & !others.0)
+    }
+
     /// Each of them.
     pub fn iter(self) -> impl Iterator<Item = MotorFault> {
         MotorFault::ALL.into_iter().filter(move |fault| self.contains(*fault))
@@ -160,6 +176,7 @@ mod tests {
             assert!(!faults.contains(fault));
             faults.add(fault);
             assert!(MotorFaults::of(fault).iter().eq([fault]));
+            assert!(!faults.without(MotorFaults::of(fault)).contains(fault));
         }
         assert!(faults.iter().eq(MotorFault::ALL));
     }

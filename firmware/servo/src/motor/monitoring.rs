@@ -13,7 +13,7 @@ use crate::encoder::monitor::EncoderMonitorInputs;
 use crate::monitor::bus_voltage::{VoltageError, VoltageOutput};
 use crate::monitor::current_balance::CurrentBalance;
 use crate::monitor::open_phase::{OpenPhase, Phases, phases};
-use crate::monitor::temperature::TemperatureOutput;
+use crate::monitor::temperature::{NO_TEMPERATURE, TemperatureError, TemperatureOutput};
 use crate::units::CurrentFraction;
 
 /// What the supervision needs to know of the rest of the drive.
@@ -203,11 +203,11 @@ impl<B: BoardKind> Motor<B> {
     fn watch_temperatures(&mut self, faults: &mut MotorFaults) {
         let temperatures = get(&self.link.report.temperatures);
         let heat_sink = self.heat_sink.tick(&self.settings.heat_sink, (temperatures & 0xFFFF) as u16);
-        self.watched.heat_sink = heat_sink.temperature.unwrap_or_default();
+        self.watched.heat_sink = heat_sink.temperature.unwrap_or(NO_TEMPERATURE);
         self.watched.heat_sink_warning = heat_sink.warning;
         watch_temperature(&heat_sink, MotorFault::AmplifierTemperature, faults);
         let winding = self.winding.tick(&self.settings.winding, (temperatures >> 16) as u16);
-        self.watched.winding = winding.temperature.unwrap_or_default();
+        self.watched.winding = winding.temperature.unwrap_or(NO_TEMPERATURE);
         self.watched.winding_warning = winding.warning;
         watch_temperature(&winding, MotorFault::MotorTemperature, faults);
     }
@@ -311,7 +311,9 @@ fn watch_temperature(output: &TemperatureOutput, shutdown: MotorFault, faults: &
     if output.shutdown {
         faults.add(shutdown);
     }
-    if output.error.is_some() {
-        faults.add(MotorFault::TemperatureSensor);
+    match output.error {
+        Some(TemperatureError::BrokenWire { .. }) => faults.add(MotorFault::ThermometerBroken),
+        Some(TemperatureError::ShortCircuit { .. }) => faults.add(MotorFault::ThermometerShort),
+        None => {}
     }
 }

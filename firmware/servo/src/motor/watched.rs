@@ -5,9 +5,9 @@ use crate::units::CurrentFraction;
 /// Values and warnings of the slow supervision.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Watched {
-    /// Heat sink in 0.1 degrees C.
+    /// Heat sink in 0.1 degrees C; -200.0 where there is no temperature.
     pub heat_sink: i16,
-    /// Motor in 0.1 degrees C.
+    /// Motor in 0.1 degrees C; -200.0 where there is no temperature.
     pub winding: i16,
     /// Load of the motor in 0.1 %.
     pub motor_load: u16,

@@ -15,7 +15,7 @@ use servo::current::{
 use servo::encoder::{EncoderMonitorParameters, EncoderMonitorSettings};
 use servo::monitor::{
     ChopperParameters, ChopperSettings, GeneratingParameters, GeneratingSettings, LoadParameters, LoadSettings,
-    TemperatureParameters, TemperatureSettings, VoltageParameters, VoltageSettings,
+    TemperatureParameters, TemperatureSensor, TemperatureSettings, VoltageParameters, VoltageSettings,
 };
 use servo::motor::{BoardKind, CurrentSettings, MotorSettings};
 use servo::path::Interpolation;
@@ -188,18 +188,17 @@ impl Setup {
         let pole_pairs = u8::try_from(machine.windings.pole_pairs).unwrap();
         let commutation = CommutationSettings::new(pole_pairs, increments).unwrap();
         let peak = self.reference.peak_current;
-        let sensor = Kind::FACTS.temperature_sensor;
-        let temperature = TemperatureSettings::new(&TemperatureParameters {
-            zero_counts: sensor.zero_counts,
-            millicounts_per_kelvin: sensor.millicounts_per_kelvin,
-            lowest_sample: sensor.lowest_sample,
-            highest_sample: sensor.highest_sample,
-            warning: 1_000,
-            shutdown: 1_500,
-            filter: 2_000,
-            debounce: 200,
-        })
-        .unwrap();
+        let thermometers = Kind::FACTS.thermometers;
+        let temperature = |sensor| {
+            TemperatureSettings::new(&TemperatureParameters {
+                sensor,
+                warning: 1_000,
+                shutdown: 1_500,
+                filter: 2_000,
+                debounce: 200,
+            })
+            .unwrap()
+        };
         let load = LoadSettings::new(&LoadParameters {
             continuous_current: peak,
             peak_current: peak,
@@ -239,8 +238,8 @@ impl Setup {
                 holds_a_load: machine.brake.is_some(),
             })
             .unwrap(),
-            heat_sink: temperature,
-            winding: temperature,
+            heat_sink: temperature(thermometers.heat_sink()),
+            winding: temperature(thermometers.motor(TemperatureSensor::Kty84 as u16).unwrap()),
             motor_load: load,
             amplifier_load: load,
             encoder: EncoderMonitorSettings::new(&EncoderMonitorParameters {

@@ -6,7 +6,8 @@ use std::rc::Rc;
 
 use plant::Machine;
 use servo::current::{CurrentSensing, PwmFrequency};
-use servo::motor::{BoardKind, Cycle, Facts, PowerStage, Samples, TemperatureSensor};
+use servo::monitor::{Divider, TemperatureSensor, Thermometers};
+use servo::motor::{BoardKind, Cycle, Facts, PowerStage, Samples};
 
 use super::CYCLE;
 
@@ -26,6 +27,9 @@ impl BoardKind for OnShunts {
         Facts { current_sensing: CurrentSensing::LowSideShunts { settling: 1_200, sampling: 700 }, ..Kind::FACTS };
 }
 
+/// Of both temperature inputs.
+pub(crate) const DIVIDER: Divider = Divider { pull_up: 2_200, supply: 3_300, reference: 3_300 };
+
 impl BoardKind for Kind {
     const FACTS: Facts = Facts {
         frequency: PwmFrequency::Khz16,
@@ -34,12 +38,7 @@ impl BoardKind for Kind {
         loop_timer_counts: 10_500,
         sample_to_count: CONVERSION as u16,
         encoder_rate: 18_600_000,
-        temperature_sensor: TemperatureSensor {
-            zero_counts: 500,
-            millicounts_per_kelvin: 10_000,
-            lowest_sample: 100,
-            highest_sample: 3_000,
-        },
+        thermometers: &Thermometers::new(TemperatureSensor::Ntc5k, &DIVIDER, &DIVIDER),
     };
 }
 

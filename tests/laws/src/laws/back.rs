@@ -169,9 +169,9 @@ impl Back {
             return Verdict::Silent;
         }
         if wire.has_error() {
+            let words = scene.words();
             return Verdict::Broken(format!(
-                "a fresh edge at {edge} with nothing in its way ended in an error; C1D {:?} settings {:?}",
-                scene.sight, scene.settings
+                "a fresh edge at {edge} with nothing in its way ended in an error: {words}"
             ));
         }
         let operates = status::readiness(wire.status) == 3;

@@ -4,6 +4,7 @@ use super::Machine;
 use super::outside::{Input, Outside};
 use crate::brake::BrakeFailure;
 use crate::cable::{Cable, EarthFault};
+use crate::thermometer::ThermometerFailure;
 
 /// Inputs, each from the instant `at` on.
 impl Machine {
@@ -67,11 +68,11 @@ impl Machine {
         self.timeline.enter(Input::Temperatures(temperatures), at);
     }
 
-    /// Lets the temperature sensor of the heat sink (0) or of the windings (1) show a fixed sample, or repairs it.
-    pub fn fail_temperature_sensor(&mut self, sensor: usize, sample: Option<u16>, at: u64) {
+    /// Breaks the wires of the temperature sensor of the heat sink (0) or of the windings (1), or repairs them.
+    pub fn fail_temperature_sensor(&mut self, sensor: usize, failure: Option<ThermometerFailure>, at: u64) {
         self.change(at, |outside| {
             if let Some(thermometer) = outside.broken_thermometers.get_mut(sensor) {
-                *thermometer = sample;
+                *thermometer = failure;
             }
         });
     }

@@ -3,6 +3,7 @@
 use crate::MachineSettings;
 use crate::brake::BrakeFailure;
 use crate::cable::Cable;
+use crate::thermometer::ThermometerFailure;
 
 /// What acts on the machine from outside, until it is changed.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -20,8 +21,8 @@ pub(super) struct Outside {
     pub(super) broken_sensors: [Option<u16>; 3],
     /// What is added to the samples of the current sensors.
     pub(super) shifted_sensors: [i32; 3],
-    /// What broken temperature sensors show: heat sink, windings.
-    pub(super) broken_thermometers: [Option<u16>; 2],
+    /// Temperature sensors of heat sink and windings.
+    pub(super) broken_thermometers: [Option<ThermometerFailure>; 2],
     pub(super) encoder_frozen: bool,
     pub(super) index_muted: bool,
 }

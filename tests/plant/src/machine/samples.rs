@@ -6,7 +6,7 @@ use crate::Effects;
 use crate::cable::EarthFault;
 use crate::frame::Dq;
 use crate::noise::Noise;
-use crate::sensors::{bus_sample, temperature_sample};
+use crate::sensors::bus_sample;
 use crate::turn::Turn;
 
 /// The largest sample of the converters.
@@ -76,13 +76,13 @@ impl Machine {
         bus_sample(self.state_at(at).bus.voltage, self.settings.bus_range)
     }
 
-    /// Samples of the temperatures of heat sink and motor: 500 at 0 degrees Celsius, 10 per kelvin.
+    /// Samples of the temperatures of heat sink and motor, see [`Thermometer`](crate::Thermometer).
     #[must_use]
     pub fn temperature_samples(&mut self, at: u64) -> [u16; 2] {
         let temperatures = self.state_at(at).temperatures;
-        let samples = [temperatures.heat_sink, temperatures.winding].map(temperature_sample);
-        let broken = self.outside.broken_thermometers;
-        core::array::from_fn(|k| broken[k].unwrap_or(samples[k]))
+        let temperatures = [temperatures.heat_sink, temperatures.winding];
+        let (thermometers, broken) = (&self.settings.thermometers, self.outside.broken_thermometers);
+        core::array::from_fn(|k| thermometers[k].sample(temperatures[k], broken[k]))
     }
 
     /// The encoder counter: quantised, wrapping at 2^32.

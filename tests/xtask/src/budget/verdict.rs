@@ -2,7 +2,7 @@
 
 use super::gates::{CEILING, CYCLE_BEGINS, Chain, Gates, Rate, Task};
 use super::response::{self, Load};
-use crate::elf::{self, Check, Depth, Finding, Flow, Graph};
+use crate::elf::{self, Check, Depth, Finding, Flow, Graph, Instruction};
 use anyhow::{Result, bail};
 use bench::traced::CYCLE;
 use bench::{StackUse, Traced};
@@ -115,12 +115,51 @@ pub(crate) struct Report {
 pub(crate) const CHECKS: [Check; 6] =
     [Check::Panic, Check::IndirectCall, Check::FloatingPoint, Check::Division, Check::MemoryRoutine, Check::Lock];
 
+/// BASEPRI of a lock up to this priority, as RTIC sets it with the part's four bits (ARM DDI 0403E B1.4.3).
+const fn masked_up_to(priority: u8) -> u32 {
+    (16 - priority as u32) << 4
+}
+
+/// The constants in registers, as far as straight code tells: for the ceiling of a lock, which is loaded just before it.
+#[derive(Debug, Default)]
+struct Constants(HashMap<String, u32>);
+
+impl Constants {
+    fn of_source(&self, instruction: &Instruction) -> Option<u32> {
+        let source = instruction.operands.strip_prefix("basepri_max, ").filter(|_| instruction.mnemonic == "msr")?;
+        self.0.get(source).copied()
+    }
+
+    fn follow(&mut self, instruction: &Instruction) {
+        if instruction.flow != Flow::Next {
+            self.0.clear();
+            return;
+        }
+        let Some((first, rest)) = instruction.operands.split_once(", ") else { return };
+        let number = rest.strip_prefix('#').and_then(|number| match number.strip_prefix("0x") {
+            Some(digits) => u32::from_str_radix(digits, 16).ok(),
+            None => number.parse().ok(),
+        });
+        let is_move = matches!(instruction.mnemonic.as_str(), "mov" | "movs" | "movw");
+        match number.filter(|_| is_move) {
+            Some(number) => drop(self.0.insert(first.to_owned(), number)),
+            // Stores and comparisons change no register; to forget one too many makes a lock the longer.
+            None => drop(self.0.remove(first)),
+        }
+    }
+}
+
 /// What the count must know of the program.
 pub(crate) fn listing(graph: &Graph, gates: Gates) -> Result<Listing> {
     let mut steps = HashMap::new();
+    let mut constants = Constants::default();
     for instruction in graph.all() {
+        let below = constants.of_source(instruction).is_some_and(|masked| masked > masked_up_to(CEILING));
+        constants.follow(instruction);
         let step = match instruction.flow {
             Flow::Call(_) | Flow::CallIndirect => Step::Call(instruction.address + instruction.length),
+            // Holds up nobody of the cycle. What ends it finds no lock to end.
+            _ if below => continue,
             _ if instruction.mnemonic == "msr" && instruction.operands.starts_with("basepri_max") => Step::Lock,
             _ if instruction.mnemonic == "msr" && instruction.operands.starts_with("basepri") => Step::Unlock,
             _ => continue,
@@ -190,18 +229,16 @@ pub(crate) fn judge(graph: &Graph, traced: &Traced, gates: Gates) -> Report {
 
 /// Where everything begins.
 const START: &str = "main";
-/// RTIC's function around `init`, which runs once, on an empty stack: its large frame ends far above the guard, and is part of the bound.
-const INITIALISATION: &str = "__rtic_init_resources";
 
 fn stack_report(graph: &Graph, gates: Gates, measured: StackUse) -> Option<StackReport> {
     let named = |name: &str| graph.program.functions().iter().position(|function| function.name == name);
     let main = named(START)?;
-    let initialisation =
-        graph.program.functions().iter().position(|function| is_initialisation(&function.name)).unwrap_or(main);
-    let start = elf::of_start(graph, main, initialisation);
+    let start = elf::of_start(graph, main);
+    let mut roots = Vec::new();
     let mut levels = vec![(0, "end of the start, idle", start.interrupted)];
     for task in gates.tasks {
         let root = graph.program.vector(task.vector).and_then(|(address, _)| graph.program.function_at(address))?;
+        roots.push(root);
         let needed = elf::bound(graph, root);
         match levels.iter_mut().find(|(priority, ..)| *priority == task.priority) {
             Some(level) if level.2 >= needed => {}
@@ -211,15 +248,12 @@ fn stack_report(graph: &Graph, gates: Gates, measured: StackUse) -> Option<Stack
     }
     levels.sort_unstable();
     let functions = graph.program.functions().iter().enumerate();
-    let started = functions.filter(|(_, function)| !is_initialisation(&function.name));
-    let frames = started.map(|(index, function)| (function.name.clone(), graph.largest_push(index)));
+    let only_at_start = elf::only_at_start(graph, main, &roots);
+    let guarded = functions.filter(|(index, _)| !only_at_start.contains(index));
+    let frames = guarded.map(|(index, function)| (function.name.clone(), graph.largest_push(index)));
     let largest_frame = frames.max_by_key(|(_, bytes)| *bytes)?;
     let fault_handler = (elf::bound(graph, named("HardFault")?), graph.program.bytes_of_static("FAULT_STACK")?);
     Some(StackReport { start: start.alone, levels, measured, largest_frame, fault_handler })
-}
-
-fn is_initialisation(name: &str) -> bool {
-    name.ends_with(INITIALISATION)
 }
 
 fn failures_of_stack(stack: &StackReport) -> Vec<String> {
@@ -426,6 +460,30 @@ fn failure_of_function(report: &FunctionReport) -> Option<String> {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn the_ceiling_of_a_lock_is_the_constant_that_was_loaded_last_into_its_register() {
+        let instruction = |mnemonic: &str, operands: &str, flow| Instruction {
+            address: 0,
+            length: 2,
+            mnemonic: mnemonic.into(),
+            operands: operands.into(),
+            flow,
+        };
+        let next = |mnemonic: &str, operands: &str| instruction(mnemonic, operands, Flow::Next);
+        let lock = next("msr", "basepri_max, r1");
+        let after = |before: &[Instruction]| {
+            let mut constants = Constants::default();
+            before.iter().for_each(|one| constants.follow(one));
+            constants.of_source(&lock)
+        };
+        assert_eq!(after(&[next("movs", "r1, #0xe0"), next("mrs", "r0, basepri")]), Some(0xE0));
+        assert_eq!(after(&[next("movs", "r1, #192")]), Some(0xC0));
+        assert_eq!(after(&[next("movs", "r1, #0xe0"), next("adds", "r1, #1")]), None);
+        assert_eq!(after(&[next("movs", "r1, #0xe0"), instruction("bl", "#0x100", Flow::Call(0x100))]), None);
+        assert_eq!(after(&[next("movs", "r0, #0xe0")]), None);
+        assert_eq!((masked_up_to(2), masked_up_to(4)), (0xE0, 0xC0));
+    }
 
     fn once(value: u64) -> Spread {
         Spread { count: 1, least: value, most: value, sum: value }

@@ -7,7 +7,7 @@
 use super::checks::is_end;
 use super::code::{Flow, Instruction};
 use super::graph::Graph;
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 
 /// Frames of functions, and who calls whom.
 struct Frames<'a> {
@@ -53,24 +53,48 @@ pub(crate) struct Start {
     pub(crate) interrupted: u32,
 }
 
-/// `main` calls `initialisation`, and then what never ends. Interrupts come on in `initialisation` and nowhere else, behind its last call: only its own
-/// frame is under them then. A program that is made otherwise can be interrupted wherever it is deepest.
-pub(crate) fn of_start(graph: &Graph, main: usize, initialisation: usize) -> Start {
+/// Interrupts come on in one place, behind the last call of a function that `main` reaches: under them lie the frames of those on the way to it and
+/// nothing else, and then what `main` calls besides, which never ends. A program that is made otherwise can be interrupted wherever it is deepest.
+pub(crate) fn of_start(graph: &Graph, main: usize) -> Start {
     let alone = bound(graph, main);
-    if !ends_with_interrupts_on(graph.instructions(initialisation))
-        || graph.all().filter(|one| is_enabling(one)).count() != 1
-    {
-        return Start { alone, interrupted: alone };
-    }
-    let others = graph.calls(main).iter().filter(|callee| **callee != initialisation && !is_end(graph.name(**callee)));
+    let Some(enabling) = enabling(graph) else { return Start { alone, interrupted: alone } };
+    let way: Vec<usize> =
+        graph.reachable(main).into_keys().filter(|one| graph.reachable(*one).contains_key(&enabling)).collect();
+    let starting = way.iter().map(|function| graph.frame(*function)).sum();
+    let others = graph.calls(main).iter().filter(|callee| !way.contains(callee) && !is_end(graph.name(**callee)));
     let behind = others.map(|callee| bound(graph, *callee)).max().unwrap_or(0);
-    Start { alone, interrupted: graph.frame(main) + behind.max(graph.frame(initialisation)) }
+    Start { alone, interrupted: (graph.frame(main) + behind).max(starting) }
+}
+
+/// Functions that nobody but the start reaches, whose frames lie far above the guard: those on the way to where interrupts come on, and what they call.
+pub(crate) fn only_at_start(graph: &Graph, main: usize, tasks: &[usize]) -> BTreeSet<usize> {
+    let Some(enabling) = enabling(graph) else { return BTreeSet::new() };
+    let leads = |one: &usize| graph.reachable(*one).contains_key(&enabling);
+    let (starting, behind): (Vec<usize>, Vec<usize>) = graph.calls(main).iter().partition(|callee| leads(callee));
+    let reached = |roots: &[usize]| roots.iter().flat_map(|root| graph.reachable(*root).into_keys()).collect();
+    let later: BTreeSet<usize> = reached(&[behind, tasks.to_vec()].concat());
+    let started: BTreeSet<usize> = reached(&starting);
+    started.difference(&later).copied().collect()
+}
+
+/// The function in which interrupts come on, if it is the only one and calls nothing behind that.
+fn enabling(graph: &Graph) -> Option<usize> {
+    let functions = 0..graph.program.functions().len();
+    let mut enabling = functions.filter(|function| graph.instructions(*function).iter().any(is_enabling));
+    let (first, second) = (enabling.next()?, enabling.next());
+    (second.is_none() && ends_with_interrupts_on(graph.instructions(first))).then_some(first)
 }
 
 /// Interrupts come on, and up to the return nothing is called.
 fn ends_with_interrupts_on(instructions: &[Instruction]) -> bool {
     let mut behind = instructions.iter().skip_while(|one| !is_enabling(one));
-    behind.next().is_some() && behind.find(|one| one.flow != Flow::Next).is_some_and(|one| one.flow == Flow::Return)
+    behind.next().is_some()
+        && !instructions_enable_twice(instructions)
+        && behind.find(|one| one.flow != Flow::Next).is_some_and(|one| one.flow == Flow::Return)
+}
+
+fn instructions_enable_twice(instructions: &[Instruction]) -> bool {
+    instructions.iter().filter(|one| is_enabling(one)).count() > 1
 }
 
 fn is_enabling(instruction: &Instruction) -> bool {
@@ -155,7 +179,19 @@ mod tests {
         let main = [0x80, 0xb5, 0x00, 0xf0, 0x03, 0xf8, 0x00, 0xf0, 0x09, 0xf8, 0x00, 0xbf];
         let leaf = [0x90, 0xb0, 0x70, 0x47];
         let program = Program::of_code(0x0800_0100, &[("main", &main), ("start", &start), ("leaf", &leaf)]);
-        of_start(&Graph::new(program).unwrap(), 0, 1)
+        of_start(&Graph::new(program).unwrap(), 0)
+    }
+
+    #[test]
+    fn what_idle_or_a_task_calls_too_is_not_the_starts_alone() {
+        // main: bl start; bl idle. start: cpsie i; b leaf is a call, so: push, bl leaf, cpsie, pop.
+        let main = [0x80, 0xb5, 0x00, 0xf0, 0x03, 0xf8, 0x00, 0xf0, 0x09, 0xf8, 0x00, 0xbf];
+        let mut start = vec![0x70, 0xb5, 0x00, 0xf0, 0x06, 0xf8, 0x62, 0xb6, 0x70, 0xbd];
+        start.resize(16, 0x00);
+        let leaf = [0x90, 0xb0, 0x70, 0x47];
+        let program = Program::of_code(0x0800_0100, &[("main", &main), ("start", &start), ("leaf", &leaf)]);
+        let graph = Graph::new(program).unwrap();
+        assert_eq!(only_at_start(&graph, 0, &[]), BTreeSet::from([1]), "main calls the leaf, too");
     }
 
     #[test]
