@@ -219,9 +219,10 @@ fn load_and_tell<L: Link>(
 }
 
 fn print<L: Link>(drive: &mut Drive<L>, idns: &[Idn], tell: load::Tell<'_>) -> Result<Done> {
-    let idns = if idns.is_empty() { drive.backup_list()? } else { idns.to_vec() };
+    let overview = idns.is_empty();
+    let idns = if overview { drive.backup_list()? } else { idns.to_vec() };
     let entries = described(drive, &idns, tell)?.into_iter().map(|block| Ok((block.idn, block.entry()?)));
-    let text = table::of_entries(&entries.collect::<Result<Vec<_>>>()?);
+    let text = table::of_entries(&entries.collect::<Result<Vec<_>>>()?, overview);
     Ok(Done { text, verdict: Verdict::Passed })
 }
 

@@ -4,7 +4,7 @@ use super::file::{Entry, ParameterFile};
 use sercos::Idn;
 use std::collections::BTreeSet;
 
-/// Characters of a value beyond which a table shows its beginning only.
+/// Characters of a value beyond which an overview shows its beginning only.
 const WIDEST: usize = 40;
 
 /// A data block that two sides do not have alike.
@@ -42,24 +42,22 @@ pub(crate) fn of_differences(differences: &[Difference], sides: [&str; 2]) -> St
     aligned(&[head].into_iter().chain(rows).collect::<Vec<_>>())
 }
 
-/// IDN, name, value and unit.
-pub(crate) fn of_entries(entries: &[(Idn, Entry)]) -> String {
+/// IDN, name, value and unit; in an overview long lists and texts are cut.
+pub(crate) fn of_entries(entries: &[(Idn, Entry)], overview: bool) -> String {
     let head = ["IDN", "name", "value", "unit"].map(str::to_owned);
+    let shown = |value: String| match value.char_indices().nth(WIDEST) {
+        Some((end, _)) if overview => format!("{}...", &value[..end]),
+        _ => value,
+    };
     let rows = entries
         .iter()
-        .map(|(idn, entry)| [idn.to_string(), entry.name.clone(), entry.value.to_string(), entry.unit.clone()]);
+        .map(|(idn, entry)| [idn.to_string(), entry.name.clone(), shown(entry.value.to_string()), entry.unit.clone()]);
     aligned(&[head].into_iter().chain(rows).collect::<Vec<_>>())
 }
 
 /// Columns below each other, two spaces between them. Line breaks of a text would break its row.
 fn aligned(rows: &[[String; 4]]) -> String {
-    let cell = |text: &String| {
-        let text: String = text.chars().map(|sign| if sign.is_control() { ' ' } else { sign }).collect();
-        match text.char_indices().nth(WIDEST) {
-            Some((end, _)) => format!("{}...", &text[..end]),
-            None => text,
-        }
-    };
+    let cell = |text: &String| text.chars().map(|sign| if sign.is_control() { ' ' } else { sign }).collect();
     let rows: Vec<[String; 4]> = rows.iter().map(|row| row.each_ref().map(cell)).collect();
     let width = |column: usize| rows.iter().map(|row| row[column].chars().count()).max().unwrap_or(0);
     let widths = [width(0), width(1), width(2)];
@@ -101,15 +99,17 @@ S-0-0142  Type             -             a b
     }
 
     #[test]
-    fn parameters_stand_in_a_table_and_long_values_are_cut() {
+    fn parameters_stand_in_a_table_and_an_overview_cuts_long_values() {
         let rows =
             [(Idn(41), entry("Homing velocity", "rpm", "100.0000")), (Idn(142), entry("T", "", &"é".repeat(50)))];
-        let expected = format!(
-            "IDN       name             value{0}unit\nS-0-0041  Homing velocity  100.0000{1}rpm\nS-0-0142  T                {2}...\n",
-            " ".repeat(40),
-            " ".repeat(37),
-            "é".repeat(40)
-        );
-        assert_eq!(of_entries(&rows), expected);
+        let table = |width: usize, last: &str| {
+            let value = format!("{:<width$}", "value");
+            let velocity = format!("{:<width$}", "100.0000");
+            format!(
+                "IDN       name             {value}  unit\nS-0-0041  Homing velocity  {velocity}  rpm\nS-0-0142  T                {last}\n"
+            )
+        };
+        assert_eq!(of_entries(&rows, true), table(43, &format!("{}...", "é".repeat(40))));
+        assert_eq!(of_entries(&rows, false), table(50, &"é".repeat(50)));
     }
 }
