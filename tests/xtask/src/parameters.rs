@@ -1,11 +1,14 @@
 //! The parameters of a drive as a file that people read and put under version control: saved, loaded, compared, printed.
 
+mod arguments;
 mod file;
 mod link;
 mod load;
 mod ring_link;
 mod table;
 mod value;
+
+pub(crate) use arguments::ParametersCommand;
 
 use crate::progress::PhaseBars;
 use crate::report::data::{Platform, Progress};
@@ -108,8 +111,8 @@ fn with_drive(executor: &Executor, flash: FlashModel, kept_in: Option<&Path>, wo
         bars.borrow_mut().show(&Progress { phase, what, done: 0, of: 0, time_us });
     };
     let link = RingLink::run_up(executor, flash, &mut |phase, time_us| {
-        let what = ["closing the ring", "looking for the drive", "service channel"].get(usize::from(phase));
-        show(phase, time_us, what.copied().unwrap_or_default().to_owned());
+        let what = if phase == 0 { "closing the ring" } else { "looking for the drive" };
+        show(phase, time_us, what.to_owned());
     });
     let done = link.and_then(|link| {
         let mut drive = Drive::new(link);

@@ -101,6 +101,7 @@ fn saves_changes_compares_loads_and_compares(executor: &Executor) {
     // Saved, and changed by somebody else.
     let mut first = drive(executor, defaults());
     let file = file_of(&mut first);
+    assert_eq!(file.text().unwrap(), file_of(&mut host(defaults())).text().unwrap(), "wherever the drive runs");
     assert_eq!(file.entry(HOMING_VELOCITY).unwrap().quantity(), "100.0000 rpm");
     first.write(HOMING_VELOCITY, Value::Long(2_505_000)).unwrap().unwrap();
     first.write(APPLICATION_TYPE, Value::Bytes(b"folder 3".to_vec())).unwrap().unwrap();
@@ -313,4 +314,18 @@ fn a_value_in_other_words_is_no_difference_to_the_drive() {
     let file = with(&before, &[(Idn::standard(32), "0x1"), (HOMING_VELOCITY, "fast")]);
     let has = read_like(&mut first, &file, &mut |_, _, _, _| ()).unwrap();
     assert_eq!(differing(&file, &has), [Idn::standard(32), HOMING_VELOCITY]);
+}
+
+#[test]
+fn a_drive_that_is_locked_with_a_password_is_told_and_stays_as_it_is() {
+    let mut locked = host(defaults());
+    let before = file_of(&mut locked);
+    locked.write(Idn::standard(267), Value::Bytes(b"secret".to_vec())).unwrap().unwrap();
+    let line = refusal(&mut locked, &with(&before, &[(HOMING_VELOCITY, "42")]));
+    let expected = "S-0-0041 \"Homing velocity\" = 42 rpm: the drive refuses with 7009H, protected by password; \
+        nothing was written";
+    assert_eq!(line, expected);
+    assert_eq!(file_of(&mut locked), before);
+    // What is so already can be confirmed and saved.
+    assert_eq!(load_into(&mut locked, &before, WHOLE).unwrap().written, BTreeSet::new());
 }
