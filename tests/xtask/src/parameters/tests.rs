@@ -17,6 +17,7 @@ use std::collections::BTreeSet;
 
 const HOMING_VELOCITY: Idn = Idn::standard(41);
 const APPLICATION_TYPE: Idn = Idn::standard(142);
+const APPLICATION_DATA: Idn = Idn::product(7);
 const SAVE: Idn = Idn::standard(264);
 const STORAGE_MODE: Idn = Idn::standard(269);
 const WHOLE: Manner = Manner { store: true, skip_unknown: false };
@@ -104,7 +105,8 @@ fn saves_changes_compares_loads_and_compares(executor: &Executor) {
     assert_eq!(file.text().unwrap(), file_of(&mut host(defaults())).text().unwrap(), "wherever the drive runs");
     assert_eq!(file.entry(HOMING_VELOCITY).unwrap().quantity(), "100.0000 rpm");
     first.write(HOMING_VELOCITY, Value::Long(2_505_000)).unwrap().unwrap();
-    first.write(APPLICATION_TYPE, Value::Bytes(b"folder 3".to_vec())).unwrap().unwrap();
+    first.write(APPLICATION_TYPE, Value::Bytes(b"folder 12".to_vec())).unwrap().unwrap();
+    first.write(APPLICATION_DATA, Value::Bytes([5, 0, 0, 0, 0xFF, 0xFF, 0xFF, 0xFF].to_vec())).unwrap().unwrap();
     first.command(SAVE).unwrap().unwrap();
     let flash = flash_of(&first);
     drop(first);
@@ -113,12 +115,17 @@ fn saves_changes_compares_loads_and_compares(executor: &Executor) {
     let mut second = drive(executor, flash);
     let changed = file_of(&mut second);
     assert_eq!(changed.entry(HOMING_VELOCITY).unwrap().quantity(), "250.5000 rpm");
-    assert_eq!(differing(&file, &changed), [HOMING_VELOCITY, APPLICATION_TYPE]);
+    let differ = [HOMING_VELOCITY, APPLICATION_TYPE, APPLICATION_DATA];
+    assert_eq!(differing(&file, &changed), differ);
     let loaded = load_into(&mut second, &file, WHOLE).unwrap();
-    assert_eq!(second.link().written, [HOMING_VELOCITY, APPLICATION_TYPE], "only what differs is written");
-    assert_eq!(loaded.written, BTreeSet::from([HOMING_VELOCITY, APPLICATION_TYPE]));
+    assert_eq!(second.link().written, differ, "only what differs is written");
+    assert_eq!(loaded.written, BTreeSet::from(differ));
     assert_eq!((loaded.common, loaded.left, &loaded.skipped), (file.entries().count(), 0, &vec![]));
     assert_eq!(loaded.checksum, file.saved_from.checksum);
+    // There and back.
+    load_into(&mut second, &changed, Manner { store: false, skip_unknown: false }).unwrap();
+    assert_eq!(file_of(&mut second), changed);
+    load_into(&mut second, &file, WHOLE).unwrap();
     let flash = flash_of(&second);
     drop(second);
 
