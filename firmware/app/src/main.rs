@@ -24,8 +24,8 @@
 #![no_std]
 #![no_main]
 
-mod by_turns;
 mod fault;
+mod locks;
 
 use defmt_rtt as _;
 
@@ -41,6 +41,7 @@ mod app {
     use board::watchdog::{CheckIn, Watchdog};
     use board::{Inverter, MotorSide, chip_control, switches};
     use core::cell::RefCell;
+    use core::mem::MaybeUninit;
     use core::pin::pin;
     use core::task::{Context, Waker};
     use drive::crash::{CrashRecord, MOST_CRASHES_IN_A_ROW};
@@ -50,7 +51,7 @@ mod app {
     use embassy_futures::{block_on, yield_now};
     use memory::{Log, Memory};
 
-    use crate::by_turns::ByTurns;
+    use crate::locks::{ByTurns, Referred};
 
     /// After 10 s (feedings are 8 ms apart) crashes until here are none in a row with one that comes.
     const FEEDINGS_UNTIL_WELL: u16 = 1_250;
@@ -67,7 +68,8 @@ mod app {
     struct Shared {
         interrupts: RingInterrupts<SercosBus>,
         motion: Motion<SercosBus, MotorSide>,
-        communication: Communication<SercosBus>,
+        /// By reference: it is half of what the start would otherwise move over its stack.
+        communication: &'static mut Communication<SercosBus>,
     }
 
     #[local]
@@ -84,7 +86,11 @@ mod app {
     ///
     /// Takes about 2 ms until the chip repeats, in which the ring is open at this station. Then what was saved is looked for, while the chip repeats: some
     /// 10 ms, and every 40 saves the 1 to 2 s of an erase.
-    #[init(local = [scope: Scope = Scope::new(), page: [u8; BUFFER_BYTES] = [0; BUFFER_BYTES]])]
+    #[init(local = [
+        scope: Scope = Scope::new(),
+        page: [u8; BUFFER_BYTES] = [0; BUFFER_BYTES],
+        place: MaybeUninit<Communication<SercosBus>> = MaybeUninit::uninit(),
+    ])]
     fn init(context: init::Context) -> (Shared, Local) {
         board::stack_guard::start(&context.core.MPU);
         let board = Board::new(context.device);
@@ -110,13 +116,14 @@ mod app {
             defmt::warn!("parameters: {=str}", trouble);
         }
         let drive = drive::new(bus, motor_side, inverter, &LINK, context.local.scope, identity, recollection);
-        let Drive { current, mut interrupts, mut communication, mut motion } = match drive {
+        let Drive { current, mut interrupts, communication, mut motion } = match drive {
             Ok(drive) => drive,
             Err(error) => {
                 defmt::error!("default parameters: {}", error);
                 remain_a_repeater()
             }
         };
+        let communication = context.local.place.write(communication);
         let past = block_on(memory.load_log(buffer, Log::Events)).ok().flatten();
         let last_crash = past.and_then(|log| communication.recall_log(log));
         PERMIT.only_when_granted();
@@ -141,9 +148,10 @@ mod app {
     /// together. A word of flash stops the processor, only while nothing is due: [`Motion::may_stand_still`].
     #[idle(local = [watchdog, memory, buffer], shared = [motion, communication])]
     fn idle(context: idle::Context) -> ! {
-        let idle::SharedResources { motion, mut communication, .. } = context.shared;
+        let idle::SharedResources { motion, communication, .. } = context.shared;
         let idle::LocalResources { watchdog, memory, buffer, .. } = context.local;
         let motion = RefCell::new(motion);
+        let mut communication = Referred(communication);
         let mut keepers_motion = ByTurns(&motion);
         let mut keeper = pin!(async {
             loop {

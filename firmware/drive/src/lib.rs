@@ -100,7 +100,6 @@ pub struct Drive<B, H: Hardware, P: 'static> {
 ///
 /// # Errors
 /// The defaults do not make a drive with this board's loop timer (a mistake in the table or the board, found by tests).
-// What it works with is gone when it returns, and no part of the frame that interrupts find under them.
 #[inline(never)]
 pub fn new<B: Bus + Clone, H: Hardware, P: PowerStage<Board = H::Board>>(
     bus: B,
@@ -112,15 +111,30 @@ pub fn new<B: Bus + Clone, H: Hardware, P: PowerStage<Board = H::Board>>(
     recollection: Recollection<'_>,
 ) -> Result<Drive<B, H, P>, InvalidSetting> {
     let address = identity.address.get();
-    let defaults = service::loops::settings::<H>(&Parameters::new(&DICTIONARY))?;
-    let mut communication = Communication::new(bus.clone(), identity);
-    let remembers = communication.recall(recollection);
-    // A set that another program has saved may not go together here: S-0-0128 finds it.
-    let settings = service::loops::settings::<H>(communication.parameters()).unwrap_or(defaults);
+    let (communication, remembers) = remembering(bus.clone(), identity, recollection);
+    let settings = settings_at_start::<H>(communication.parameters())?;
     let current = CurrentControl::new(stage, link, settings.motor.current);
     let mut motion = Motion::new(bus.clone(), address, hardware, link, scope, settings);
     if !remembers {
         motion.memory_fault();
     }
     Ok(Drive { current, interrupts: RingInterrupts::new(bus), communication, motion })
+}
+
+// Those two and `new` have frames of their own, so that the start, which holds the whole drive on its stack, does not hold what they work with besides.
+
+#[inline(never)]
+fn remembering<B: Bus + Clone>(bus: B, identity: Identity, recollection: Recollection<'_>) -> (Communication<B>, bool) {
+    let mut communication = Communication::new(bus, identity);
+    let remembers = communication.recall(recollection);
+    (communication, remembers)
+}
+
+/// A set that another program has saved may not go together here: then the loops begin with the defaults, and S-0-0128 finds it.
+#[inline(never)]
+fn settings_at_start<H: Hardware>(parameters: &Parameters) -> Result<DriveSettings, InvalidSetting> {
+    match service::loops::settings::<H>(parameters) {
+        Ok(settings) => Ok(settings),
+        Err(_) => service::loops::settings::<H>(&Parameters::new(&DICTIONARY)),
+    }
 }

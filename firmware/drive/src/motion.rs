@@ -111,6 +111,7 @@ pub struct Motion<B, H: Hardware> {
 
 impl<B: Bus + Clone, H: Hardware> Motion<B, H> {
     /// A motor side at rest: torque-free, CP0, position zero where the encoder stands.
+    #[inline(never)]
     pub fn new(
         bus: B,
         address: u8,

@@ -97,9 +97,9 @@ fn instructions_enable_twice(instructions: &[Instruction]) -> bool {
     instructions.iter().filter(|one| is_enabling(one)).count() > 1
 }
 
+/// What writes PRIMASK puts back what it was before.
 fn is_enabling(instruction: &Instruction) -> bool {
     instruction.mnemonic.starts_with("cpsie")
-        || instruction.mnemonic == "msr" && instruction.operands.to_lowercase().starts_with("primask")
 }
 
 /// The strongly connected parts of what a root reaches, callees before callers (Tarjan, with a stack of its own).

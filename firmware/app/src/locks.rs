@@ -1,4 +1,4 @@
-//! One shared resource for two who never work at the same time.
+//! Other ways to lock a shared resource.
 
 use core::cell::RefCell;
 
@@ -12,5 +12,16 @@ impl<M: Mutex> Mutex for ByTurns<'_, M> {
 
     fn lock<R>(&mut self, act: impl FnOnce(&mut Self::T) -> R) -> R {
         self.0.borrow_mut().lock(act)
+    }
+}
+
+/// Locks what a shared reference refers to.
+pub(crate) struct Referred<M>(pub(crate) M);
+
+impl<T: 'static, M: Mutex<T = &'static mut T>> Mutex for Referred<M> {
+    type T = T;
+
+    fn lock<R>(&mut self, act: impl FnOnce(&mut T) -> R) -> R {
+        self.0.lock(|referred| act(referred))
     }
 }
