@@ -3,6 +3,7 @@
 use crate::explore::{self, One, Until};
 use crate::fuzz::Target;
 use crate::mutants::{self, Sorts};
+use crate::parameters::ParametersCommand;
 use crate::report::data::Platform;
 use crate::scope::{Edge, Order, Settings, Signal};
 use crate::setup::Installing;
@@ -149,6 +150,15 @@ pub(crate) enum Command {
     /// number: `F000` and `F001` position feedback and setpoint, `F002` following error, `F003` and `F004` velocity feedback and
     /// setpoint, `F005` velocity error, `F006` current setpoint, `F010` to `F019` the current loop.
     Scope(ScopeArguments),
+    /// Save, load, compare and print the parameters of a drive: a text file for people and version control
+    ///
+    /// The drive is a simulated one, on a ring of its own and in CP2. Without `--flash` it has the defaults and forgets everything behind the
+    /// command. The file is TOML: IDN, name, value in its unit.
+    #[command(disable_help_subcommand = true)]
+    Parameters {
+        #[command(subcommand)]
+        command: ParametersCommand,
+    },
     /// Serve the registers and the RAM of a master's SERCON816 on a simulated ring, for a foreign master driver
     ///
     /// One command a line, one answer a line, all numbers hexadecimal but the count of cycles:

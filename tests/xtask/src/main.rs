@@ -24,6 +24,7 @@ mod flash;
 mod fuzz;
 mod manual;
 mod mutants;
+mod parameters;
 mod process;
 mod progress;
 #[cfg(test)]
@@ -87,6 +88,10 @@ fn run(command_line: CommandLine) -> anyhow::Result<Verdict> {
         Command::Explore(arguments) => arguments.run(),
         Command::Mutants(arguments) => mutants::run(&arguments.into(), installing),
         Command::Scope(arguments) => scope::run(&arguments.into()),
+        Command::Parameters { command } => {
+            let (action, which) = command.into();
+            parameters::run(&action, &which, installing)
+        }
         Command::Ring { drives, on, chip_socket } => ring_server::run(&drives, on.into(), &chip_socket, installing),
         Command::Flash { probe } => flash::run(probe.as_deref(), installing),
     }

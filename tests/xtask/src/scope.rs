@@ -88,9 +88,7 @@ fn conclude(recording: &Recording, csv: Option<&Path>, folder: &Path) -> Result<
     workspace::write_whole(&page, &report::html(recording))?;
     println!("plot: {}", page.display());
     if let Some(csv) = csv {
-        // A name alone lies in the present folder.
-        let beside = csv.parent().filter(|parent| !parent.as_os_str().is_empty()).unwrap_or(Path::new("."));
-        workspace::write_whole(&beside.join(csv.file_name().unwrap_or_default()), &report::csv(recording))?;
+        workspace::write_beside(csv, &report::csv(recording))?;
         println!("table: {}", csv.display());
     }
     Ok(Verdict::Passed)

@@ -41,7 +41,7 @@ pub(crate) fn build_like_tests(package: &str, part: &[&str], name: &str) -> Resu
 ///
 /// # Errors
 /// The folder cannot be made, or the file not be written; nothing is left behind then.
-pub(crate) fn write_whole(path: &Path, content: &str) -> Result<()> {
+pub(crate) fn write_whole(path: &Path, content: &(impl AsRef<[u8]> + ?Sized)) -> Result<()> {
     let folder = path.parent().context("a file needs a folder")?;
     std::fs::create_dir_all(folder).with_context(|| format!("cannot make the folder {}", folder.display()))?;
     let partial = path.with_extension("partial");
@@ -51,6 +51,15 @@ pub(crate) fn write_whole(path: &Path, content: &str) -> Result<()> {
         let _ = std::fs::remove_file(&partial);
     }
     written.with_context(|| format!("cannot write {}", path.display()))
+}
+
+/// The same for a path of the user's: a name alone lies in the present folder.
+///
+/// # Errors
+/// As [`write_whole`].
+pub(crate) fn write_beside(path: &Path, content: &(impl AsRef<[u8]> + ?Sized)) -> Result<()> {
+    let beside = path.parent().filter(|parent| !parent.as_os_str().is_empty()).unwrap_or(Path::new("."));
+    write_whole(&beside.join(path.file_name().with_context(|| format!("{} names no file", path.display()))?), content)
 }
 
 #[cfg(test)]

@@ -44,6 +44,11 @@ fn the_help_is_as_written_down() {
         &["explore", "--help"],
         &["mutants", "--help"],
         &["scope", "--help"],
+        &["parameters", "--help"],
+        &["parameters", "save", "--help"],
+        &["parameters", "load", "--help"],
+        &["parameters", "compare", "--help"],
+        &["parameters", "print", "--help"],
         &["ring", "--help"],
         &["flash", "--help"],
     ] {
