@@ -77,7 +77,7 @@ pub use servo::monitor::{Divider, TemperatureSensor, Thermometers};
 pub use servo::motor::{BoardKind, CurrentControl, CurrentLink, CurrentLoopValues, Cycle, Facts, PowerStage, Samples};
 pub use servo::scope::Scope;
 
-use remembering::set::Recollection;
+use crate::remembering::set::Recollection;
 
 use sercon816::Bus;
 use sercos::parameters::Parameters;
@@ -111,7 +111,7 @@ pub fn new<B: Bus + Clone, H: Hardware, P: PowerStage<Board = H::Board>>(
     recollection: Recollection<'_>,
 ) -> Result<Drive<B, H, P>, InvalidSetting> {
     let address = identity.address.get();
-    let (communication, remembers) = remembering(bus.clone(), identity, recollection);
+    let (communication, remembers) = recalled(bus.clone(), identity, recollection);
     let settings = settings_at_start::<H>(communication.parameters())?;
     let current = CurrentControl::new(stage, link, settings.motor.current);
     let mut motion = Motion::new(bus.clone(), address, hardware, link, scope, settings);
@@ -124,7 +124,7 @@ pub fn new<B: Bus + Clone, H: Hardware, P: PowerStage<Board = H::Board>>(
 // Those two and `new` have frames of their own, so that the start, which holds the whole drive on its stack, does not hold what they work with besides.
 
 #[inline(never)]
-fn remembering<B: Bus + Clone>(bus: B, identity: Identity, recollection: Recollection<'_>) -> (Communication<B>, bool) {
+fn recalled<B: Bus + Clone>(bus: B, identity: Identity, recollection: Recollection<'_>) -> (Communication<B>, bool) {
     let mut communication = Communication::new(bus, identity);
     let remembers = communication.recall(recollection);
     (communication, remembers)

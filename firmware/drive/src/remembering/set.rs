@@ -33,14 +33,13 @@ pub const MOST_SET_BYTES: usize = set_bytes(&DICTIONARY);
 const _: () = assert!(MOST_SET_BYTES + 256 <= memory::MOST_BYTES, "the set does not fit into the memory");
 
 const fn set_bytes(dictionary: &Dictionary) -> usize {
-    let blocks = dictionary.blocks();
+    let mut blocks = dictionary.blocks();
     let mut bytes = HEAD_BYTES;
-    let mut index = 0;
-    while index < blocks.len() {
-        if blocks[index].is_in(Selection::Backup) {
-            bytes += RECORD_BYTES + blocks[index].most_bytes();
+    while let [block, rest @ ..] = blocks {
+        if block.is_in(Selection::Backup) {
+            bytes = bytes.saturating_add(RECORD_BYTES).saturating_add(block.most_bytes());
         }
-        index += 1;
+        blocks = rest;
     }
     bytes
 }

@@ -390,21 +390,28 @@ fn lengths() -> Vec<Case> {
             expect("S-0-0001 in the next CP2", slave.number(1)?, 1_000)
         },
     ));
-    for (idn, value) in [(208, 0)] {
-        let rule = format!("S-0-{idn:04} takes the value that it has, as from a backup, and no other: 7006H, 7007H");
-        cases.push(Case::new(SECTION, rule, "sercos2.md Appendix A", move |slave| {
-            for phase in 2..=4 {
-                slave.run_up(phase, Configuration::default())?;
-                expect("its own", slave.set(idn, &[value])?, Ok(()))?;
-                expect("a higher one", slave.set(idn, &[value + 1])?, Err(0x7007))?;
-                if let Some(lower) = value.checked_sub(1) {
-                    expect("a lower one", slave.set(idn, &[lower])?, Err(0x7006))?;
-                }
-                expect("operation data", slave.number(idn)?, value.into())?;
+    let rule = "S-0-0208 takes the value that it has, as from a backup, and no other: 7007H";
+    cases.push(Case::new(SECTION, rule, "sercos2.md Appendix A", |slave| {
+        for phase in 2..=4 {
+            slave.run_up(phase, Configuration::default())?;
+            expect("its own", slave.set(208, &[0])?, Ok(()))?;
+            expect("a higher one", slave.set(208, &[1])?, Err(0x7007))?;
+            expect("operation data", slave.number(208)?, 0)?;
+        }
+        Ok(())
+    }));
+    let rule = "S-0-0269 takes both storage modes in every phase, and nothing above";
+    cases.push(Case::new(SECTION, rule, "sercos2.md Appendix A", |slave| {
+        for phase in 2..=4 {
+            slave.run_up(phase, Configuration::default())?;
+            for mode in [0, 1] {
+                expect("a storage mode", slave.set(269, &[mode])?, Ok(()))?;
+                expect("operation data", slave.number(269)?, mode.into())?;
             }
-            Ok(())
-        }));
-    }
+            expect("no storage mode", slave.set(269, &[2])?, Err(0x7007))?;
+        }
+        Ok(())
+    }));
     cases.push(Case::new(SECTION, "the master's idea of the maximum length is ignored", "sercos2.md 3.2", |slave| {
         slave.to_cp2()?;
         for maximum in [0, 2, 32, 0xFFFF] {
