@@ -3,7 +3,7 @@
 use emulator::{Mistake, Reset, What};
 use ring::Nanoseconds;
 
-use super::rig::{Axis, Rig};
+use super::rig::{Axis, Rig, STARTED_MS};
 
 #[test]
 #[ignore = "needs QEMU and the ELF: cargo xtask test"]
@@ -18,7 +18,7 @@ fn whenever_a_reset_comes_during_the_start_nothing_is_switched_on_and_the_drive_
         rig.qemu.borrow_mut().reset(now, *kind).unwrap();
         rig.assert_nothing_was_ever_on();
     }
-    rig.run_ms(20);
+    rig.run_ms(STARTED_MS);
     rig.assert_nothing_was_ever_on();
     assert!(rig.log().last().is_some_and(|line| line.contains("class 1 diagnostic")), "{:#?}", rig.log());
     assert!(!rig.log().iter().any(|line| line.contains(" error ")), "a crash that was none: {:#?}", rig.log());
@@ -34,7 +34,7 @@ fn a_fault_before_the_clocks_run_is_recorded_too() {
     let incidents = rig.qemu.borrow_mut().guest_mut().incidents().to_vec();
     let whats: Vec<What> = incidents.iter().map(|incident| incident.what).collect();
     assert_eq!(whats, [What::Handler(3), What::Reset(Reset::Software)]);
-    rig.run_ms(20);
+    rig.run_ms(STARTED_MS);
     assert!(rig.log().iter().any(|line| line.contains("fault in idle or init, pc 080")), "{:#?}", rig.log());
     rig.assert_nothing_was_ever_on();
 }

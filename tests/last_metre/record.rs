@@ -2,7 +2,7 @@
 
 use emulator::{Mistake, Reset, What};
 
-use super::rig::{Axis, Event, Rig, State};
+use super::rig::{Axis, Event, Rig, STARTED_MS, State};
 
 /// The guard below the stack, from the program's own symbols.
 fn guard(rig: &Rig) -> std::ops::Range<u32> {
@@ -36,7 +36,7 @@ fn a_stack_that_overflows_ends_at_its_guard_with_a_record_that_says_so() {
         assert!(seen.bridge_off.unwrap().0 < 100 && seen.brake_off.unwrap().0 < 100, "{task}: {seen:?}");
         let memory = rig.qemu.borrow_mut().guest_mut().read_memory(guard.start, words).unwrap();
         assert!(memory.iter().all(|word| *word == PAINT), "{task}: the guard was written to");
-        rig.run_ms(20);
+        rig.run_ms(STARTED_MS);
         let line = told(&rig, "stack overflow");
         println!("{line}");
         let name = match task {
@@ -54,7 +54,7 @@ fn a_stack_that_overflows_ends_at_its_guard_with_a_record_that_says_so() {
 fn a_panic_names_its_task_its_file_and_its_line() {
     let mut rig = Rig::in_state(Axis::Horizontal, State::Standstill);
     rig.happen(Event::Mistake(Mistake::Panic, "CAN1_RX0"), None);
-    rig.run_ms(20);
+    rig.run_ms(STARTED_MS);
     let line = told(&rig, "panic in capture_feedback at ");
     let (_, place) = line.split_once(" at ").unwrap();
     let (file, rest) = place.split_once(".rs:").unwrap();
@@ -70,16 +70,16 @@ fn an_exception_that_nobody_is_bound_to_and_a_dead_crystal_are_told_apart_from_a
     // SVCall, whose vector nobody has.
     assert!(matches!(seen.incidents[0].what, What::Handler(11)), "{seen:?}");
     assert!(seen.bridge_off.unwrap().0 < 100, "{seen:?}");
-    rig.run_ms(20);
+    rig.run_ms(STARTED_MS);
     told(&rig, "interrupt without a task in supervision");
     let mut rig = Rig::in_state(Axis::Horizontal, State::Standstill);
     rig.happen(Event::CrystalFails, None);
     // Nothing goes on without a crystal, and nothing is on.
-    rig.run_ms(20);
+    rig.run_ms(STARTED_MS);
     assert!(!rig.log().iter().any(|line| line.contains("crystal failed")));
     let now = rig.world.now();
     rig.qemu.borrow_mut().guest_mut().mend_crystal(now);
-    rig.run_ms(20);
+    rig.run_ms(STARTED_MS);
     told(&rig, "crystal failed in ");
 }
 
@@ -88,7 +88,7 @@ fn an_exception_that_nobody_is_bound_to_and_a_dead_crystal_are_told_apart_from_a
 fn the_record_is_shown_over_the_ring_and_in_the_error_memory_and_is_news_only_once() {
     let mut rig = Rig::in_state(Axis::Horizontal, State::AtSpeed);
     rig.happen(Event::Mistake(Mistake::Undefined, "CAN2_TX"), None);
-    rig.run_ms(20);
+    rig.run_ms(STARTED_MS);
     rig.run_up_again();
     let text = rig.text(0x8000 | 12);
     assert!(text.starts_with("fault in control_loop, pc 080"), "{text}");
@@ -100,7 +100,7 @@ fn the_record_is_shown_over_the_ring_and_in_the_error_memory_and_is_news_only_on
     // A reset by the pin: what was told is no news, and still there.
     let now = rig.world.now();
     rig.qemu.borrow_mut().reset(now, Reset::Pin).unwrap();
-    rig.run_ms(20);
+    rig.run_ms(STARTED_MS);
     for words in ["before: fault in control_loop", "started by ResetPin"] {
         assert!(rig.log().iter().any(|line| line.contains(words)), "{words}: {:#?}", rig.log());
     }
@@ -109,7 +109,7 @@ fn the_record_is_shown_over_the_ring_and_in_the_error_memory_and_is_news_only_on
     // The supply goes: what lies in the RAM is no record, what lies in the flash is.
     let now = rig.world.now();
     rig.qemu.borrow_mut().reset(now, Reset::PowerOn(11)).unwrap();
-    rig.run_ms(20);
+    rig.run_ms(STARTED_MS);
     rig.run_up_again();
     assert_eq!((rig.text(0x8000 | 12), rig.list(375)), (text, vec![0xF120]));
     assert_eq!(rig.longs(0x8000 | 13)[2], address);
@@ -135,7 +135,7 @@ fn after_three_crashes_in_a_row_the_drive_stays_out_of_the_ring_until_the_next_r
     assert!(rig.log().last().is_some_and(|line| line.contains("out of the ring")), "it went on: {:#?}", rig.log());
     let now = rig.world.now();
     rig.qemu.borrow_mut().reset(now, Reset::Pin).unwrap();
-    rig.run_ms(20);
+    rig.run_ms(STARTED_MS);
     assert!(rig.log().last().is_some_and(|line| line.contains("class 1 diagnostic")), "{:#?}", rig.log());
     assert_eq!(resets(&rig), 4);
 }

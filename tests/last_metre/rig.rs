@@ -98,6 +98,9 @@ fn motion() -> Motion {
     motion
 }
 
+/// After a reset a drive has started and fed its watchdog for the first time, which writes a line.
+pub(crate) const STARTED_MS: u64 = 30;
+
 impl Rig {
     /// A drive before its first instruction.
     pub(crate) fn new(axis: Axis) -> Self {
@@ -121,6 +124,8 @@ impl Rig {
         let script = MasterScript {
             bit_rate: BitRate::M4,
             start_up_cycle: Nanoseconds::from_millis(1),
+            // A drive that starts with its master is in the ring after 13 ms.
+            good_msts: 20,
             cycle: 500,
             idle_in_cp3: 20,
             motion: Some(motion()),
@@ -145,7 +150,7 @@ impl Rig {
     /// Runs a drive up to this state.
     pub(crate) fn run_to(&mut self, state: State) {
         if state == State::Off {
-            self.run_ms(20);
+            self.run_ms(STARTED_MS);
             return;
         }
         self.run_until("switched on", Self::has_torque);

@@ -5,7 +5,7 @@ use std::fmt::Write;
 use emulator::{Mistake, Reset, What};
 use ring::Nanoseconds;
 
-use super::rig::{Axis, Event, Rig, Seen, State};
+use super::rig::{Axis, Event, Rig, STARTED_MS, Seen, State};
 
 const DOCUMENT: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/../docs/last-metre.md");
 const STATES: [State; 5] = [State::Off, State::SwitchingOn, State::Standstill, State::AtSpeed, State::Stopping];
@@ -115,7 +115,7 @@ fn rows(axis: Axis) -> String {
             }
             judge(axis, state, *event, &seen);
             // It comes back, and nothing goes on by itself.
-            rig.run_ms(20);
+            rig.run_ms(STARTED_MS);
             rig.assert_started_again_without_torque();
             let megahertz = if *event == Event::CrystalFails { 16 } else { 168 };
             cells.push(match axis {

@@ -49,7 +49,7 @@ const STOPPED: [What; 2] = [What::Handler(16), What::Reset(Reset::Software)];
 /// In CP0, 12 ms after the reset: everything runs, the master is about to begin.
 fn started() -> Rig {
     let mut rig = Rig::new(Axis::Horizontal);
-    rig.run_ms(12);
+    rig.run_ms(16);
     rig
 }
 
