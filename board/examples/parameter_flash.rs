@@ -86,16 +86,16 @@ fn granted(flash: &mut ParameterFlash) {
         let mut writing = pin!(flash.write(64, &[0x11; 12]));
         let mut poll = |what: &str| println!("{}: ended {}", what, poll_once(writing.as_mut()).is_ready());
         poll("without a grant");
-        PERMIT.grant();
-        PERMIT.grant();
+        PERMIT.grant(board::timestamp::microseconds().wrapping_add(1_000_000));
+        PERMIT.grant(board::timestamp::microseconds().wrapping_add(1_000_000));
         poll("two grants at once");
         poll("without a second grant");
-        PERMIT.grant();
-        let _ = PERMIT.withdraw();
+        PERMIT.grant(board::timestamp::microseconds().wrapping_add(1_000_000));
+        PERMIT.withdraw();
         poll("a grant that was withdrawn");
-        PERMIT.grant();
+        PERMIT.grant(board::timestamp::microseconds().wrapping_add(1_000_000));
         poll("second grant");
-        PERMIT.grant();
+        PERMIT.grant(board::timestamp::microseconds().wrapping_add(1_000_000));
         poll("third grant");
     }
     println!("read: {}, {}", read(flash, 64), read(flash, 72));

@@ -234,7 +234,7 @@ impl NorFlash for ParameterFlash {
             let value = u32::from_le_bytes(*word);
             poll_fn(|_| {
                 // A grant is for now: what interrupts behind it would put the word off to where something is due. The processor stands anyway.
-                interrupt::free(|_| match PERMIT.take() {
+                interrupt::free(|_| match PERMIT.take(crate::timestamp::microseconds()) {
                     true => Poll::Ready(self.program(address, value)),
                     false => Poll::Pending,
                 })

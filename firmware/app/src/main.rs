@@ -56,6 +56,9 @@ mod app {
     /// After 10 s (feedings are 8 ms apart) crashes until here are none in a row with one that comes.
     const FEEDINGS_UNTIL_WELL: u16 = 1_250;
 
+    /// A permit is for now: [`Motion::may_stand_still`] reckons with 10 us beside the word.
+    const GRANT_US: u32 = 8;
+
     /// Takes what is kept at once, with its key.
     const BUFFER_BYTES: usize = memory::MOST_BYTES + 32;
 
@@ -160,8 +163,8 @@ mod app {
             }
         });
         let mut motion = ByTurns(&motion);
-        // The keeper has programmed a word, and waits for the next.
-        let mut goes_on = false;
+        // A word has waited for a permit when idle was here last.
+        let mut waited = false;
         let mut state = None;
         let mut class_1 = None;
         let mut feedings = 0_u16;
@@ -180,11 +183,17 @@ mod app {
                     defmt::info!("class 1 diagnostic {=u16:#06x}", now.class_1.bits());
                 }
             }
-            if (fed || goes_on) && motion.lock(Motion::may_stand_still) {
-                PERMIT.grant();
+            // The first answer may be one of long ago.
+            let wanted = PERMIT.is_wanted();
+            let granted = wanted && motion.lock(Motion::may_stand_still) && waited;
+            waited = wanted;
+            if granted {
+                PERMIT.grant(board::timestamp::microseconds().wrapping_add(GRANT_US));
+            }
+            if granted || fed && !wanted {
                 // It never ends.
                 let _ = keeper.as_mut().poll(&mut Context::from_waker(Waker::noop()));
-                goes_on = PERMIT.withdraw();
+                PERMIT.withdraw();
             }
             cortex_m::asm::wfi();
         }

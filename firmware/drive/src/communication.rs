@@ -146,7 +146,7 @@ impl<B: Bus + Clone> Communication<B> {
         let set = match recollection {
             Recollection::Set(set) => Some(set),
             Recollection::Unfinished(set) => {
-                self.errors.add(ErrorRecord { number: SAVE_CUT.number, seconds: 0 });
+                self.note_error(SAVE_CUT.number, 0);
                 set
             }
             Recollection::Empty | Recollection::Damaged => None,
@@ -158,6 +158,8 @@ impl<B: Bus + Clone> Communication<B> {
         let Some(dropped) = set::take_set(set, &mut self.parameters) else { return false };
         self.keeping.dropped = dropped;
         self.rescaling = Rescaling::new(&self.parameters);
+        // What was written before counts no more.
+        self.rescaling.take_over(&mut self.parameters);
         true
     }
 
@@ -201,7 +203,10 @@ impl<B: Bus + Clone> Communication<B> {
         motion: &mut impl Mutex<T = Motion<B, H>>,
     ) -> Result<(), MemoryFailure> {
         // It was refused in CP4; a control that has gone on there has left the command behind.
-        if self.phases.current() == Phase::Cp4 || !self.take_set(set) {
+        if self.phases.current() == Phase::Cp4 {
+            return Err(MemoryFailure::InOperation);
+        }
+        if !self.take_set(set) {
             return Err(MemoryFailure::NoSet);
         }
         if self.phases.current() == Phase::Cp3 {
@@ -224,10 +229,11 @@ impl<B: Bus + Clone> Communication<B> {
         let command = self.keeping.done(now, result.is_ok());
         let unsaved = self.keeping.has_unsaved();
         motion.lock(|motion| motion.show_unsaved(unsaved));
-        if let Err(failure) = result {
-            self.checks.finding = Some(Finding::Memory(failure));
-        }
         if let Some(procedure) = command {
+            // Nobody has asked for the rest, and S-0-0182 bit 3 tells of it.
+            if let Err(failure) = result {
+                self.checks.finding = Some(Finding::Memory(failure));
+            }
             let state = if result.is_ok() { CommandState::Executed } else { CommandState::Failed };
             self.server.command_progress(procedure.idn(), state);
             self.service.set_command_change(self.server.command_change());
@@ -396,6 +402,9 @@ impl<B: Bus + Clone> Communication<B> {
         self.checks.waits_for_lock = false;
         self.checks.started = None;
         self.commissioning.identifying = None;
+        if matches!(phase, Phase::Cp0 | Phase::Cp1) {
+            self.keeping.forget_command();
+        }
         self.server.phase_changed(phase);
         self.service.set_command_change(self.server.command_change());
     }

@@ -68,6 +68,8 @@ impl<F: NorFlash> Memory<F> {
     const PADDING_BYTES: usize = if MOST_BYTES < F::ERASE_SIZE / 8 { MOST_BYTES } else { F::ERASE_SIZE / 8 };
     /// As many fill a page.
     const PADDINGS: usize = F::ERASE_SIZE / Self::PADDING_BYTES + 2;
+    /// No log takes it.
+    const OF_SETS: u32 = Self::RESERVE / 2 + LONGEST_ITEM;
     const OVERHEAD: u32 = Map::<F>::item_overhead_size();
     const BYTES: u32 = Self::PAGE.saturating_mul(PAGES);
     const RESERVE: u32 = {
@@ -98,14 +100,23 @@ impl<F: NorFlash> Memory<F> {
             Err(error) => return Err(error),
         }
         self.condition = self.saves.condition();
-        if self.condition == Condition::Unfinished {
-            self.number(buffer, BEGUN, self.saves.set.max(self.saves.finished)).await?;
+        let mended = if self.condition == Condition::Unfinished {
+            self.number(buffer, BEGUN, self.saves.set.max(self.saves.finished)).await
         } else if self.condition == Condition::Whole && self.saves.finished < self.saves.set {
-            self.number(buffer, FINISHED, self.saves.set).await?;
+            self.number(buffer, FINISHED, self.saves.set).await
+        } else {
+            Ok(())
+        };
+        if mended.is_err() {
+            // A page that keeps nothing any more.
+            self.room = 0;
         }
         // What was cut or damaged may hide what lies behind it: it goes with its page.
         if self.room < Self::RESERVE || matches!(self.condition, Condition::Unfinished | Condition::Damaged) {
-            self.turn(buffer).await?;
+            // What is there is there, also where no room can be made: then nothing more is kept.
+            if self.turn(buffer).await.is_err() {
+                self.room = 0;
+            }
         }
         Ok(self.condition)
     }
@@ -142,7 +153,7 @@ impl<F: NorFlash> Memory<F> {
     /// Programs some 500 words, each when the flash permits it.
     ///
     /// # Errors
-    /// All of [`Error`]; the set before is in force then.
+    /// All of [`Error`]; the set before is in force then, or, where only its last word was refused, this one.
     pub async fn save(
         &mut self,
         buffer: &mut [u8],
@@ -171,7 +182,7 @@ impl<F: NorFlash> Memory<F> {
         Ok(self.map.fetch_item::<&[u8]>(buffer, &key(log)).await?)
     }
 
-    /// Keeps a log in place of the one before, as [`Memory::save`] keeps a set. What is left for sets is not touched.
+    /// Keeps a log in place of the one before, as [`Memory::save`] keeps a set. Half of [`RESERVE`] is left for sets.
     ///
     /// # Errors
     /// All of [`Error`]; the log before is there then.
@@ -181,7 +192,7 @@ impl<F: NorFlash> Memory<F> {
         log: Log,
         mut write: impl FnMut(&mut [u8]) -> Option<usize>,
     ) -> Result<(), Error<F::Error>> {
-        self.has_room(SAVE + LONGEST_ITEM)?;
+        self.has_room(Self::OF_SETS)?;
         self.store(buffer, key(log), &Written::new(None, &mut write)).await
     }
 

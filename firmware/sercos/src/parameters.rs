@@ -27,6 +27,7 @@ pub struct Parameters {
     longs: [Vec<u32, LONG_ENTRIES>; LONG_LISTS],
     texts: [String<TEXT_BYTES>; TEXTS],
     written: [u32; DATA_BLOCKS.div_ceil(32)],
+    told: [u32; DATA_BLOCKS.div_ceil(32)],
 }
 
 impl Parameters {
@@ -40,6 +41,7 @@ impl Parameters {
             longs: [const { Vec::new() }; LONG_LISTS],
             texts: [const { String::new() }; TEXTS],
             written: [0; DATA_BLOCKS.div_ceil(32)],
+            told: [0; DATA_BLOCKS.div_ceil(32)],
         };
         for block in dictionary.blocks() {
             if let Place::Value(index) = block.place
@@ -249,6 +251,7 @@ impl Parameters {
     /// S-0-0262: everything that a control saves (S-0-0192) goes back to the table's defaults. The communication parameters, which
     /// the master writes anew in every run-up, stay.
     pub fn load_defaults(&mut self) {
+        self.told.fill(0);
         for block in self.dictionary.select(Selection::Backup) {
             // A default within its limits is never refused; lists and texts are empty.
             let _ = match block.place {
@@ -284,6 +287,19 @@ impl Parameters {
     /// True if the master has written the data block since [`Parameters::forget_written`].
     pub fn is_written(&self, idn: Idn) -> bool {
         self.written_bit(idn).is_some_and(|(word, mask)| self.written.get(word).is_some_and(|bits| bits & mask != 0))
+    }
+
+    /// True if somebody has told the drive this value since its start, or the memory has: it is not just the table's default.
+    pub fn is_told(&self, idn: Idn) -> bool {
+        self.written_bit(idn).is_some_and(|(word, mask)| self.told.get(word).is_some_and(|bits| bits & mask != 0))
+    }
+
+    fn tell(&mut self, idn: Idn) {
+        if let Some((word, mask)) = self.written_bit(idn)
+            && let Some(bits) = self.told.get_mut(word)
+        {
+            *bits |= mask;
+        }
     }
 
     /// To be called on entering CP2: S-0-0127 wants certain data to be written anew.
@@ -331,6 +347,7 @@ impl Parameters {
 
     /// The master has written the data block.
     pub fn mark_written(&mut self, idn: Idn) {
+        self.tell(idn);
         if let Some((word, mask)) = self.written_bit(idn)
             && let Some(bits) = self.written.get_mut(word)
         {

@@ -25,7 +25,17 @@ pub(crate) const BUFFER: usize = MOST_BYTES + 32;
 /// # Panics
 /// They do not fit, which the drive's own tests rule out.
 pub fn saved(parameters: &Parameters) -> FlashModel {
-    kept(|out| write_set(parameters, out))
+    saved_often(parameters, 1)
+}
+
+/// The same, so many times.
+///
+/// # Panics
+/// They do not fit.
+pub fn saved_often(parameters: &Parameters, saves: u32) -> FlashModel {
+    let mut told = parameters.clone();
+    DICTIONARY.select(Selection::Backup).for_each(|block| told.mark_written(block.idn));
+    kept(saves, |out| write_set(&told, out))
 }
 
 /// A flash into which this set was saved, as another firmware may have written it.
@@ -33,7 +43,7 @@ pub fn saved(parameters: &Parameters) -> FlashModel {
 /// # Panics
 /// It is longer than a memory takes.
 pub fn saved_set(set: &[u8]) -> FlashModel {
-    kept(|out| {
+    kept(1, |out| {
         out.get_mut(..set.len())?.copy_from_slice(set);
         Some(set.len())
     })
@@ -51,11 +61,13 @@ pub(crate) fn remembered(flash: &FlashModel) -> Vec<(Idn, Vec<u16>)> {
     values.map(|block| (Idn(block.idn.0), words(&parameters.bytes(block)))).collect()
 }
 
-fn kept(write: impl FnMut(&mut [u8]) -> Option<usize>) -> FlashModel {
+fn kept(saves: u32, mut write: impl FnMut(&mut [u8]) -> Option<usize>) -> FlashModel {
     let mut memory = Memory::new(FlashModel::new());
     let mut buffer = [0; BUFFER];
     block_on(memory.start(&mut buffer)).expect("a blank flash is fine");
-    block_on(memory.save(&mut buffer, write)).expect("a set fits");
+    for _ in 0..saves {
+        block_on(memory.save(&mut buffer, &mut write)).expect("a set fits");
+    }
     memory.flash().clone()
 }
 

@@ -26,7 +26,7 @@ sercos::data_blocks! {
     S 262 "Load defaults procedure command" [""] COMMAND/0 written ALWAYS () = 0 => LoadDefaults;
     /// Gives everything in S-0-0192 the value that S-0-0264 has saved, and the default where it has saved none. Conditions as for S-0-0262.
     S 263 "Load working memory procedure command" [""] COMMAND/0 written ALWAYS () = 0 => LoadParameters;
-    /// Saves everything in S-0-0192 for the next start, old or new and never a mix. Not while torque is on (700CH). In CP3 and CP4 it takes a word in each pause that t3 and t4 leave: some seconds.
+    /// Saves everything in S-0-0192 for the next start, old or new and never a mix. Not while torque is on (700CH). In CP3 and CP4 it takes a word in each pause that t3 and t4 leave, and waits while torque is on: the set is that of its beginning.
     S 264 "Backup working memory procedure command" [""] COMMAND/0 written ALWAYS () = 0 => SaveParameters;
     /// Makes the place where the motor stands the position S-0-0052. Not while torque is on.
     S 447 "Set absolute position procedure command" [""] COMMAND/0 written ALWAYS () = 0 => SetAbsolutePosition;

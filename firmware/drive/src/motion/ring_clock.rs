@@ -40,6 +40,8 @@ impl RingClock {
     /// A phase begins: so many loop ticks until a t3 event is overdue, 0: there is none.
     pub(super) const fn expect(&mut self, ticks_to_overdue: u16) {
         self.until_overdue = ticks_to_overdue;
+        // Nothing is known of a cycle before its first t3.
+        self.done = false;
     }
 
     /// Keeps the phase of an edge of t3.

@@ -29,6 +29,8 @@ pub(crate) enum MemoryFailure {
     NoSet,
     /// The drive has no memory.
     NoMemory,
+    /// S-0-0263 was overtaken by CP4.
+    InOperation,
 }
 
 impl MemoryFailure {
@@ -40,6 +42,7 @@ impl MemoryFailure {
                 "the flash does not keep what is written; once more, and if it stays, have the board replaced"
             }
             Self::NoSet => "nothing was saved, or it cannot be read any more: write the parameters, then S-0-0264",
+            Self::InOperation => "S-0-0262 and S-0-0263 change what is protected in CP4",
             Self::NoMemory => "this drive has no memory for parameters",
         }
     }
@@ -47,6 +50,8 @@ impl MemoryFailure {
 
 /// After the last write the parameters are kept when so many us have passed without another (S-0-0269 = 0).
 const QUIET: u64 = 250_000;
+/// And at the latest so long after the first of them.
+const PATIENCE: u64 = 2_000_000;
 /// At least so many us lie between two times at which what has happened is kept.
 const LOG_INTERVAL: u64 = 2_000_000;
 /// The operating time is kept so often, in us.
@@ -63,8 +68,10 @@ pub(crate) struct Keeping {
     due: bool,
     /// What is being done.
     running: Option<Keep>,
-    /// When the last parameter was written that is not kept yet (S-0-0269 = 0).
-    written: Option<u64>,
+    /// When the first and the last parameter was written that is not kept yet (S-0-0269 = 0).
+    written: Option<(u64, u64)>,
+    /// The same of what is just being kept.
+    in_work: Option<(u64, u64)>,
     /// Something has happened that is not kept yet.
     happened: bool,
     /// When it was kept last; `None`: not since the start, and what a start finds is kept at once.
@@ -95,14 +102,21 @@ impl Keeping {
         Ok(())
     }
 
-    /// The command is cancelled: what has been begun comes to its end without it.
-    pub(crate) fn cancel(&mut self) {
+    /// A command is cancelled: what has been begun comes to its end without it.
+    pub(crate) fn cancel(&mut self, procedure: Procedure) {
+        if self.command == Some(procedure) {
+            self.forget_command();
+        }
+    }
+
+    /// The same for whichever there is: its phase has ended.
+    pub(crate) const fn forget_command(&mut self) {
         (self.command, self.due) = (None, false);
     }
 
     /// A parameter was written that is to be kept.
-    pub(crate) const fn note_write(&mut self, now: u64) {
-        self.written = Some(now);
+    pub(crate) fn note_write(&mut self, now: u64) {
+        self.written = Some((self.written.map_or(now, |(first, _)| first), now));
     }
 
     /// Something has happened that is to be kept.
@@ -122,7 +136,10 @@ impl Keeping {
         }
         let keep = if core::mem::take(&mut self.due) {
             if self.command == Some(Procedure::LoadParameters) { Keep::Load } else { Keep::Save }
-        } else if self.written.is_some_and(|then| now.saturating_sub(then) >= QUIET) {
+        } else if self
+            .written
+            .is_some_and(|(first, last)| now.saturating_sub(last) >= QUIET || now.saturating_sub(first) >= PATIENCE)
+        {
             Keep::Save
         } else if self.happened && self.logged.is_none_or(|then| now.saturating_sub(then) >= LOG_INTERVAL)
             || now.saturating_sub(self.logged.unwrap_or(0)) >= TIME_INTERVAL
@@ -134,7 +151,7 @@ impl Keeping {
         self.running = Some(keep);
         match keep {
             // What is written from here on may be in the set or not.
-            Keep::Save | Keep::Load => self.written = None,
+            Keep::Save | Keep::Load => self.in_work = self.written.take(),
             Keep::Log => (self.happened, self.logged) = (false, Some(now)),
         }
         Some(keep)
@@ -143,15 +160,20 @@ impl Keeping {
     /// It was kept, or not; the command that has ended with it.
     pub(crate) fn done(&mut self, now: u64, kept: bool) -> Option<Procedure> {
         let keep = self.running.take()?;
-        match keep {
-            Keep::Save if !kept && self.command.is_none() => {
+        let in_work = self.in_work.take();
+        if !kept {
+            match keep {
                 // Once more, and not at once.
-                self.written = Some(now);
-                None
+                Keep::Save | Keep::Load => {
+                    if in_work.is_some() {
+                        self.note_write(now);
+                    }
+                }
+                Keep::Log => self.happened = true,
             }
-            Keep::Save | Keep::Load if !self.due => self.command.take(),
-            _ => None,
         }
+        // One that was given since then has its own turn.
+        if keep != Keep::Log && !self.due { self.command.take() } else { None }
     }
 }
 
@@ -182,11 +204,12 @@ mod tests {
     fn a_cancelled_command_is_told_nothing_and_the_next_one_is_done_anew() {
         let mut keeping = Keeping::with_memory();
         keeping.start(Procedure::SaveParameters).unwrap();
-        keeping.cancel();
+        keeping.cancel(Procedure::LoadParameters);
+        keeping.cancel(Procedure::SaveParameters);
         assert_eq!(keeping.next(0, false), None);
         keeping.start(Procedure::SaveParameters).unwrap();
         assert_eq!(keeping.next(0, false), Some(Keep::Save));
-        keeping.cancel();
+        keeping.cancel(Procedure::SaveParameters);
         keeping.start(Procedure::SaveParameters).unwrap();
         assert_eq!(keeping.done(0, true), None, "that was the first one's");
         assert_eq!(keeping.next(0, false), Some(Keep::Save));
@@ -209,6 +232,49 @@ mod tests {
         assert_eq!(keeping.next(910_000, false), Some(Keep::Save));
         assert_eq!(keeping.done(920_000, true), None);
         assert!(!keeping.has_unsaved());
+    }
+
+    #[test]
+    fn to_cancel_one_command_leaves_the_other_alone() {
+        let mut keeping = Keeping::with_memory();
+        keeping.start(Procedure::SaveParameters).unwrap();
+        keeping.cancel(Procedure::LoadParameters);
+        assert_eq!(keeping.next(0, false), Some(Keep::Save));
+        keeping.cancel(Procedure::LoadParameters);
+        assert_eq!(keeping.done(0, true), Some(Procedure::SaveParameters));
+    }
+
+    #[test]
+    fn a_command_that_fails_forgets_no_write_and_asks_for_none() {
+        let mut keeping = Keeping::with_memory();
+        keeping.note_write(0);
+        for procedure in [Procedure::SaveParameters, Procedure::LoadParameters] {
+            keeping.start(procedure).unwrap();
+            assert!(keeping.next(0, false).is_some());
+            assert_eq!(keeping.done(1_000, false), Some(procedure));
+            assert!(keeping.has_unsaved());
+        }
+        let mut keeping = Keeping::with_memory();
+        keeping.start(Procedure::SaveParameters).unwrap();
+        assert_eq!(keeping.next(0, false), Some(Keep::Save));
+        keeping.cancel(Procedure::SaveParameters);
+        assert_eq!(keeping.done(0, false), None);
+        assert!(!keeping.has_unsaved());
+    }
+
+    #[test]
+    fn writes_that_never_end_are_kept_all_the_same() {
+        let mut keeping = Keeping::with_memory();
+        let saves = (0..100).filter(|step| {
+            let now = step * 100_000;
+            keeping.note_write(now);
+            let saved = keeping.next(now, false) == Some(Keep::Save);
+            if saved {
+                let _ = keeping.done(now, true);
+            }
+            saved
+        });
+        assert_eq!(saves.count(), 4);
     }
 
     #[test]

@@ -60,12 +60,12 @@ pub enum Recollection<'a> {
 /// Data blocks of a set that were not taken over: unknown, of another length, or out of today's range.
 pub(crate) type Dropped = Vec<Idn, MOST_DROPPED>;
 
-/// Puts all parameters of S-0-0192 into `buffer`; their number of bytes, or `None` if they do not fit.
+/// Puts the parameters of S-0-0192 into `buffer`, those that somebody has told or that are not their default; their number of bytes, or `None` if they do not fit.
 pub fn write_set(parameters: &Parameters, buffer: &mut [u8]) -> Option<usize> {
     let (head, mut rest) = buffer.split_at_mut_checked(HEAD_BYTES)?;
     let mut records = 0_u16;
     let mut written = HEAD_BYTES;
-    for block in parameters.dictionary().select(Selection::Backup) {
+    for block in parameters.dictionary().select(Selection::Backup).filter(|block| is_to_be_saved(parameters, block)) {
         let bytes = parameters.bytes(block);
         let room = block.most_bytes();
         let (record, behind) = core::mem::take(&mut rest).split_at_mut_checked(RECORD_BYTES.checked_add(room)?)?;
@@ -81,6 +81,11 @@ pub fn write_set(parameters: &Parameters, buffer: &mut [u8]) -> Option<usize> {
     let [low, high] = records.to_le_bytes();
     head.copy_from_slice(&[VERSION, 0, low, high]);
     Some(written)
+}
+
+/// A default that nobody has told would come back as if somebody had: it stays out. What the drive has worked out by itself is in.
+fn is_to_be_saved(parameters: &Parameters, block: &DataBlock) -> bool {
+    parameters.is_told(block.idn) || !parameters.is_default(block)
 }
 
 /// Takes a set over, on top of the defaults, and says what of it was not. `None` if the bytes are no set: nothing has changed then.
@@ -161,6 +166,9 @@ mod tests {
     const S: fn(u16) -> Idn = Idn::standard;
 
     fn written(parameters: &Parameters) -> Vec<u8> {
+        let mut parameters = parameters.clone();
+        DICTIONARY.select(Selection::Backup).for_each(|block| parameters.mark_written(block.idn));
+        let parameters = &parameters;
         let mut buffer = [0xEE; MOST_SET_BYTES];
         let length = write_set(parameters, &mut buffer).unwrap();
         buffer[..length].to_vec()
@@ -187,6 +195,19 @@ mod tests {
     }
 
     #[test]
+    fn a_default_that_nobody_has_told_stays_untold_and_what_the_drive_has_worked_out_is_kept() {
+        let mut parameters = Parameters::new(&DICTIONARY);
+        parameters.set(S(100), 123).unwrap();
+        parameters.mark_written(S(41));
+        let mut buffer = [0; MOST_SET_BYTES];
+        let length = write_set(&parameters, &mut buffer).unwrap();
+        let mut taken = Parameters::new(&DICTIONARY);
+        take_set(&buffer[..length], &mut taken).unwrap();
+        assert_eq!((taken.get(S(100)), taken.is_told(S(100)), taken.is_told(S(41))), (123, true, true));
+        assert!(!taken.is_told(S(109)), "the motor is still unknown");
+    }
+
+    #[test]
     fn what_is_not_in_a_set_is_the_default_afterwards() {
         let mut parameters = changed();
         assert_eq!(take_set(&[VERSION, 0, 0, 0], &mut parameters), Some(Dropped::new()));
@@ -195,9 +216,11 @@ mod tests {
 
     #[test]
     fn a_buffer_that_is_too_small_and_bytes_that_are_no_set_change_nothing() {
+        let mut told = changed();
+        DICTIONARY.select(Selection::Backup).for_each(|block| told.mark_written(block.idn));
         let set = written(&changed());
         for length in 0..set.len() {
-            assert_eq!(write_set(&changed(), &mut std::vec![0; length]), None);
+            assert_eq!(write_set(&told, &mut std::vec![0; length]), None);
             let mut parameters = Parameters::new(&DICTIONARY);
             assert_eq!(take_set(&set[..length], &mut parameters), None, "{length} bytes");
             assert_eq!(parameters, Parameters::new(&DICTIONARY));

@@ -27,7 +27,7 @@ pub async fn recall<'b, F: NorFlash>(memory: &mut Memory<F>, buffer: &'b mut [u8
 /// Does one thing that waits to be kept, if there is one, and says whether there was.
 ///
 /// For whoever has the lowest priority. It is pending wherever the flash does not permit a word; under lock it holds the background up for the 0.2 ms in
-/// which a set is put together, the tasks of the cycle for nothing that grows.
+/// which a set is put together, and with S-0-0263 for the two milliseconds in which one is taken over; the tasks of the cycle for the hand-over of settings.
 pub async fn keep<F: NorFlash, B: Bus + Clone, H: Hardware>(
     memory: &mut Memory<F>,
     buffer: &mut [u8],

@@ -2,6 +2,7 @@
 
 use rtic_core::Mutex;
 use sercon816::Bus;
+use sercos::Idn;
 use sercos::command::CommandState;
 use sercos::parameters::Parameters;
 use sercos::transition::{self, Capabilities, CyclicConfiguration, Invalid, InvalidData, Reason};
@@ -15,10 +16,21 @@ use crate::dictionary::records;
 use crate::hardware::Hardware;
 use crate::motion::Motion;
 use crate::operation_mode::OperationMode;
+use crate::remembering::set::Dropped;
 use crate::settings::{CycleSettings, has_feedback_2};
 
 /// So long S-0-0128 waits for the loops to lock to the ring: 200 ms in loop ticks, twice what a lock takes.
 const LOCK_PATIENCE_TICKS: u16 = 400;
+
+/// What a motor is: a drive that runs one with the data of another turns it the wrong way round, or burns it.
+const MOTOR: [Idn; 6] = [
+    Idn::standard(109),
+    Idn::standard(111),
+    Idn::standard(113),
+    Idn::standard(116),
+    Idn::product(110),
+    Idn::product(114),
+];
 
 impl<B, H, M> Context<'_, B, M>
 where
@@ -72,10 +84,11 @@ where
         let capabilities = self.capabilities(parameters);
         let Some(cyclic) = &self.checks.cyclic else { return CommandState::Failed };
         let misfits = self.rescaling.misfits(parameters);
+        let untold = self.untold(parameters);
         let synchronised = self.motion.lock(|motion| motion.is_synchronised());
         let settings = loops::settings::<H>(parameters);
         let mut invalid = match (transition::check_cp4(parameters, &capabilities, cyclic, synchronised), settings) {
-            (Ok(ready), Ok(settings)) if misfits.is_empty() => {
+            (Ok(ready), Ok(settings)) if misfits.is_empty() && untold.is_empty() => {
                 self.rescaling.take_over(parameters);
                 self.checks.invalid_for_cp4 = InvalidData::default();
                 self.checks.finding = None;
@@ -88,6 +101,9 @@ where
         };
         for idn in &misfits {
             invalid.add(*idn, Reason::OldScaling);
+        }
+        for idn in &untold {
+            invalid.add(*idn, Reason::NeverTold);
         }
         if let Err(setting) = settings {
             invalid.add(setting.idn, reason_of(&setting));
@@ -105,6 +121,17 @@ where
         });
         self.checks.invalid_for_cp4 = invalid;
         CommandState::Failed
+    }
+
+    /// What no default can be right for, and nobody has told; and what was saved and could not be taken over.
+    fn untold(&self, parameters: &Parameters) -> Dropped {
+        let asked_for = |idn: &Idn| parameters.dictionary().find(*idn).is_some() && !parameters.is_told(*idn);
+        let mut untold = Dropped::new();
+        for idn in MOTOR.iter().chain(&self.keeping.dropped).filter(|idn| asked_for(idn)) {
+            // More than that are not told of.
+            let _ = untold.push(*idn);
+        }
+        untold
     }
 
     /// What S-0-0128 would find first, if it was given now.

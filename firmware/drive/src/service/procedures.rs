@@ -100,7 +100,7 @@ where
             Procedure::Homing => self.motion.lock(|motion| motion.hold_for_homing(false)),
             Procedure::PositiveStop => self.motion.lock(Motion::cancel_positive_stop),
             Procedure::Probing => self.motion.lock(|motion| motion.set_probing(None)),
-            Procedure::LoadParameters | Procedure::SaveParameters => self.keeping.cancel(),
+            Procedure::LoadParameters | Procedure::SaveParameters => self.keeping.cancel(procedure),
             // Over in an instant, or not the identification that runs: there is nothing left to undo.
             _ => {}
         }

@@ -48,12 +48,26 @@ impl Parameters {
         bytes
     }
 
+    /// True if a parameter is what the table gives it; a list or a text if it is empty.
+    pub fn is_default(&self, block: &DataBlock) -> bool {
+        match block.place {
+            Place::Value(_) => u64::from(self.get(block.idn)) == block.default_as_transmitted() & 0xFFFF_FFFF,
+            _ => self.bytes(block).is_empty(),
+        }
+    }
+
     /// Sets a parameter from [`Parameters::bytes`] of this program or of an older one; otherwise like [`Parameters::set`].
     ///
     /// # Errors
     /// Those of [`Parameters::set`] and of its siblings for lists and texts; [`ServiceError::TooShort`] or [`ServiceError::TooLong`] for a value of
     /// another length than the parameter has today. Nothing is changed then.
     pub fn set_bytes(&mut self, block: &DataBlock, bytes: &[u8]) -> Result<(), ServiceError> {
+        self.put_bytes(block, bytes)?;
+        self.tell(block.idn);
+        Ok(())
+    }
+
+    fn put_bytes(&mut self, block: &DataBlock, bytes: &[u8]) -> Result<(), ServiceError> {
         match block.place {
             Place::None | Place::Command(_) => Err(ServiceError::IdnNotAvailable),
             Place::Value(_) => {

@@ -51,6 +51,8 @@ pub enum Reason {
     MixedPolarity,
     /// Its value does not fit the new scaling, and nobody has written it anew.
     OldScaling,
+    /// Nobody has ever told it: neither the master nor the memory.
+    NeverTold,
 }
 
 impl Reason {
@@ -73,11 +75,12 @@ impl Reason {
             Reason::MixedPolarity => 0x000E,
             Reason::OldScaling => 0x000F,
             Reason::NotTogether => 0x0010,
+            Reason::NeverTold => 0x0011,
         }
     }
 
     /// One of each kind, for the manual.
-    pub const ALL: [Reason; 16] = [
+    pub const ALL: [Reason; 17] = [
         Reason::NeverWritten,
         Reason::OutOfRange,
         Reason::NotSupported,
@@ -94,6 +97,7 @@ impl Reason {
         Reason::MixedPolarity,
         Reason::OldScaling,
         Reason::NotTogether,
+        Reason::NeverTold,
     ];
 }
 
@@ -117,6 +121,7 @@ impl fmt::Display for Reason {
             Reason::NoFeedback2 => formatter.write_str("no position feedback 2, see P-0-2705"),
             Reason::Contradicts(idn) => write!(formatter, "contradicts {idn}"),
             Reason::MixedPolarity => formatter.write_str("bits 0 and 2, command and feedback, must be equal"),
+            Reason::NeverTold => formatter.write_str("never told: neither written nor saved, and no default is right"),
             Reason::OldScaling => formatter.write_str("its value does not fit the new scaling, write it anew"),
         }
     }
