@@ -1,4 +1,4 @@
-//! Loading: only what differs is written, everything is read back, and what is refused leaves nothing half done.
+//! Loading: only what differs is written (of a drive that was never told anything, all), everything is read back, and what is refused leaves nothing half done.
 //!
 //! Scaling and mechanics come first, because numbers in a unit have a meaning only under them; a drive expresses what it is not told in the
 //! new increments, so the rest is looked at behind them. Within each half the order is that of the IDNs: a drive takes any.
@@ -12,6 +12,11 @@ use sercos::Idn;
 use sercos::attribute::Attribute;
 use std::collections::BTreeSet;
 
+const DIAGNOSTIC: Idn = Idn::standard(390);
+/// Of S-0-0390.
+const NO_SAVED_PARAMETERS: u64 = 0xF11D;
+/// P-0-0014.
+const NOT_RESTORED: Idn = Idn::product(14);
 const LOAD_DEFAULTS: Idn = Idn::standard(262);
 const LOAD_SAVED: Idn = Idn::standard(263);
 const SAVE: Idn = Idn::standard(264);
@@ -72,7 +77,8 @@ pub(crate) fn load<L: Link>(
         ))
         .into());
     }
-    let mut loading = Loading { drive, tell, written: BTreeSet::new() };
+    let untold = untold(drive, &kept)?;
+    let mut loading = Loading { drive, tell, untold, written: BTreeSet::new() };
     if let Err(error) = loading.all(&common, manner.store) {
         return Err(if error.is::<Failed>() { loading.undo(&error)? } else { error });
     }
@@ -85,9 +91,19 @@ pub(crate) fn load<L: Link>(
     })
 }
 
+/// Data blocks whose value nobody has told the drive: a default that is equal is written all the same, or S-0-0128 asks for it.
+fn untold<L: Link>(drive: &mut Drive<L>, kept: &BTreeSet<Idn>) -> Result<BTreeSet<Idn>> {
+    if drive.value(DIAGNOSTIC)?.as_number() == Some(NO_SAVED_PARAMETERS) {
+        return Ok(kept.clone());
+    }
+    let Value::Bytes(bytes) = drive.value(NOT_RESTORED)? else { return Ok(BTreeSet::new()) };
+    Ok(bytes.chunks_exact(2).map(|pair| Idn(u16::from_le_bytes([pair[0], pair[1]]))).collect())
+}
+
 struct Loading<'a, L> {
     drive: &'a mut Drive<L>,
     tell: Tell<'a>,
+    untold: BTreeSet<Idn>,
     written: BTreeSet<Idn>,
 }
 
@@ -154,7 +170,7 @@ impl<L: Link> Loading<'_, L> {
             self.tell("looking for what differs", index + 1, entries.len());
             let described = self.drive.must_describe(*idn, false)?;
             let value = transmitted(&described, entry)?;
-            if value != described.value {
+            if value != described.value || self.untold.contains(idn) {
                 different.push(index);
             }
             all.push(Wanted { idn: *idn, entry, attribute: described.attribute, value });

@@ -135,6 +135,17 @@ fn saves_changes_compares_loads_and_compares(executor: &Executor) {
 }
 
 #[test]
+fn a_drive_that_was_never_told_anything_is_told_all_of_a_file_also_what_is_its_default() {
+    let file = file_of(&mut host(defaults()));
+    let mut blank = host(FlashModel::new());
+    let loaded = load_into(&mut blank, &file, WHOLE).unwrap();
+    assert_eq!(loaded.written.len(), loaded.common - 1, "all but the storage mode, which is none of the axis");
+    // Started anew it has a motor: nothing is left that S-0-0128 would ask for.
+    let again = load_into(&mut host(flash_of(&blank)), &file, WHOLE).unwrap();
+    assert_eq!(again.written.len(), 0, "{:?}", again.written);
+}
+
+#[test]
 fn what_was_saved_and_then_changed_is_found_and_loaded_and_outlives_the_supply() {
     saves_changes_compares_loads_and_compares(&Executor::Host);
 }
