@@ -251,7 +251,6 @@ impl Parameters {
     /// S-0-0262: everything that a control saves (S-0-0192) goes back to the table's defaults. The communication parameters, which
     /// the master writes anew in every run-up, stay.
     pub fn load_defaults(&mut self) {
-        self.told.fill(0);
         for block in self.dictionary.select(Selection::Backup) {
             // A default within its limits is never refused; lists and texts are empty.
             let _ = match block.place {
@@ -292,6 +291,11 @@ impl Parameters {
     /// True if somebody has told the drive this value since its start, or the memory has: it is not just the table's default.
     pub fn is_told(&self, idn: Idn) -> bool {
         self.written_bit(idn).is_some_and(|(word, mask)| self.told.get(word).is_some_and(|bits| bits & mask != 0))
+    }
+
+    /// From here on nobody has told anything, whatever the values are.
+    pub fn forget_told(&mut self) {
+        self.told.fill(0);
     }
 
     fn tell(&mut self, idn: Idn) {

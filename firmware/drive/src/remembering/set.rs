@@ -95,6 +95,8 @@ pub(crate) fn take_set(bytes: &[u8], parameters: &mut Parameters) -> Option<Drop
     if !all()?.all(|record| record.is_some()) {
         return None;
     }
+    // Who asks for the defaults has told them; what a set does not hold nobody has.
+    parameters.forget_told();
     parameters.load_defaults();
     let mut dropped = Dropped::new();
     for record in all()?.flatten() {
