@@ -67,6 +67,8 @@ fn a_drive_is_saved_changed_compared_loaded_and_compared_again() {
     assert_eq!(folder.names(), ["drive", "press.toml"]);
     assert_eq!(folder.done(&["compare", "press.toml", "--flash", "drive"]).split(' ').next(), Some("no"));
 
+    // A drive that nobody has told anything is told all of it.
+    folder.done(&["load", "press.toml", "--flash", "drive"]);
     let changed = replaced(&folder.text("press.toml"), "value = \"100.0000\"", "value = \"250.5\"");
     folder.write("changed.toml", &changed);
     let table =
