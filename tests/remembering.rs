@@ -294,12 +294,12 @@ fn a_set_of_another_firmware_gives_what_is_known_and_in_range_and_names_the_rest
 fn while_the_elf_saves_in_cp4_no_at_is_missed_and_t4_keeps_its_time() {
     let places = [MdtPlace::Early, MdtPlace::Late];
     for (cycle, place) in [2_000, 500].into_iter().flat_map(|cycle| places.map(|place| (cycle, place))) {
-        let mut flash = saved_often(&Parameters::new(&DICTIONARY), 25);
+        let mut flash = saved_often(&Parameters::new(&DICTIONARY), 50);
         flash.set_speed(Speed::Longest);
         let setup = DriveSetup { axis: axis(), flash, ..DriveSetup::new(ADDRESS) };
-        // Looking through 25 sets takes the start some time.
+        // Looking through 50 sets takes the start some time; the save looks through them once more, and the watchdog is not to bite.
         let slots = SlotChoice::Computed(place);
-        let script = MasterScript { cycle, slots, good_msts: 60, ..only_communication(false) };
+        let script = MasterScript { cycle, slots, good_msts: 200, ..only_communication(false) };
         let mut bench = Bench::on(on_qemu(), setup, script);
         while !bench.world.ring().master().is_done() {
             bench.run(Nanoseconds::from_millis(10));

@@ -196,7 +196,13 @@ impl ErrorType for ParameterFlash {
 impl ReadNorFlash for ParameterFlash {
     const READ_SIZE: usize = 1;
 
+    /// More than a few bytes wait for a permit, too: whoever reads a whole page, an item after the other, to check them, lets the watchdog be fed between them.
     async fn read(&mut self, offset: u32, bytes: &mut [u8]) -> Result<(), ParameterFlashError> {
+        const AT_ONCE: usize = 64;
+        if bytes.len() > AT_ONCE {
+            poll_fn(|_| if PERMIT.take(crate::timestamp::microseconds()) { Poll::Ready(()) } else { Poll::Pending })
+                .await;
+        }
         let from = core::ptr::with_exposed_provenance::<u8>(address(offset, bytes.len(), 1)? as usize);
         // SAFETY: so many bytes are there, in the two sectors; nobody changes them meanwhile, as that takes `self`, and the barrier behind each
         // operation lets no earlier read stand for this one.

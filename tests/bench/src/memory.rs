@@ -64,8 +64,9 @@ pub(crate) fn remembered(flash: &FlashModel) -> Vec<(Idn, Vec<u16>)> {
 fn kept(saves: u32, mut write: impl FnMut(&mut [u8]) -> Option<usize>) -> FlashModel {
     let mut memory = Memory::new(FlashModel::new());
     let mut buffer = [0; BUFFER];
-    block_on(memory.start(&mut buffer)).expect("a blank flash is fine");
     for _ in 0..saves {
+        // A start makes room for the next ones.
+        block_on(memory.start(&mut buffer)).expect("the flash is fine");
         block_on(memory.save(&mut buffer, &mut write)).expect("a set fits");
     }
     memory.flash().clone()
