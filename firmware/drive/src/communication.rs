@@ -163,7 +163,7 @@ impl<B: Bus + Clone> Communication<B> {
         true
     }
 
-    /// What has happened before this start, as [`Communication::write_log`] has put it together, and the last crash of it, which nobody has told of since.
+    /// What has happened before this start, as it was kept, and the last crash of it, which nobody has told of since.
     /// Before [`Communication::note_crash`] and [`Communication::start`].
     pub fn recall_log(&mut self, bytes: &[u8]) -> Option<CrashRecord> {
         let log = Log::parse(bytes)?;
