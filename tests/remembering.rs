@@ -44,9 +44,8 @@ fn started(executor: Executor, flash: FlashModel, turns: bool) -> Bench {
     Bench::on(executor, setup, only_communication(turns))
 }
 
-/// In CP4, without torque.
-fn in_cp4(executor: Executor, flash: FlashModel) -> Bench {
-    let mut bench = started(executor, flash, false);
+/// A drive whose master has run it up.
+fn run_up(mut bench: Bench) -> Bench {
     for _ in 0..1_000 {
         bench.run(Nanoseconds::from_millis(10));
         if bench.world.ring().master().is_done() {
@@ -54,6 +53,11 @@ fn in_cp4(executor: Executor, flash: FlashModel) -> Bench {
         }
     }
     panic!("{}", bench.world.ring().master().state());
+}
+
+/// In CP4, without torque.
+fn in_cp4(executor: Executor, flash: FlashModel) -> Bench {
+    run_up(started(executor, flash, false))
 }
 
 /// Why a drive that remembers this is refused CP4.
@@ -74,14 +78,7 @@ fn told(executor: Executor) -> Bench {
         .with_all(parameters_of(&axis()));
     let script = MasterScript { stops_at_refusals: false, reset_diagnostics: false, ..MasterScript::new(vec![drive]) };
     let setup = DriveSetup { axis: axis(), flash: FlashModel::new(), ..DriveSetup::new(ADDRESS) };
-    let mut bench = Bench::on(executor, setup, script);
-    for _ in 0..1_000 {
-        bench.run(Nanoseconds::from_millis(10));
-        if bench.world.ring().master().is_done() {
-            return bench;
-        }
-    }
-    panic!("{}", bench.world.ring().master().state());
+    run_up(Bench::on(executor, setup, script))
 }
 
 /// Data status of a command that was started and has ended, 3 or FH; the error where it was refused.
@@ -259,8 +256,7 @@ fn errors_their_times_and_the_operating_time_outlive_the_supply() {
 fn a_set_of_another_firmware_gives_what_is_known_and_in_range_and_names_the_rest() {
     // The table as it is, but for a data block that exists no more, and one whose range has become smaller.
     let mut set = vec![0; 4_096];
-    let mut parameters = Parameters::new(&DICTIONARY);
-    DICTIONARY.select(sercos::data_block::Selection::Backup).for_each(|block| parameters.mark_written(block.idn));
+    let parameters = bench::told(&Parameters::new(&DICTIONARY));
     let length = drive::remembering::write_set(&parameters, &mut set).unwrap();
     set.truncate(length);
     let place = |set: &[u8], idn: u16| {
@@ -280,10 +276,7 @@ fn a_set_of_another_firmware_gives_what_is_known_and_in_range_and_names_the_rest
     let mut script = only_communication(false);
     script.drives[0].parameters.push((Idn(265), Value::Word(1)));
     let setup = DriveSetup { axis: axis(), flash: bench::saved_set(&set), ..DriveSetup::new(ADDRESS) };
-    let mut bench = Bench::on(Executor::Host, setup, script);
-    while !bench.world.ring().master().is_done() {
-        bench.run(Nanoseconds::from_millis(10));
-    }
+    let mut bench = run_up(Bench::on(Executor::Host, setup, script));
     assert_eq!(bench.entries(NOT_RESTORED), [265, 0x8000 | 3_000]);
     assert_eq!(bench.number(265), 1);
 }
@@ -300,10 +293,7 @@ fn while_the_elf_saves_in_cp4_no_at_is_missed_and_t4_keeps_its_time() {
         // Looking through 50 sets takes the start some time; the save looks through them once more, and the watchdog is not to bite.
         let slots = SlotChoice::Computed(place);
         let script = MasterScript { cycle, slots, good_msts: 200, ..only_communication(false) };
-        let mut bench = Bench::on(on_qemu(), setup, script);
-        while !bench.world.ring().master().is_done() {
-            bench.run(Nanoseconds::from_millis(10));
-        }
+        let mut bench = run_up(Bench::on(on_qemu(), setup, script));
         bench.run(Nanoseconds::from_millis(50));
         let missed = |bench: &Bench| bench.world.ring().master().report().drives[0].missed_ats;
         let (before, words) = (missed(&bench), flash_of(&bench).operations());
@@ -370,10 +360,8 @@ fn the_elf_has_the_old_set_or_the_new_one_wherever_its_supply_is_cut() {
         flash.restore_supply();
         // What was cut goes with its page: an erase, for which the master has to wait.
         let setup = DriveSetup { axis: axis(), flash, ..DriveSetup::new(ADDRESS) };
-        let mut bench = Bench::on(on_qemu(), setup, MasterScript { good_msts: 3_000, ..only_communication(false) });
-        while !bench.world.ring().master().is_done() {
-            bench.run(Nanoseconds::from_millis(10));
-        }
+        let mut bench =
+            run_up(Bench::on(on_qemu(), setup, MasterScript { good_msts: 3_000, ..only_communication(false) }));
         let value = bench.number(41);
         println!("cut at word {nth} ({lost}): S-0-0041 = {value}");
         assert!(value == 1_111 || value == 2_222, "cut at word {nth}: {value}");

@@ -121,11 +121,6 @@ impl<F: NorFlash> Memory<F> {
         Ok(self.condition)
     }
 
-    /// Of the set, as the start has found it; whole after a save.
-    pub const fn condition(&self) -> Condition {
-        self.condition
-    }
-
     /// Bytes that can be kept until the next start, at least.
     pub const fn room(&self) -> u32 {
         self.room

@@ -20,6 +20,13 @@ pub type SharedFlash = Rc<RefCell<FlashModel>>;
 /// Bytes of the buffer that a memory works in.
 pub(crate) const BUFFER: usize = MOST_BYTES + 32;
 
+/// These parameters, as if somebody had told a drive each of them: none of them is just a default.
+pub fn told(parameters: &Parameters) -> Parameters {
+    let mut told = parameters.clone();
+    DICTIONARY.select(Selection::Backup).for_each(|block| told.mark_written(block.idn));
+    told
+}
+
 /// A flash into which these parameters were saved.
 ///
 /// # Panics
@@ -33,8 +40,7 @@ pub fn saved(parameters: &Parameters) -> FlashModel {
 /// # Panics
 /// They do not fit.
 pub fn saved_often(parameters: &Parameters, saves: u32) -> FlashModel {
-    let mut told = parameters.clone();
-    DICTIONARY.select(Selection::Backup).for_each(|block| told.mark_written(block.idn));
+    let told = told(parameters);
     kept(saves, |out| write_set(&told, out))
 }
 

@@ -160,6 +160,16 @@ impl<'a> Iterator for Records<'a> {
     }
 }
 
+/// These parameters, as if somebody had told each of them.
+#[cfg(test)]
+pub(crate) fn told(parameters: &Parameters) -> Parameters {
+    let mut told = parameters.clone();
+    DICTIONARY.select(Selection::Backup).for_each(|block| told.mark_written(block.idn));
+    // Before CP2: told, and not written anew.
+    told.forget_written();
+    told
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -168,9 +178,7 @@ mod tests {
     const S: fn(u16) -> Idn = Idn::standard;
 
     fn written(parameters: &Parameters) -> Vec<u8> {
-        let mut parameters = parameters.clone();
-        DICTIONARY.select(Selection::Backup).for_each(|block| parameters.mark_written(block.idn));
-        let parameters = &parameters;
+        let parameters = &told(parameters);
         let mut buffer = [0xEE; MOST_SET_BYTES];
         let length = write_set(parameters, &mut buffer).unwrap();
         buffer[..length].to_vec()
@@ -218,8 +226,7 @@ mod tests {
 
     #[test]
     fn a_buffer_that_is_too_small_and_bytes_that_are_no_set_change_nothing() {
-        let mut told = changed();
-        DICTIONARY.select(Selection::Backup).for_each(|block| told.mark_written(block.idn));
+        let told = told(&changed());
         let set = written(&changed());
         for length in 0..set.len() {
             assert_eq!(write_set(&told, &mut std::vec![0; length]), None);

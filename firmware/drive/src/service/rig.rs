@@ -9,7 +9,7 @@ use std::vec::Vec;
 use heapless::String;
 use rtic_core::Exclusive;
 use sercon816::{BitRate, Bus, MasterClock, RamAddress, Register, Slave, Transceiver};
-use sercos::data_block::{DataBlock, Selection};
+use sercos::data_block::DataBlock;
 use sercos::parameters::Parameters;
 use sercos::service::Live;
 use sercos::service::{ReadPosition, Reply, Server, Step};
@@ -164,7 +164,7 @@ impl Rig {
             master_clock: MasterClock::Mhz32,
             transceiver: Transceiver::STANDARD,
         };
-        let parameters = told_of_its_motor();
+        let parameters = set::told(&Parameters::new(&DICTIONARY));
         let settings = loops::settings::<Still>(&parameters).unwrap();
         let link = Box::leak(Box::new(CurrentLink::new()));
         let scope = Box::leak(Box::new(servo::scope::Scope::new()));
@@ -301,14 +301,4 @@ impl Rig {
 pub(super) fn words_of(block: &DataBlock, value: u64) -> Vec<u16> {
     let words = block.fixed_bytes().unwrap_or(2) / 2;
     (0..words).map(|word| (value >> (16 * word)) as u16).collect()
-}
-
-/// The defaults, as if somebody had saved them.
-fn told_of_its_motor() -> Parameters {
-    let mut set = std::vec![0; set::MOST_SET_BYTES];
-    let mut parameters = Parameters::new(&DICTIONARY);
-    DICTIONARY.select(Selection::Backup).for_each(|block| parameters.mark_written(block.idn));
-    let length = set::write_set(&parameters, &mut set).unwrap();
-    set::take_set(&set[..length], &mut parameters).unwrap();
-    parameters
 }

@@ -77,10 +77,11 @@ pub(crate) fn only_at_start(graph: &Graph, main: usize, tasks: &[usize]) -> BTre
     started.difference(&later).copied().collect()
 }
 
-/// The function in which interrupts come on, if it is the only one and calls nothing behind that.
+/// The function in which interrupts come on, if they do in one place only and it calls nothing behind that.
 fn enabling(graph: &Graph) -> Option<usize> {
     let functions = 0..graph.program.functions().len();
-    let mut enabling = functions.filter(|function| graph.instructions(*function).iter().any(is_enabling));
+    let places = |function| graph.instructions(function).iter().filter(|one| is_enabling(one)).map(move |_| function);
+    let mut enabling = functions.flat_map(places);
     let (first, second) = (enabling.next()?, enabling.next());
     (second.is_none() && ends_with_interrupts_on(graph.instructions(first))).then_some(first)
 }
@@ -88,13 +89,7 @@ fn enabling(graph: &Graph) -> Option<usize> {
 /// Interrupts come on, and up to the return nothing is called.
 fn ends_with_interrupts_on(instructions: &[Instruction]) -> bool {
     let mut behind = instructions.iter().skip_while(|one| !is_enabling(one));
-    behind.next().is_some()
-        && !instructions_enable_twice(instructions)
-        && behind.find(|one| one.flow != Flow::Next).is_some_and(|one| one.flow == Flow::Return)
-}
-
-fn instructions_enable_twice(instructions: &[Instruction]) -> bool {
-    instructions.iter().filter(|one| is_enabling(one)).count() > 1
+    behind.next().is_some() && behind.find(|one| one.flow != Flow::Next).is_some_and(|one| one.flow == Flow::Return)
 }
 
 /// What writes PRIMASK puts back what it was before.
