@@ -16,6 +16,7 @@ use ring::slots::MdtPlace;
 use sercos::parameters::Parameters;
 
 use crate::elf::on_qemu;
+use crate::kept::{command, flash_of, run_up};
 use crate::running::{ADDRESS, Bench, VELOCITY};
 
 const LOAD: u16 = 263;
@@ -44,17 +45,6 @@ fn started(executor: Executor, flash: FlashModel, turns: bool) -> Bench {
     Bench::on(executor, setup, only_communication(turns))
 }
 
-/// A drive whose master has run it up.
-fn run_up(mut bench: Bench) -> Bench {
-    for _ in 0..1_000 {
-        bench.run(Nanoseconds::from_millis(10));
-        if bench.world.ring().master().is_done() {
-            return bench;
-        }
-    }
-    panic!("{}", bench.world.ring().master().state());
-}
-
 /// In CP4, without torque.
 fn in_cp4(executor: Executor, flash: FlashModel) -> Bench {
     run_up(started(executor, flash, false))
@@ -79,24 +69,6 @@ fn told(executor: Executor) -> Bench {
     let script = MasterScript { stops_at_refusals: false, reset_diagnostics: false, ..MasterScript::new(vec![drive]) };
     let setup = DriveSetup { axis: axis(), flash: FlashModel::new(), ..DriveSetup::new(ADDRESS) };
     run_up(Bench::on(executor, setup, script))
-}
-
-/// Data status of a command that was started and has ended, 3 or FH; the error where it was refused.
-fn command(bench: &mut Bench, idn: u16) -> Result<u16, u16> {
-    use ring::service_client::ServiceError;
-    match bench.ask(Request::Command { idn: Idn(idn), polls: 20_000 }) {
-        Ok(Reply::Command(outcome)) => Ok(outcome.status),
-        Err(ServiceError::Refused { code, .. }) => Err(code),
-        Err(ServiceError::CommandFailed { status, .. }) => Ok(status),
-        other => panic!("{other:?}"),
-    }
-}
-
-fn flash_of(bench: &Bench) -> FlashModel {
-    match &bench.drive.elf {
-        Some(elf) => elf.guest.borrow().flash().clone(),
-        None => bench.drive.flash.borrow().clone(),
-    }
 }
 
 fn turns(bench: &mut Bench) -> bool {

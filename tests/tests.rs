@@ -14,6 +14,8 @@ mod faults;
 mod following;
 mod functions;
 mod hand_overs;
+#[path = "common/kept.rs"]
+mod kept;
 mod last_metre;
 mod latches;
 mod laws;
@@ -27,6 +29,7 @@ mod qemu;
 mod recordings;
 mod recovery;
 mod regeneration;
+mod releases;
 mod remembering;
 mod replay;
 mod run_up;
