@@ -7,7 +7,6 @@ use bench::measure::Stopwatch;
 use bench::{DriveSetup, Executor, parameters_of, product, saved, saved_often};
 use drive::DICTIONARY;
 use flash::{FlashModel, Speed};
-use plant::ReferenceAxis;
 use ring::Nanoseconds;
 use ring::ident::{Idn, Value};
 use ring::master::{CommandValues, DriveScript, MasterScript, Motion, SlotChoice, Telegram};
@@ -16,7 +15,7 @@ use ring::slots::MdtPlace;
 use sercos::parameters::Parameters;
 
 use crate::elf::on_qemu;
-use crate::kept::{command, flash_of, run_up};
+use crate::kept::{axis, command, flash_of, in_cp4, only_communication, run_up, started, told};
 use crate::running::{ADDRESS, Bench, VELOCITY};
 
 const LOAD: u16 = 263;
@@ -27,29 +26,6 @@ const NOT_RESTORED: u16 = 0x800E;
 /// F11DH.
 const NO_SAVED_PARAMETERS: u64 = 0xF11D;
 
-/// An axis that is none of the defaults: the motor would not turn with those.
-fn axis() -> ReferenceAxis {
-    ReferenceAxis::small_cnc()
-}
-
-/// What the recorded master writes: times and telegram, nothing of the axis; the mode is remembered.
-fn only_communication(turns: bool) -> MasterScript {
-    let drive = DriveScript::new(ADDRESS, Telegram::standard(2).unwrap());
-    let motion = turns.then(|| Motion::new(1_000_000, |_| CommandValues::at_velocity(VELOCITY)));
-    MasterScript { motion, stops_at_refusals: false, reset_diagnostics: false, ..MasterScript::new(vec![drive]) }
-}
-
-/// A drive that remembers this, with nobody who tells it more.
-fn started(executor: Executor, flash: FlashModel, turns: bool) -> Bench {
-    let setup = DriveSetup { axis: axis(), flash, ..DriveSetup::new(ADDRESS) };
-    Bench::on(executor, setup, only_communication(turns))
-}
-
-/// In CP4, without torque.
-fn in_cp4(executor: Executor, flash: FlashModel) -> Bench {
-    run_up(started(executor, flash, false))
-}
-
 /// Why a drive that remembers this is refused CP4.
 fn refused(flash: FlashModel, script: MasterScript) -> String {
     let setup = DriveSetup { axis: axis(), flash, ..DriveSetup::new(ADDRESS) };
@@ -59,16 +35,6 @@ fn refused(flash: FlashModel, script: MasterScript) -> String {
         assert!(!bench.has_torque());
     }
     bench.world.ring().master().report().error.as_ref().unwrap().to_string()
-}
-
-/// A drive whose user has told it its motor and has saved nothing yet; in CP4, without torque.
-fn told(executor: Executor) -> Bench {
-    let drive = DriveScript::new(ADDRESS, Telegram::standard(2).unwrap())
-        .with(Idn::OPERATION_MODE, Value::Word(2))
-        .with_all(parameters_of(&axis()));
-    let script = MasterScript { stops_at_refusals: false, reset_diagnostics: false, ..MasterScript::new(vec![drive]) };
-    let setup = DriveSetup { axis: axis(), flash: FlashModel::new(), ..DriveSetup::new(ADDRESS) };
-    run_up(Bench::on(executor, setup, script))
 }
 
 fn turns(bench: &mut Bench) -> bool {
@@ -138,7 +104,7 @@ fn a_drive_with_nothing_saved_has_no_torque_until_its_user_has_acknowledged_that
 fn saving_under_torque_is_refused_with_the_reason() {
     let mut bench = Bench::running();
     assert_eq!(command(&mut bench, SAVE), Err(0x700C));
-    assert_eq!(bench.text(FINDING), "S-0-0264 only without torque: the flash stops the processor");
+    assert_eq!(bench.text(FINDING), "S-0-0264 and S-0-0293 only without torque: the flash stops the processor");
     assert_eq!(command(&mut bench, LOAD), Err(0x7012));
     assert_eq!(bench.drive.flash.borrow().operations(), 0);
 }

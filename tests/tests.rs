@@ -35,6 +35,7 @@ mod replay;
 mod run_up;
 #[path = "common/running.rs"]
 mod running;
+mod selected_backup;
 mod stops;
 mod temperatures;
 mod tension;

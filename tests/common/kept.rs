@@ -1,11 +1,37 @@
 //! What tests of the memory do again and again: run up, save, and look at what was kept.
 
+use bench::{DriveSetup, Executor, parameters_of};
 use flash::FlashModel;
+use plant::ReferenceAxis;
 use ring::Nanoseconds;
-use ring::ident::Idn;
+use ring::ident::{Idn, Value};
+use ring::master::{CommandValues, DriveScript, MasterScript, Motion, Telegram};
 use ring::service_client::{Reply, Request, ServiceError};
 
-use crate::running::Bench;
+use crate::running::{ADDRESS, Bench, VELOCITY};
+
+/// An axis that is none of the defaults: the motor would not turn with those.
+pub(crate) fn axis() -> ReferenceAxis {
+    ReferenceAxis::small_cnc()
+}
+
+/// What the recorded master writes: times and telegram, nothing of the axis; the mode is remembered.
+pub(crate) fn only_communication(turns: bool) -> MasterScript {
+    let drive = DriveScript::new(ADDRESS, Telegram::standard(2).unwrap());
+    let motion = turns.then(|| Motion::new(1_000_000, |_| CommandValues::at_velocity(VELOCITY)));
+    MasterScript { motion, stops_at_refusals: false, reset_diagnostics: false, ..MasterScript::new(vec![drive]) }
+}
+
+/// A drive that remembers this, with nobody who tells it more.
+pub(crate) fn started(executor: Executor, flash: FlashModel, turns: bool) -> Bench {
+    let setup = DriveSetup { axis: axis(), flash, ..DriveSetup::new(ADDRESS) };
+    Bench::on(executor, setup, only_communication(turns))
+}
+
+/// In CP4, without torque.
+pub(crate) fn in_cp4(executor: Executor, flash: FlashModel) -> Bench {
+    run_up(started(executor, flash, false))
+}
 
 /// A drive whose master has run it up.
 pub(crate) fn run_up(mut bench: Bench) -> Bench {
@@ -16,6 +42,16 @@ pub(crate) fn run_up(mut bench: Bench) -> Bench {
         }
     }
     panic!("{}", bench.world.ring().master().state());
+}
+
+/// A drive whose user has told it its motor and has saved nothing yet; in CP4, without torque.
+pub(crate) fn told(executor: Executor) -> Bench {
+    let drive = DriveScript::new(ADDRESS, Telegram::standard(2).unwrap())
+        .with(Idn::OPERATION_MODE, Value::Word(2))
+        .with_all(parameters_of(&axis()));
+    let script = MasterScript { stops_at_refusals: false, reset_diagnostics: false, ..MasterScript::new(vec![drive]) };
+    let setup = DriveSetup { axis: axis(), flash: FlashModel::new(), ..DriveSetup::new(ADDRESS) };
+    run_up(Bench::on(executor, setup, script))
 }
 
 /// Data status of a command that was started and has ended, 3 or FH; the error where it was refused.
