@@ -25,6 +25,7 @@ mod paths;
 mod positioning;
 mod power;
 mod qemu;
+mod recorded_start;
 #[path = "recordings/find.rs"]
 mod recordings;
 mod recovery;
