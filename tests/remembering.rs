@@ -3,15 +3,13 @@
 //! The supply is cut by starting another drive over the same flash. The flash of the host's drives takes no time; where a word waits and how long the
 //! processor stands is shown with the ELF.
 
-use bench::measure::Stopwatch;
-use bench::{DriveSetup, Executor, parameters_of, product, saved, saved_often};
+use bench::{DriveSetup, Executor, parameters_of, product, saved};
 use drive::DICTIONARY;
-use flash::{FlashModel, Speed};
+use flash::FlashModel;
 use ring::Nanoseconds;
 use ring::ident::{Idn, Value};
-use ring::master::{CommandValues, DriveScript, MasterScript, Motion, SlotChoice, Telegram};
+use ring::master::{CommandValues, DriveScript, MasterScript, Motion, Telegram};
 use ring::service_client::{Reply, Request};
-use ring::slots::MdtPlace;
 use sercos::parameters::Parameters;
 
 use crate::elf::on_qemu;
@@ -217,58 +215,6 @@ fn a_set_of_another_firmware_gives_what_is_known_and_in_range_and_names_the_rest
     let mut bench = run_up(Bench::on(Executor::Host, setup, script));
     assert_eq!(bench.entries(NOT_RESTORED), [265, 0x8000 | 3_000]);
     assert_eq!(bench.number(265), 1);
-}
-
-/// With words that take as long as the data sheet allows, behind a page of earlier saves, in a common cycle and a tight one, with t3 early and late in it.
-#[test]
-#[ignore = "needs QEMU and the ELF: cargo xtask test"]
-fn while_the_elf_saves_in_cp4_no_at_is_missed_and_t4_keeps_its_time() {
-    let places = [MdtPlace::Early, MdtPlace::Late];
-    for (cycle, place) in [2_000, 500].into_iter().flat_map(|cycle| places.map(|place| (cycle, place))) {
-        let mut flash = saved_often(&Parameters::new(&DICTIONARY), 50);
-        flash.set_speed(Speed::Longest);
-        let setup = DriveSetup { axis: axis(), flash, ..DriveSetup::new(ADDRESS) };
-        // Looking through 50 sets takes the start some time; the save looks through them once more, and the watchdog is not to bite.
-        let slots = SlotChoice::Computed(place);
-        let script = MasterScript { cycle, slots, good_msts: 200, ..only_communication(false) };
-        let mut bench = run_up(Bench::on(on_qemu(), setup, script));
-        bench.run(Nanoseconds::from_millis(50));
-        let missed = |bench: &Bench| bench.world.ring().master().report().drives[0].missed_ats;
-        let (before, words) = (missed(&bench), flash_of(&bench).operations());
-        {
-            let mut measurements = bench.drive.measurements.borrow_mut();
-            measurements.interrupt_to_at = Stopwatch::default();
-            measurements.service = Stopwatch::default();
-        }
-        let begin = bench.world.now();
-        bench.world.ring_mut().master_mut().service(0).request(Request::Command { idn: Idn(SAVE), polls: 20_000 });
-        let done = |bench: &Bench| {
-            let services = &bench.world.ring().master().report().drives[0].services;
-            services.iter().find(|service| service.request.idn() == Idn(SAVE)).map(|service| service.result.clone())
-        };
-        let result = loop {
-            bench.run(Nanoseconds::from_millis(1));
-            if let Some(result) = done(&bench) {
-                break result;
-            }
-        };
-        assert!(matches!(&result, Ok(Reply::Command(outcome)) if outcome.status == 3), "{result:?}");
-        let took = bench.world.now().saturating_sub(begin).0 as f64 / 1e9;
-        let words = flash_of(&bench).operations() - words;
-        let (to_at, service) = {
-            let measurements = bench.drive.measurements.borrow();
-            (measurements.interrupt_to_at.durations().unwrap(), measurements.service.durations().unwrap())
-        };
-        println!(
-            "cycle {cycle} us, MDT {place:?}: {words} words of 100 us in {took:.3} s; t4 to AT {} us at most, step of the service channel {} us at most",
-            to_at.longest_ns / 1_000,
-            service.longest_ns / 1_000
-        );
-        assert_eq!(missed(&bench), before, "ATs missed at {cycle} us");
-        assert!(to_at.longest_ns < 30_000, "t4 to AT {} ns at {cycle} us", to_at.longest_ns);
-        assert!(service.longest_ns < 1_000_000, "a step takes {} ns at {cycle} us", service.longest_ns);
-        assert!((0.05..0.6).contains(&took) && (300..600).contains(&words), "{words} words in {took} s at {cycle} us");
-    }
 }
 
 /// The supply goes within the save, at its first word, its last, and some between.

@@ -36,6 +36,7 @@ mod replay;
 mod run_up;
 #[path = "common/running.rs"]
 mod running;
+mod saving;
 mod selected_backup;
 mod stops;
 mod temperatures;
