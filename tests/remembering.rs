@@ -3,19 +3,17 @@
 //! The supply is cut by starting another drive over the same flash. The flash of the host's drives takes no time; where a word waits and how long the
 //! processor stands is shown with the ELF.
 
-use bench::measure::Stopwatch;
-use bench::{DriveSetup, Executor, parameters_of, product, saved, saved_often};
+use bench::{DriveSetup, Executor, parameters_of, product, saved};
 use drive::DICTIONARY;
-use flash::{FlashModel, Speed};
-use plant::ReferenceAxis;
+use flash::FlashModel;
 use ring::Nanoseconds;
 use ring::ident::{Idn, Value};
-use ring::master::{CommandValues, DriveScript, MasterScript, Motion, SlotChoice, Telegram};
+use ring::master::{CommandValues, DriveScript, MasterScript, Motion, Telegram};
 use ring::service_client::{Reply, Request};
-use ring::slots::MdtPlace;
 use sercos::parameters::Parameters;
 
 use crate::elf::on_qemu;
+use crate::kept::{axis, command, flash_of, in_cp4, only_communication, run_up, started, told};
 use crate::running::{ADDRESS, Bench, VELOCITY};
 
 const LOAD: u16 = 263;
@@ -26,40 +24,6 @@ const NOT_RESTORED: u16 = 0x800E;
 /// F11DH.
 const NO_SAVED_PARAMETERS: u64 = 0xF11D;
 
-/// An axis that is none of the defaults: the motor would not turn with those.
-fn axis() -> ReferenceAxis {
-    ReferenceAxis::small_cnc()
-}
-
-/// What the recorded master writes: times and telegram, nothing of the axis; the mode is remembered.
-fn only_communication(turns: bool) -> MasterScript {
-    let drive = DriveScript::new(ADDRESS, Telegram::standard(2).unwrap());
-    let motion = turns.then(|| Motion::new(1_000_000, |_| CommandValues::at_velocity(VELOCITY)));
-    MasterScript { motion, stops_at_refusals: false, reset_diagnostics: false, ..MasterScript::new(vec![drive]) }
-}
-
-/// A drive that remembers this, with nobody who tells it more.
-fn started(executor: Executor, flash: FlashModel, turns: bool) -> Bench {
-    let setup = DriveSetup { axis: axis(), flash, ..DriveSetup::new(ADDRESS) };
-    Bench::on(executor, setup, only_communication(turns))
-}
-
-/// A drive whose master has run it up.
-fn run_up(mut bench: Bench) -> Bench {
-    for _ in 0..1_000 {
-        bench.run(Nanoseconds::from_millis(10));
-        if bench.world.ring().master().is_done() {
-            return bench;
-        }
-    }
-    panic!("{}", bench.world.ring().master().state());
-}
-
-/// In CP4, without torque.
-fn in_cp4(executor: Executor, flash: FlashModel) -> Bench {
-    run_up(started(executor, flash, false))
-}
-
 /// Why a drive that remembers this is refused CP4.
 fn refused(flash: FlashModel, script: MasterScript) -> String {
     let setup = DriveSetup { axis: axis(), flash, ..DriveSetup::new(ADDRESS) };
@@ -69,34 +33,6 @@ fn refused(flash: FlashModel, script: MasterScript) -> String {
         assert!(!bench.has_torque());
     }
     bench.world.ring().master().report().error.as_ref().unwrap().to_string()
-}
-
-/// A drive whose user has told it its motor and has saved nothing yet; in CP4, without torque.
-fn told(executor: Executor) -> Bench {
-    let drive = DriveScript::new(ADDRESS, Telegram::standard(2).unwrap())
-        .with(Idn::OPERATION_MODE, Value::Word(2))
-        .with_all(parameters_of(&axis()));
-    let script = MasterScript { stops_at_refusals: false, reset_diagnostics: false, ..MasterScript::new(vec![drive]) };
-    let setup = DriveSetup { axis: axis(), flash: FlashModel::new(), ..DriveSetup::new(ADDRESS) };
-    run_up(Bench::on(executor, setup, script))
-}
-
-/// Data status of a command that was started and has ended, 3 or FH; the error where it was refused.
-fn command(bench: &mut Bench, idn: u16) -> Result<u16, u16> {
-    use ring::service_client::ServiceError;
-    match bench.ask(Request::Command { idn: Idn(idn), polls: 20_000 }) {
-        Ok(Reply::Command(outcome)) => Ok(outcome.status),
-        Err(ServiceError::Refused { code, .. }) => Err(code),
-        Err(ServiceError::CommandFailed { status, .. }) => Ok(status),
-        other => panic!("{other:?}"),
-    }
-}
-
-fn flash_of(bench: &Bench) -> FlashModel {
-    match &bench.drive.elf {
-        Some(elf) => elf.guest.borrow().flash().clone(),
-        None => bench.drive.flash.borrow().clone(),
-    }
 }
 
 fn turns(bench: &mut Bench) -> bool {
@@ -166,7 +102,7 @@ fn a_drive_with_nothing_saved_has_no_torque_until_its_user_has_acknowledged_that
 fn saving_under_torque_is_refused_with_the_reason() {
     let mut bench = Bench::running();
     assert_eq!(command(&mut bench, SAVE), Err(0x700C));
-    assert_eq!(bench.text(FINDING), "S-0-0264 only without torque: the flash stops the processor");
+    assert_eq!(bench.text(FINDING), "S-0-0264 and S-0-0293 only without torque: the flash stops the processor");
     assert_eq!(command(&mut bench, LOAD), Err(0x7012));
     assert_eq!(bench.drive.flash.borrow().operations(), 0);
 }
@@ -280,58 +216,6 @@ fn a_set_of_another_firmware_gives_what_is_known_and_in_range_and_names_the_rest
     let mut bench = run_up(Bench::on(Executor::Host, setup, script));
     assert_eq!(bench.entries(NOT_RESTORED), [265, 0x8000 | 3_000]);
     assert_eq!(bench.number(265), 1);
-}
-
-/// With words that take as long as the data sheet allows, behind a page of earlier saves, in a common cycle and a tight one, with t3 early and late in it.
-#[test]
-#[ignore = "needs QEMU and the ELF: cargo xtask test"]
-fn while_the_elf_saves_in_cp4_no_at_is_missed_and_t4_keeps_its_time() {
-    let places = [MdtPlace::Early, MdtPlace::Late];
-    for (cycle, place) in [2_000, 500].into_iter().flat_map(|cycle| places.map(|place| (cycle, place))) {
-        let mut flash = saved_often(&Parameters::new(&DICTIONARY), 50);
-        flash.set_speed(Speed::Longest);
-        let setup = DriveSetup { axis: axis(), flash, ..DriveSetup::new(ADDRESS) };
-        // Looking through 50 sets takes the start some time; the save looks through them once more, and the watchdog is not to bite.
-        let slots = SlotChoice::Computed(place);
-        let script = MasterScript { cycle, slots, good_msts: 200, ..only_communication(false) };
-        let mut bench = run_up(Bench::on(on_qemu(), setup, script));
-        bench.run(Nanoseconds::from_millis(50));
-        let missed = |bench: &Bench| bench.world.ring().master().report().drives[0].missed_ats;
-        let (before, words) = (missed(&bench), flash_of(&bench).operations());
-        {
-            let mut measurements = bench.drive.measurements.borrow_mut();
-            measurements.interrupt_to_at = Stopwatch::default();
-            measurements.service = Stopwatch::default();
-        }
-        let begin = bench.world.now();
-        bench.world.ring_mut().master_mut().service(0).request(Request::Command { idn: Idn(SAVE), polls: 20_000 });
-        let done = |bench: &Bench| {
-            let services = &bench.world.ring().master().report().drives[0].services;
-            services.iter().find(|service| service.request.idn() == Idn(SAVE)).map(|service| service.result.clone())
-        };
-        let result = loop {
-            bench.run(Nanoseconds::from_millis(1));
-            if let Some(result) = done(&bench) {
-                break result;
-            }
-        };
-        assert!(matches!(&result, Ok(Reply::Command(outcome)) if outcome.status == 3), "{result:?}");
-        let took = bench.world.now().saturating_sub(begin).0 as f64 / 1e9;
-        let words = flash_of(&bench).operations() - words;
-        let (to_at, service) = {
-            let measurements = bench.drive.measurements.borrow();
-            (measurements.interrupt_to_at.durations().unwrap(), measurements.service.durations().unwrap())
-        };
-        println!(
-            "cycle {cycle} us, MDT {place:?}: {words} words of 100 us in {took:.3} s; t4 to AT {} us at most, step of the service channel {} us at most",
-            to_at.longest_ns / 1_000,
-            service.longest_ns / 1_000
-        );
-        assert_eq!(missed(&bench), before, "ATs missed at {cycle} us");
-        assert!(to_at.longest_ns < 30_000, "t4 to AT {} ns at {cycle} us", to_at.longest_ns);
-        assert!(service.longest_ns < 1_000_000, "a step takes {} ns at {cycle} us", service.longest_ns);
-        assert!((0.05..0.6).contains(&took) && (300..600).contains(&words), "{words} words in {took} s at {cycle} us");
-    }
 }
 
 /// The supply goes within the save, at its first word, its last, and some between.

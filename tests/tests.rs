@@ -15,6 +15,8 @@ mod faults;
 mod following;
 mod functions;
 mod hand_overs;
+#[path = "common/kept.rs"]
+mod kept;
 mod last_metre;
 mod latches;
 mod laws;
@@ -24,15 +26,19 @@ mod paths;
 mod positioning;
 mod power;
 mod qemu;
+mod recorded_start;
 #[path = "recordings/find.rs"]
 mod recordings;
 mod recovery;
 mod regeneration;
+mod releases;
 mod remembering;
 mod replay;
 mod run_up;
 #[path = "common/running.rs"]
 mod running;
+mod saving;
+mod selected_backup;
 mod stops;
 mod temperatures;
 mod tension;

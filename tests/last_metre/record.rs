@@ -115,6 +115,55 @@ fn the_record_is_shown_over_the_ring_and_in_the_error_memory_and_is_news_only_on
     assert_eq!(rig.longs(0x8000 | 13)[2], address);
 }
 
+/// One drive, whose supply goes after each of its crashes: what lies in the RAM is no record then, what lies in the flash is.
+#[test]
+#[ignore = "needs QEMU and the ELF: cargo xtask test"]
+fn a_crash_in_each_task_is_in_the_error_memory_with_its_place_after_the_supply_was_cut() {
+    const FAULT: u16 = 0xF120;
+    const TASKS: [(&str, Option<&str>); 10] = [
+        ("current_loop", Some("ADC")),
+        ("chip_interrupt_0", Some("EXTI3")),
+        ("chip_interrupt_1", Some("EXTI2")),
+        ("command_valid", Some("CAN1_TX")),
+        ("capture_feedback", Some("CAN1_RX0")),
+        ("control_loop", Some("CAN2_TX")),
+        ("supervision", Some("CAN2_RX0")),
+        ("phase_change", Some("CAN1_RX1")),
+        ("service_channel", Some("CAN1_SCE")),
+        ("idle or init", None),
+    ];
+    let mut rig = Rig::new(Axis::Horizontal);
+    rig.run_ms(STARTED_MS);
+    rig.run_up_again();
+    for (crash, (task, vector)) in TASKS.into_iter().enumerate() {
+        match task {
+            "phase_change" => rig.begin_again(),
+            "service_channel" => rig.request(12),
+            _ => {}
+        }
+        let undefined = Mistake::Undefined;
+        let (event, places) = match vector {
+            Some(vector) => (Event::Mistake(undefined, vector), vec![rig.functions.address(vector).unwrap()]),
+            None => (Event::InIdle(undefined), rig.functions.waits_in_idle()),
+        };
+        let seen = rig.happen(event, None);
+        assert!(seen.reset.is_some(), "{task}: {seen:?}");
+        // It is told at the start, and kept as soon as idle comes to it.
+        rig.run_ms(STARTED_MS);
+        told(&rig, &format!("fault in {task}"));
+        let now = rig.world.now();
+        rig.qemu.borrow_mut().reset(now, Reset::PowerOn(crash as u64)).unwrap();
+        rig.run_ms(STARTED_MS);
+        rig.run_up_again();
+        let (text, words, errors) = (rig.text(0x8000 | 12), rig.longs(0x8000 | 13), rig.list(375));
+        println!("{text}");
+        assert!(text.starts_with(&format!("fault in {task}, pc 080")), "{task}: {text}");
+        assert!(places.contains(&words[2]), "{task}: {words:08x?} is none of {places:08x?}");
+        let faults = errors.iter().filter(|number| **number == FAULT).count();
+        assert_eq!((faults, errors[0]), (crash + 1, FAULT), "{task}: {errors:04X?}");
+    }
+}
+
 #[test]
 #[ignore = "needs QEMU and the ELF: cargo xtask test"]
 fn after_three_crashes_in_a_row_the_drive_stays_out_of_the_ring_until_the_next_reset() {

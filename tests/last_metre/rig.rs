@@ -51,8 +51,8 @@ pub(crate) enum State {
 pub(crate) enum Event {
     /// The program makes a mistake at the beginning of a function.
     Mistake(Mistake, &'static str),
-    /// The idle task hangs.
-    IdleHangs,
+    /// The idle task makes a mistake, of one instruction, where it waits for an interrupt.
+    InIdle(Mistake),
     /// The crystal stops.
     CrystalFails,
     /// A reset from outside.
@@ -219,7 +219,7 @@ impl Rig {
                 Event::Mistake(mistake, function) => {
                     mistake.plant(&mut qemu.guest_mut(), &self.functions, function).unwrap();
                 }
-                Event::IdleHangs => Mistake::hang_idle(&mut qemu.guest_mut(), &self.functions).unwrap(),
+                Event::InIdle(mistake) => mistake.plant_in_idle(&mut qemu.guest_mut(), &self.functions).unwrap(),
                 Event::CrystalFails => qemu.fail_crystal(now).unwrap(),
                 Event::Reset(reset) => qemu.reset(now, reset).unwrap(),
             }
@@ -264,8 +264,8 @@ impl Rig {
         assert!(!motor_side.brake_is_open() && motor_side.brake_off_at().is_none());
     }
 
-    /// The master runs its ring up once more, without a motion.
-    pub(crate) fn run_up_again(&mut self) {
+    /// The master begins anew, in CP0, and runs its ring up without a motion.
+    pub(crate) fn begin_again(&mut self) {
         let drive = DriveScript::new(ADDRESS, Telegram::standard(2).unwrap()).with(Idn::OPERATION_MODE, Value::Word(2));
         let script = MasterScript {
             bit_rate: BitRate::M4,
@@ -276,6 +276,11 @@ impl Rig {
             ..MasterScript::new(vec![drive])
         };
         self.world.ring_mut().master_mut().restart(script);
+    }
+
+    /// The same, as far as CP4.
+    pub(crate) fn run_up_again(&mut self) {
+        self.begin_again();
         self.run_until("in CP4 again", |rig| {
             let master = rig.world.ring().master();
             assert_eq!(master.report().error, None);

@@ -26,7 +26,7 @@ const MORE_EVENTS: [(&str, Event); 4] = [
     ("panic in a task", Event::Mistake(Mistake::Panic, TASK)),
     ("stack overflow, from the guard on", Event::Mistake(Mistake::Recursion, TASK)),
     ("current loop hangs", Event::Mistake(Mistake::Hang, CURRENT_LOOP)),
-    ("idle task hangs", Event::IdleHangs),
+    ("idle task hangs", Event::InIdle(Mistake::Hang)),
 ];
 
 /// Instructions in a time, at a clock of so many MHz.
@@ -82,7 +82,7 @@ fn judge(axis: Axis, state: State, event: Event, seen: &Seen) {
             assert!(expected.contains(&reset) && handlers == 1, "{}", told());
         }
         // The watchdog: 100 ms since it was fed last, which is 8 ms ago at most.
-        Event::IdleHangs => {
+        Event::InIdle(Mistake::Hang) => {
             let expected = Nanoseconds(91_000_000)..=Nanoseconds(100_000_000);
             assert!(expected.contains(&reset) && handlers == 0, "{}", told());
             // The loops go on meanwhile: a stop that runs is finished.

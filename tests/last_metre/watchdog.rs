@@ -77,7 +77,7 @@ fn another_task_that_hangs_is_bitten_by_the_watchdog() {
         assert!(rig.log().iter().any(|line| line.contains("started by Watchdog")), "{handler}");
     }
     let mut rig = started();
-    Mistake::hang_idle(&mut rig.qemu.borrow_mut().guest_mut(), &rig.functions).unwrap();
+    Mistake::Hang.plant_in_idle(&mut rig.qemu.borrow_mut().guest_mut(), &rig.functions).unwrap();
     let (whats, line) = bitten(&mut rig, "idle");
     assert_eq!(whats, BITTEN);
     assert!(line.contains("watchdog: a task did not end"), "{line}");
@@ -137,7 +137,7 @@ fn the_watchdog_is_fed_every_8_ms_and_bites_100_ms_after_that() {
         let before = rig.qemu.borrow_mut().guest_mut().incidents().len();
         rig.run(Nanoseconds(step * 2_100_000 + 30_000_000));
         let hangs = rig.world.now();
-        Mistake::hang_idle(&mut rig.qemu.borrow_mut().guest_mut(), &rig.functions).unwrap();
+        Mistake::Hang.plant_in_idle(&mut rig.qemu.borrow_mut().guest_mut(), &rig.functions).unwrap();
         rig.run_ms(130);
         let incidents = rig.qemu.borrow_mut().guest_mut().incidents().to_vec();
         let [reset] = incidents[before..] else { panic!("one reset expected: {incidents:?}") };

@@ -195,6 +195,11 @@ impl<B: Bus + Clone> Communication<B> {
         set::write_set(&self.parameters, buffer)
     }
 
+    /// Gives a set what S-0-0270 names as it is now; the number of bytes it has then.
+    pub(crate) fn amend_set(&self, set: &mut [u8], length: usize) -> Option<usize> {
+        set::amend_set(&self.parameters, self.parameters.list(Idn::SELECTED_BACKUP), set, length)
+    }
+
     /// What has happened, for the memory.
     pub(crate) fn write_log(&self, seconds: u32, buffer: &mut [u8]) -> Option<usize> {
         let told = self.crash.as_ref().map(|(record, _)| CrashRecord { told: true, ..*record });

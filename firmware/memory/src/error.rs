@@ -43,6 +43,8 @@ impl<E> From<sequential_storage::Error<E>> for Error<E> {
         use sequential_storage::Error as Cause;
         match error {
             Cause::Storage { value, .. } => Self::Flash(value),
+            // Not what was there a moment before.
+            Cause::SerializationError(sequential_storage::map::SerializationError::InvalidData) => Self::Damaged,
             Cause::BufferTooBig | Cause::BufferTooSmall(_) | Cause::SerializationError(_) | Cause::ItemTooBig => {
                 Self::TooLong
             }

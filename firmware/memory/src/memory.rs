@@ -157,7 +157,44 @@ impl<F: NorFlash> Memory<F> {
         self.has_room(SAVE)?;
         let number = self.saves.next();
         self.number(buffer, BEGUN, number).await?;
-        self.store(buffer, SET, &Written::new(Some(number), &mut write)).await?;
+        self.replace(buffer, number, &Written::new(Some(number), &mut write)).await
+    }
+
+    /// Keeps the set once more, changed: `edit` finds it at the beginning of what it is given, so many bytes long, and says how long it is afterwards, or that
+    /// it does not fit. It may be asked twice, then with what it has made before. `false`: there is no set, and nothing has happened.
+    ///
+    /// Scans a page twice more than [`Memory::save`].
+    ///
+    /// # Errors
+    /// Those of [`Memory::save`]; the set before is in force then, whole, or, where only the last word was refused, the changed one.
+    pub async fn amend(
+        &mut self,
+        buffer: &mut [u8],
+        mut edit: impl FnMut(&mut [u8], usize) -> Option<usize>,
+    ) -> Result<bool, Error<F::Error>> {
+        self.has_room(SAVE)?;
+        if self.load(buffer).await?.is_none() {
+            return Ok(false);
+        }
+        let number = self.saves.next();
+        self.number(buffer, BEGUN, number).await?;
+        // It comes to lie where it is put together: a second buffer would be as long as this one.
+        let found = self.map.fetch_item::<&[u8]>(buffer, &SET).await?.and_then(numbered);
+        let before = self.saves.set;
+        let Some(mut length) = found.filter(|(found, _)| *found == before).map(|(_, set)| set.len()) else {
+            return Err(Error::Damaged);
+        };
+        let mut write = |set: &mut [u8]| {
+            length = edit(set, length)?;
+            Some(length)
+        };
+        self.replace(buffer, number, &Written::over(before, number, &mut write)).await?;
+        Ok(true)
+    }
+
+    /// The second and the third item of a save.
+    async fn replace(&mut self, buffer: &mut [u8], number: u32, set: &Written<'_>) -> Result<(), Error<F::Error>> {
+        self.store(buffer, SET, set).await?;
         // What is damaged behind the last item may hide the next one.
         let bytes = self.map.fetch_item::<&[u8]>(buffer, &SET).await;
         if !bytes.is_ok_and(|bytes| bytes.and_then(numbered).is_some_and(|(found, _)| found == number)) {
@@ -247,12 +284,7 @@ impl<F: NorFlash> Memory<F> {
         self.measure().await
     }
 
-    async fn store<W: FnMut(&mut [u8]) -> Option<usize>>(
-        &mut self,
-        buffer: &mut [u8],
-        key: u8,
-        value: &Written<'_, W>,
-    ) -> Result<(), Error<F::Error>> {
+    async fn store(&mut self, buffer: &mut [u8], key: u8, value: &Written<'_>) -> Result<(), Error<F::Error>> {
         const KEY: u32 = 1;
         /// A word that does not become what it should is passed over.
         const ATTEMPTS: usize = 3;

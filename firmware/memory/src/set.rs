@@ -48,19 +48,29 @@ impl Saves {
     }
 }
 
+/// Puts a value into the buffer and says how long it is, or that it does not fit. Behind a pointer: whatever is stored takes the same way through the map.
+pub(crate) type Write<'a> = dyn FnMut(&mut [u8]) -> Option<usize> + 'a;
+
 /// A value that writes itself where it is to be stored, behind a number.
-pub(crate) struct Written<'a, W> {
+pub(crate) struct Written<'a> {
     number: Option<u32>,
-    write: Cell<Option<&'a mut W>>,
+    /// It is made of the value of this number, which lies in the buffer.
+    over: Option<u32>,
+    write: Cell<Option<&'a mut Write<'a>>>,
     length: Cell<u32>,
 }
 
 const NUMBER_BYTES: usize = 4;
 
-impl<'a, W: FnMut(&mut [u8]) -> Option<usize>> Written<'a, W> {
-    /// `write` puts the value into the buffer and says how long it is, or that it does not fit. It may be asked twice.
-    pub(crate) const fn new(number: Option<u32>, write: &'a mut W) -> Self {
-        Self { number, write: Cell::new(Some(write)), length: Cell::new(0) }
+impl<'a> Written<'a> {
+    /// `write` may be asked twice.
+    pub(crate) const fn new(number: Option<u32>, write: &'a mut Write<'a>) -> Self {
+        Self { number, over: None, write: Cell::new(Some(write)), length: Cell::new(0) }
+    }
+
+    /// The same out of the value `before`, which lies in the buffer where this one is to be stored.
+    pub(crate) const fn over(before: u32, number: u32, write: &'a mut Write<'a>) -> Self {
+        Self { over: Some(before), ..Self::new(Some(number), write) }
     }
 
     /// Bytes that were stored, the number with them.
@@ -69,8 +79,13 @@ impl<'a, W: FnMut(&mut [u8]) -> Option<usize>> Written<'a, W> {
     }
 }
 
-impl<W: FnMut(&mut [u8]) -> Option<usize>> Value<'_> for Written<'_, W> {
+impl Value<'_> for Written<'_> {
     fn serialize_into(&self, buffer: &mut [u8]) -> Result<usize, SerializationError> {
+        // A repair of the map takes the buffer, too; asked twice, it finds what it has made itself.
+        let lies_there = |number: Option<u32>| number.is_some() && numbered(buffer).map(|(number, _)| number) == number;
+        if self.over.is_some() && !lies_there(self.over) && !lies_there(self.number) {
+            return Err(SerializationError::InvalidData);
+        }
         let (head, rest) = match self.number {
             Some(number) => {
                 let (head, rest) =

@@ -30,6 +30,19 @@ fn save<F: NorFlash>(memory: &mut Memory<F>, set: &[u8]) -> Result<(), Error<F::
     }))
 }
 
+/// Makes a set out of the one before, which is looked at where it lies; whether there was one.
+fn amend<F: NorFlash>(memory: &mut Memory<F>, before: &[u8], set: &[u8]) -> Result<bool, Error<F::Error>> {
+    block_on(memory.amend(&mut [0; BUFFER], |buffer: &mut [u8], length| {
+        let found = buffer.get(..length)?;
+        assert!(
+            found == before || found == set,
+            "{length} bytes that are neither the set before nor what was made of it"
+        );
+        buffer.get_mut(..set.len())?.copy_from_slice(set);
+        Some(set.len())
+    }))
+}
+
 fn load<F: NorFlash>(memory: &mut Memory<F>) -> Option<Vec<u8>> {
     let mut buffer = [0; BUFFER];
     block_on(memory.load(&mut buffer)).ok().flatten().map(<[u8]>::to_vec)

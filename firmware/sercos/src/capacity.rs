@@ -31,7 +31,7 @@ pub(crate) const DATA_BLOCKS: usize = 512;
 pub(crate) const VALUES: usize = 255;
 
 /// Most parameters that are a list of IDNs.
-pub(crate) const IDN_LISTS: usize = 4;
+pub(crate) const IDN_LISTS: usize = 5;
 
 /// Most parameters that are a list of other two-byte items.
 pub(crate) const WORD_LISTS: usize = 4;

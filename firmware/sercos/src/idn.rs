@@ -54,6 +54,8 @@ impl Idn {
     pub const TORQUE_COMMAND: Self = Self::standard(80);
     /// S-0-0099.
     pub const RESET_CLASS_1_DIAGNOSTIC: Self = Self::standard(99);
+    /// S-0-0270.
+    pub const SELECTED_BACKUP: Self = Self::standard(270);
     /// S-0-0127.
     pub const CP3_TRANSITION_CHECK: Self = Self::standard(127);
     /// S-0-0128.

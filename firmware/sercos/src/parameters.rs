@@ -167,6 +167,7 @@ impl Parameters {
             Idn::MDT_LIST => Selection::ConfigurableInMdt,
             Idn::SIGNAL_STATUS_LIST => Selection::BitSources,
             Idn::SIGNAL_CONTROL_LIST => Selection::BitTargets,
+            Idn::SELECTED_BACKUP => Selection::Backup,
             _ => Selection::All,
         };
         let is_known = |entry: &Idn| self.dictionary.find(*entry).is_some_and(|block| block.is_in(selection));

@@ -31,7 +31,7 @@ pub use demo::{DemoError, demo, demo_on, demo_with};
 pub use elf::{Elf, LineEdge, Lines, OnStop, Tape};
 pub use executor::{Elves, Executor};
 pub use host_drive::{HostDrive, Latency};
-pub use memory::{SharedFlash, saved, saved_often, saved_set, told};
+pub use memory::{SharedFlash, saved, saved_often, saved_set, set_in, told};
 pub use motor_side::Amplifier;
 pub use processor::{Processor, ProcessorError};
 pub use qemu_drive::QemuDrive;

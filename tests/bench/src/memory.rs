@@ -58,13 +58,19 @@ pub fn saved_set(set: &[u8]) -> FlashModel {
     })
 }
 
-/// What a drive remembers that is started over this flash, as its control would read it; nothing where there is no set.
-pub(crate) fn remembered(flash: &FlashModel) -> Vec<(Idn, Vec<u16>)> {
+/// The set that a drive finds that is started over this flash; `None` where there is none.
+pub fn set_in(flash: &FlashModel) -> Option<Vec<u8>> {
     let mut memory = Memory::new(flash.clone());
     let mut buffer = [0; BUFFER];
-    let recollection = block_on(recall(&mut memory, &mut buffer));
-    let (Recollection::Set(set) | Recollection::Unfinished(Some(set))) = recollection else { return Vec::new() };
-    let Some(parameters) = read_set(set) else { return Vec::new() };
+    match block_on(recall(&mut memory, &mut buffer)) {
+        Recollection::Set(set) | Recollection::Unfinished(Some(set)) => Some(set.to_vec()),
+        Recollection::Unfinished(None) | Recollection::Empty | Recollection::Damaged => None,
+    }
+}
+
+/// What a drive remembers that is started over this flash, as its control would read it; nothing where there is no set.
+pub(crate) fn remembered(flash: &FlashModel) -> Vec<(Idn, Vec<u16>)> {
+    let Some(parameters) = set_in(flash).and_then(|set| read_set(&set)) else { return Vec::new() };
     values_of(&parameters, |block| block.is_in(Selection::Backup))
 }
 

@@ -29,9 +29,10 @@ impl BusObserver {
         Self { measurements, raised: [None; 2], command: None }
     }
 
-    /// Whether [`BusObserver::read`] makes something of a read of this word: the MDT and its record.
+    /// Whether [`BusObserver::read`] makes something of a read of this word: the MDT and its record, but for the info word, which is the service channel's.
     pub(crate) fn watches_read_of(word: u16) -> bool {
-        (Block::CYCLIC.mdt_header.word()..Block::CYCLIC.end.word()).contains(&word)
+        let of_the_service_channel = Block::CYCLIC.mdt_data.offset(1).word();
+        (Block::CYCLIC.mdt_header.word()..Block::CYCLIC.end.word()).contains(&word) && word != of_the_service_channel
     }
 
     pub(crate) fn traced(&mut self, trace: emulator::Trace) {

@@ -76,6 +76,12 @@ impl Functions {
         (*address..address + size).step_by(2).filter(|at| self.half(*at) == Some(WAIT)).collect()
     }
 
+    /// Every `wfi` of the idle task.
+    #[must_use]
+    pub fn waits_in_idle(&self) -> Vec<u32> {
+        self.waits_in("3app4idle")
+    }
+
     /// Instructions that put the arguments of a panic together and call it: two calls of `core::panicking::panic` shortly one after the other, of
     /// which the first returns never, so that what lies between them belongs to the second.
     #[must_use]
@@ -141,16 +147,24 @@ impl Mistake {
         Ok(())
     }
 
-    /// The idle task hangs: it waits for no interrupt any more, and goes round where it did.
+    /// Plants a mistake of one instruction in the idle task, wherever it waits for an interrupt.
     ///
     /// # Errors
-    /// The idle task does not wait, or QEMU ends.
-    pub fn hang_idle(guest: &mut Guest, functions: &Functions) -> Result<(), EmulatorError> {
-        let waits = functions.waits_in("3app4idle");
+    /// The mistake takes more than one instruction, the idle task does not wait, or QEMU ends.
+    pub fn plant_in_idle(self, guest: &mut Guest, functions: &Functions) -> Result<(), EmulatorError> {
+        let code = match self {
+            Self::Undefined => UNDEFINED,
+            Self::Call => CALL,
+            Self::Hang => FOR_EVER,
+            Self::Panic | Self::Recursion | Self::Silence => {
+                return Err(EmulatorError::Guest(format!("the idle task takes no {self:?} where it waits")));
+            }
+        };
+        let waits = functions.waits_in_idle();
         if waits.is_empty() {
             return Err(EmulatorError::Guest("the ELF's idle task does not wait for interrupts".into()));
         }
-        waits.into_iter().try_for_each(|at| guest.write_instruction(at, FOR_EVER))
+        waits.into_iter().try_for_each(|at| guest.write_instruction(at, code))
     }
 }
 

@@ -136,6 +136,8 @@ sercos::data_blocks! {
     S 265 "Language selection" [""] U16/0 written ALWAYS (0 to 1) = 1 => Parameter, stored;
     /// 0: what is written of S-0-0192 is kept for the next start, a quarter of a second after the last write and not while torque is on; bit 3 of S-0-0182 is set until then. 1: it is kept by S-0-0264.
     S 269 "Storage mode" [""] BITS/0 written ALWAYS (0 to 1) = 1 => Parameter, stored;
+    /// What S-0-0293 saves: up to 16 IDNs of S-0-0192. It is not kept itself.
+    S 270 "IDN list of selected backup operation data" [""] IDNS/0 written ALWAYS () = 0 => Parameter, restricted;
     /// Time after which an axis that does not come to a standstill is braked all the same; 0: never.
     S 273 "Maximum drive off delay time" ["ms"] U16/0 written ALWAYS (0 to 65_535) = 0 => Parameter, stored;
     /// Bit 3: the encoder counts the other way round. Rotary, incremental, at the motor: all other bits 0.

@@ -26,8 +26,10 @@ sercos::data_blocks! {
     S 262 "Load defaults procedure command" [""] COMMAND/0 written ALWAYS () = 0 => LoadDefaults;
     /// Gives everything in S-0-0192 the value that S-0-0264 has saved, and the default where it has saved none. Conditions as for S-0-0262.
     S 263 "Load working memory procedure command" [""] COMMAND/0 written ALWAYS () = 0 => LoadParameters;
-    /// Saves everything in S-0-0192 for the next start, old or new and never a mix. Not while torque is on (700CH). In CP3 and CP4 it takes a word in each pause that t3 and t4 leave, and waits while torque is on: the set is that of its beginning.
+    /// Saves everything in S-0-0192 for the next start, old or new and never a mix. Not while torque is on (700CH). In CP3 and CP4 it takes a word in each pause that t3 and t4 leave, and waits while torque is on: the set is that of its beginning. A step of the service channel that comes meanwhile is held (BUSY) for 1 ms at most.
     S 264 "Backup working memory procedure command" [""] COMMAND/0 written ALWAYS () = 0 => SaveParameters;
+    /// Saves what S-0-0270 names for the next start; everything else stays as it was saved last, whatever it is now. Old or new and never a mix, and with the conditions of S-0-0264. Refused where S-0-0270 is empty (7013H), ends with an error where nothing was saved yet; P-0-0003 says which.
+    S 293 "Selectively backup working memory procedure command" [""] COMMAND/0 written ALWAYS () = 0 => SaveSelected;
     /// Makes the place where the motor stands the position S-0-0052. Not while torque is on.
     S 447 "Set absolute position procedure command" [""] COMMAND/0 written ALWAYS () = 0 => SetAbsolutePosition;
     /// Works out S-0-0100, 0101, 0104, 0106, 0107, 0348, P-0-0231 and, against the steps of the encoder (S-0-0116), the low-pass P-0-0174 to P-0-0176 (a notch there stays, and one of your own belongs in P-0-0170) from S-0-0001, P-0-0110 to P-0-0114 and P-0-0221 to P-0-0223. All of them or, with the reason in P-0-0228, none.

@@ -11,6 +11,8 @@ use crate::dictionary::procedures::Procedure;
 pub enum Keep {
     /// The parameters.
     Save,
+    /// Of the parameters those that S-0-0270 names.
+    Selected,
     /// The parameters are to be what was saved.
     Load,
     /// What has happened.
@@ -90,7 +92,7 @@ impl Keeping {
         self.present
     }
 
-    /// S-0-0263 or S-0-0264.
+    /// S-0-0263, S-0-0264 or S-0-0293.
     ///
     /// # Errors
     /// One of them goes on, or there is no memory.
@@ -135,7 +137,11 @@ impl Keeping {
             return None;
         }
         let keep = if core::mem::take(&mut self.due) {
-            if self.command == Some(Procedure::LoadParameters) { Keep::Load } else { Keep::Save }
+            match self.command {
+                Some(Procedure::LoadParameters) => Keep::Load,
+                Some(Procedure::SaveSelected) => Keep::Selected,
+                _ => Keep::Save,
+            }
         } else if self
             .written
             .is_some_and(|(first, last)| now.saturating_sub(last) >= QUIET || now.saturating_sub(first) >= PATIENCE)
@@ -152,6 +158,8 @@ impl Keeping {
         match keep {
             // What is written from here on may be in the set or not.
             Keep::Save | Keep::Load => self.in_work = self.written.take(),
+            // What else was written still waits.
+            Keep::Selected => {}
             Keep::Log => (self.happened, self.logged) = (false, Some(now)),
         }
         Some(keep)
@@ -169,6 +177,7 @@ impl Keeping {
                         self.note_write(now);
                     }
                 }
+                Keep::Selected => {}
                 Keep::Log => self.happened = true,
             }
         }
@@ -193,6 +202,23 @@ mod tests {
         keeping.start(Procedure::LoadParameters).unwrap();
         assert_eq!(keeping.next(0, false), Some(Keep::Load));
         assert_eq!(keeping.done(0, false), Some(Procedure::LoadParameters));
+    }
+
+    #[test]
+    fn what_is_selected_is_kept_by_itself_and_everything_that_was_written_afterwards() {
+        let mut keeping = Keeping::with_memory();
+        keeping.note_write(0);
+        keeping.start(Procedure::SaveSelected).unwrap();
+        assert_eq!(keeping.next(1_000, true), None);
+        assert_eq!(keeping.next(1_000, false), Some(Keep::Selected));
+        assert_eq!(keeping.done(2_000, true), Some(Procedure::SaveSelected));
+        assert!(keeping.has_unsaved());
+        assert_eq!(keeping.next(250_000, false), Some(Keep::Save));
+        assert_eq!(keeping.done(260_000, true), None);
+        keeping.start(Procedure::SaveSelected).unwrap();
+        assert_eq!(keeping.next(260_000, false), Some(Keep::Selected));
+        assert_eq!(keeping.done(270_000, false), Some(Procedure::SaveSelected));
+        assert!(!keeping.has_unsaved(), "what failed was asked for, and is not tried again by itself");
     }
 
     #[test]

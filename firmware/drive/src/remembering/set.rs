@@ -62,25 +62,75 @@ pub(crate) type Dropped = Vec<Idn, MOST_DROPPED>;
 
 /// Puts the parameters of S-0-0192 into `buffer`, those that somebody has told or that are not their default; their number of bytes, or `None` if they do not fit.
 pub fn write_set(parameters: &Parameters, buffer: &mut [u8]) -> Option<usize> {
-    let (head, mut rest) = buffer.split_at_mut_checked(HEAD_BYTES)?;
     let mut records = 0_u16;
     let mut written = HEAD_BYTES;
     for block in parameters.dictionary().select(Selection::Backup).filter(|block| is_to_be_saved(parameters, block)) {
-        let bytes = parameters.bytes(block);
-        let room = block.most_bytes();
-        let (record, behind) = core::mem::take(&mut rest).split_at_mut_checked(RECORD_BYTES.checked_add(room)?)?;
-        let (of_record, data) = record.split_first_chunk_mut::<RECORD_BYTES>()?;
-        let [low, high] = block.idn.0.to_le_bytes();
-        *of_record = [low, high, u8::try_from(bytes.len()).ok()?, u8::try_from(room).ok()?];
-        data.fill(0);
-        data.get_mut(..bytes.len())?.copy_from_slice(&bytes);
-        written = written.checked_add(RECORD_BYTES)?.checked_add(room)?;
+        written = written.checked_add(put_record(parameters, block, buffer.get_mut(written..)?)?)?;
         records = records.checked_add(1)?;
-        rest = behind;
     }
-    let [low, high] = records.to_le_bytes();
-    head.copy_from_slice(&[VERSION, 0, low, high]);
+    put_head(records, buffer)?;
     Some(written)
+}
+
+fn put_head(records: u16, buffer: &mut [u8]) -> Option<()> {
+    let [low, high] = records.to_le_bytes();
+    *buffer.first_chunk_mut::<HEAD_BYTES>()? = [VERSION, 0, low, high];
+    Some(())
+}
+
+/// Its number of bytes, or `None` if it does not fit.
+fn put_record(parameters: &Parameters, block: &DataBlock, out: &mut [u8]) -> Option<usize> {
+    let bytes = parameters.bytes(block);
+    let room = block.most_bytes();
+    let length = RECORD_BYTES.checked_add(room)?;
+    let (head, data) = out.get_mut(..length)?.split_first_chunk_mut::<RECORD_BYTES>()?;
+    let [low, high] = block.idn.0.to_le_bytes();
+    *head = [low, high, u8::try_from(bytes.len()).ok()?, u8::try_from(room).ok()?];
+    data.fill(0);
+    data.get_mut(..bytes.len())?.copy_from_slice(&bytes);
+    Some(length)
+}
+
+/// Gives a set of `length` bytes at the beginning of `buffer` these parameters as they are, and leaves it everything else, also what this program does not
+/// know; its number of bytes then. `None` if it is no set, or if there is no room: what lies there is of no use then.
+pub(crate) fn amend_set(
+    parameters: &Parameters,
+    selected: &[Idn],
+    buffer: &mut [u8],
+    mut length: usize,
+) -> Option<usize> {
+    let records = Records::of(buffer.get(..length)?)?;
+    let mut count = records.left;
+    if !records.is_whole() {
+        return None;
+    }
+    for idn in selected {
+        if let Some((from, to)) = place_of(*idn, buffer.get(..length)?) {
+            buffer.copy_within(to..length, from);
+            length = from.checked_add(length.checked_sub(to)?)?;
+            count = count.checked_sub(1)?;
+        }
+        let block = parameters.dictionary().find(*idn).filter(|block| block.is_in(Selection::Backup))?;
+        if is_to_be_saved(parameters, block) {
+            length = length.checked_add(put_record(parameters, block, buffer.get_mut(length..)?)?)?;
+            count = count.checked_add(1)?;
+        }
+    }
+    put_head(count, buffer)?;
+    Some(length)
+}
+
+/// Where the record of a data block begins and ends in a set.
+fn place_of(idn: Idn, set: &[u8]) -> Option<(usize, usize)> {
+    let mut from = HEAD_BYTES;
+    while let Some(&[low, high, _, room]) = set.get(from..).and_then(<[u8]>::first_chunk::<RECORD_BYTES>) {
+        let to = from.saturating_add(RECORD_BYTES).saturating_add(room.into());
+        if u16::from_le_bytes([low, high]) == idn.0 {
+            return Some((from, to));
+        }
+        from = to;
+    }
+    None
 }
 
 /// A default that nobody has told would come back as if somebody had: it stays out. What the drive has worked out by itself is in.
@@ -92,7 +142,7 @@ fn is_to_be_saved(parameters: &Parameters, block: &DataBlock) -> bool {
 pub(crate) fn take_set(bytes: &[u8], parameters: &mut Parameters) -> Option<Dropped> {
     let all = || Records::of(bytes);
     // To the end, so that half a set is none.
-    if !all()?.all(|record| record.is_some()) {
+    if !all()?.is_whole() {
         return None;
     }
     // Who asks for the defaults has told them; what a set does not hold nobody has.
@@ -136,6 +186,12 @@ impl<'a> Records<'a> {
     fn of(bytes: &'a [u8]) -> Option<Self> {
         let (&[version, _, low, high], bytes) = bytes.split_first_chunk::<HEAD_BYTES>()?;
         (version == VERSION).then_some(Self { left: u16::from_le_bytes([low, high]), bytes })
+    }
+
+    /// Each of them is there, and nothing behind the last.
+    fn is_whole(&self) -> bool {
+        let mut records = Self { ..*self };
+        records.all(|record| record.is_some()) && records.bytes.is_empty()
     }
 
     fn record(&mut self) -> Option<Record<'a>> {
@@ -237,6 +293,70 @@ mod tests {
         let mut other = set;
         other[0] = 2;
         assert_eq!(take_set(&other, &mut Parameters::new(&DICTIONARY)), None);
+    }
+
+    /// A set that lies at the beginning of a page.
+    fn page(set: &[u8]) -> Vec<u8> {
+        let mut page = set.to_vec();
+        page.resize(memory::MOST_BYTES, 0xEE);
+        page
+    }
+
+    #[test]
+    fn what_is_selected_is_changed_in_a_set_and_everything_else_stays_also_what_is_unknown_here() {
+        let mut set = written(&changed());
+        let [low, high] = Idn::product(4_000).0.to_le_bytes();
+        set.extend([low, high, 2, 2, 0x34, 0x12]);
+        let records = u16::from_le_bytes([set[2], set[3]]) + 1;
+        set[2..4].copy_from_slice(&records.to_le_bytes());
+        let mut now = Parameters::new(&DICTIONARY);
+        now.set(S(41), 1).unwrap();
+        now.set(S(32), 3).unwrap();
+        now.set_text(S(142), b"another").unwrap();
+        now.set_longs(Idn::product(7), &[9]).unwrap();
+        let mut buffer = page(&set);
+        // Twice, as a word that does not become what it should makes it.
+        let mut length = set.len();
+        for _ in 0..2 {
+            length = amend_set(&told(&now), &[S(142), S(41), S(142)], &mut buffer, length).unwrap();
+            assert_eq!(length, set.len(), "a record takes what its data block takes at most");
+        }
+        let mut taken = Parameters::new(&DICTIONARY);
+        assert_eq!(take_set(&buffer[..length], &mut taken).unwrap().as_slice(), [Idn::product(4_000)]);
+        assert_eq!((taken.get(S(41)), taken.text(S(142))), (1, "another"));
+        assert_eq!((taken.get(S(32)), taken.longs(Idn::product(7))), (11, [u32::MAX, 0, 5].as_slice()));
+    }
+
+    #[test]
+    fn what_a_set_does_not_hold_comes_into_it_and_a_default_that_nobody_has_told_goes_out_of_it() {
+        let mut parameters = Parameters::new(&DICTIONARY);
+        parameters.mark_written(S(109));
+        let mut buffer = [0; memory::MOST_BYTES];
+        let length = write_set(&parameters, &mut buffer).unwrap();
+        let mut now = Parameters::new(&DICTIONARY);
+        now.set(S(41), 77).unwrap();
+        let longer = amend_set(&now, &[S(41)], &mut buffer, length).unwrap();
+        assert_eq!(longer, length + RECORD_BYTES + 4);
+        let length = amend_set(&now, &[S(109)], &mut buffer, longer).unwrap();
+        let mut taken = Parameters::new(&DICTIONARY);
+        take_set(&buffer[..length], &mut taken).unwrap();
+        assert_eq!((taken.get(S(41)), taken.is_told(S(109))), (77, false));
+    }
+
+    #[test]
+    fn bytes_that_are_no_set_and_a_page_without_room_are_not_amended() {
+        let set = written(&changed());
+        let now = told(&Parameters::new(&DICTIONARY));
+        for length in 0..set.len() {
+            assert_eq!(amend_set(&now, &[S(41)], &mut page(&set[..length]), length), None, "{length} bytes");
+        }
+        assert_eq!(amend_set(&now, &[S(41)], &mut page(&set), set.len() + 1), None, "something behind the last record");
+        let mut empty = Parameters::new(&DICTIONARY);
+        empty.set(S(41), 77).unwrap();
+        let mut short = std::vec![VERSION, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0];
+        assert_eq!(amend_set(&empty, &[S(41)], &mut short, HEAD_BYTES), None);
+        short.push(0);
+        assert_eq!(amend_set(&empty, &[S(41)], &mut short, HEAD_BYTES), Some(12));
     }
 
     /// A set as another program may have written it: 20 data blocks that are unknown here, 20 values that are out of today's range.

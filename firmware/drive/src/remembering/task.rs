@@ -42,6 +42,15 @@ pub async fn keep<F: NorFlash, B: Bus + Clone, H: Hardware>(
             let write = |out: &mut [u8]| communication.lock(|communication| communication.write_set(out));
             memory.save(buffer, write).await.map_err(failure)
         }
+        Keep::Selected => {
+            let edit =
+                |set: &mut [u8], length| communication.lock(|communication| communication.amend_set(set, length));
+            match memory.amend(buffer, edit).await {
+                Ok(true) => Ok(()),
+                Ok(false) => Err(MemoryFailure::NoSet),
+                Err(error) => Err(failure(error)),
+            }
+        }
         Keep::Log => {
             let write = |out: &mut [u8]| communication.lock(|communication| communication.write_log(seconds, out));
             memory.save_log(buffer, Log::Events, write).await.map_err(failure)

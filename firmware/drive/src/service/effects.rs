@@ -10,6 +10,7 @@ use std::vec::Vec;
 use rtic_core::Mutex;
 use sercos::Idn;
 use sercos::error::ServiceError;
+use sercos::parameters::Parameters;
 use sercos::service::Live;
 use sercos::transition::{self, CyclicConfiguration, Invalid};
 use servo::homing::HomingSettings;
@@ -25,6 +26,7 @@ use crate::dictionary::DICTIONARY;
 use crate::dictionary::procedures::Procedure;
 use crate::motion::identification::Plan;
 use crate::oscilloscope::{self, Configuration};
+use crate::remembering::set;
 use crate::settings::invalid::InvalidSetting;
 use crate::settings::{DriveSettings, POSITION_FEEDBACK_2_SOURCE, homing};
 use crate::signal::command::COMMAND_VALUES;
@@ -54,6 +56,7 @@ struct Effects {
     commutation_angle: u64,
     locked: bool,
     kept: bool,
+    amended: Option<Vec<u8>>,
 }
 
 impl Effects {
@@ -88,6 +91,12 @@ impl Effects {
                     context.note_stored(parameters);
                     context.keeping.has_unsaved()
                 },
+                amended: {
+                    let mut page = [0; memory::MOST_BYTES];
+                    let length = set::write_set(&set::told(&Parameters::new(&DICTIONARY)), &mut page).unwrap();
+                    let length = set::amend_set(parameters, parameters.list(Idn::SELECTED_BACKUP), &mut page, length);
+                    length.map(|length| page[..length].to_vec())
+                },
             }
         })
     }
@@ -108,6 +117,7 @@ impl Effects {
             ("commutation", self.commutation_angle != other.commutation_angle),
             ("lock", self.locked != other.locked),
             ("memory", self.kept != other.kept),
+            ("selection", self.amended != other.amended),
         ]
         .into_iter()
         .filter_map(|(what, differs)| differs.then_some(what))
@@ -200,7 +210,7 @@ fn every_data_block_that_can_be_written_has_an_effect_or_refuses_to_be_changed()
     }
     assert!(without.is_empty(), "nothing reads {without:?}");
     // No kind of effect is there in vain.
-    assert_eq!(kinds.len(), 13, "{kinds:?}");
+    assert_eq!(kinds.len(), 14, "{kinds:?}");
 }
 
 #[test]

@@ -35,9 +35,11 @@ pub(crate) enum Finding {
     Controller,
     /// S-0-0148 has failed.
     Homing(HomingFailure),
-    /// S-0-0264 with torque.
+    /// S-0-0264 or S-0-0293 with torque.
     SaveWithTorque,
-    /// S-0-0263 or S-0-0264 has failed, or what was written could not be kept.
+    /// S-0-0293 with an empty S-0-0270.
+    NothingSelected,
+    /// S-0-0263, S-0-0264 or S-0-0293 has failed, or what was written could not be kept.
     Memory(MemoryFailure),
     /// Nobody knows the amplifier.
     Production(RecordError),
@@ -59,7 +61,10 @@ impl fmt::Display for Finding {
             Self::Settings(setting) | Self::Write(setting) => setting.fmt(formatter),
             Self::Value(idn, taken) => write!(formatter, "{idn}: {taken}"),
             Self::LoadInOperation => formatter.write_str("S-0-0262 and S-0-0263 change what is protected in CP4"),
-            Self::SaveWithTorque => formatter.write_str("S-0-0264 only without torque: the flash stops the processor"),
+            Self::SaveWithTorque => {
+                formatter.write_str("S-0-0264 and S-0-0293 only without torque: the flash stops the processor")
+            }
+            Self::NothingSelected => formatter.write_str("S-0-0270 is empty: write what S-0-0293 is to save"),
             Self::Memory(failure) => formatter.write_str(failure.words()),
             Self::NotSynchronised => formatter.write_str("the loops have not locked to the ring"),
             Self::Homing(HomingFailure::Way(error)) => error.fmt(formatter),
@@ -77,6 +82,7 @@ pub(super) fn what_it_takes(block: &DataBlock) -> &'static str {
         (Location::Command, _) => "a command takes 3 to start and 0 to cancel",
         (_, None) if access_of(block) == Access::Text(Text::Password) => "no password, or not the one in force",
         (_, None) if block.is_text() => "a text that is too long, too short or none",
+        (_, None) if block.idn == Idn::SELECTED_BACKUP => "up to 16 IDNs, each of them one of S-0-0192",
         (_, None) => "a list that is too long, or an entry that it cannot have",
         _ => "a value that it does not have",
     }

@@ -82,7 +82,14 @@ where
             }
             Procedure::LoadDefaults => self.load_defaults(parameters),
             Procedure::LoadParameters => self.load_parameters(),
-            Procedure::SaveParameters => self.save_parameters(),
+            Procedure::SaveParameters => self.save_parameters(procedure),
+            Procedure::SaveSelected => {
+                if parameters.list(Idn::SELECTED_BACKUP).is_empty() {
+                    self.checks.finding = Some(Finding::NothingSelected);
+                    return Err(ServiceError::CommandInvalidParameters);
+                }
+                self.save_parameters(procedure)
+            }
             Procedure::SetAbsolutePosition => self.set_absolute_position(parameters),
         }
     }
@@ -100,7 +107,9 @@ where
             Procedure::Homing => self.motion.lock(|motion| motion.hold_for_homing(false)),
             Procedure::PositiveStop => self.motion.lock(Motion::cancel_positive_stop),
             Procedure::Probing => self.motion.lock(|motion| motion.set_probing(None)),
-            Procedure::LoadParameters | Procedure::SaveParameters => self.keeping.cancel(procedure),
+            Procedure::LoadParameters | Procedure::SaveParameters | Procedure::SaveSelected => {
+                self.keeping.cancel(procedure);
+            }
             // Over in an instant, or not the identification that runs: there is nothing left to undo.
             _ => {}
         }
@@ -273,13 +282,13 @@ where
         self.start_keeping(Procedure::LoadParameters)
     }
 
-    /// S-0-0264.
-    fn save_parameters(&mut self) -> Result<CommandState, ServiceError> {
+    /// S-0-0264 and S-0-0293.
+    fn save_parameters(&mut self, procedure: Procedure) -> Result<CommandState, ServiceError> {
         if self.motion.lock(|motion| motion.has_torque()) {
             self.checks.finding = Some(Finding::SaveWithTorque);
             return Err(ServiceError::ProtectedBySettings);
         }
-        self.start_keeping(Procedure::SaveParameters)
+        self.start_keeping(procedure)
     }
 
     fn start_keeping(&mut self, procedure: Procedure) -> Result<CommandState, ServiceError> {

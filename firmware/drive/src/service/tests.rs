@@ -62,7 +62,8 @@ pub(super) fn attempts(block: &DataBlock) -> Vec<Vec<u16>> {
     match block.attribute.length() {
         Length::ListOfBytes => vec![vec![4, 4, 0x4141, 0x4141], vec![0, 0]],
         Length::ListOfTwo => {
-            vec![vec![0, 0], vec![2, 2, 3], vec![2, 2, 11], vec![2, 2, 51], vec![2, 2, 36], vec![2, 2, 0x8013]]
+            let entries = [3, 11, 51, 36, 32, 0x8013];
+            entries.into_iter().map(|entry| vec![2, 2, entry]).chain([vec![0, 0]]).collect()
         }
         _ => vec![vec![4, 4, 1, 2]],
     }
@@ -101,6 +102,8 @@ fn a_value_that_a_data_block_cannot_have_is_told_until_a_write_succeeds() {
     let mut rig = Rig::in_cp4(&[]);
     for (idn, words, told) in [
         (S(26), &[2, 2, 2][..], "S-0-0026: a list that is too long, or an entry that it cannot have"),
+        (S(270), &[4, 4, 32, 51], "S-0-0270: up to 16 IDNs, each of them one of S-0-0192"),
+        (S(270), &[2, 2, 4_000], "S-0-0270: up to 16 IDNs, each of them one of S-0-0192"),
         (S(329), &[2, 2, 16], "S-0-0329: a list that is too long, or an entry that it cannot have"),
         (S(99), &[2], "S-0-0099: a command takes 3 to start and 0 to cancel"),
         (S(267), &[1, 1, 0x41], "S-0-0267: no password, or not the one in force"),

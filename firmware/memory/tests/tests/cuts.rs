@@ -3,7 +3,7 @@
 use flash::FlashModel;
 use memory::{Condition, Memory};
 
-use crate::{Small, load, save, set, started};
+use crate::{Small, amend, load, save, set, started};
 
 /// Without `SAVES` in the environment; `SAVES=1000` takes three minutes.
 const SAVES: u32 = 120;
@@ -76,7 +76,12 @@ fn a_cut_at_any_step_of_many_saves_leaves_the_old_set_or_the_new_one() {
             number.into(),
             |flash| {
                 let (mut memory, _) = started(flash).unwrap();
-                let result = save(&mut memory, &set(number, LENGTH));
+                // Every other one is made of the one before.
+                let result = if number.is_multiple_of(2) {
+                    amend(&mut memory, &set(number - 1, LENGTH), &set(number, LENGTH)).map(|found| assert!(found))
+                } else {
+                    save(&mut memory, &set(number, LENGTH))
+                };
                 assert_eq!(result.is_ok(), memory.flash().0.is_supplied(), "what was cut is not acknowledged");
                 memory.flash().clone()
             },

@@ -4,7 +4,7 @@ use embassy_futures::block_on;
 use flash::FlashModel;
 use memory::{Condition, Error, Log, MOST_BYTES, Memory, RESERVE};
 
-use crate::{BUFFER, load, save, set, started};
+use crate::{BUFFER, amend, load, save, set, started};
 
 #[test]
 fn a_blank_flash_holds_nothing_and_is_not_written() {
@@ -30,6 +30,66 @@ fn a_set_that_is_too_long_is_refused_and_the_one_before_stays() {
     assert_eq!(save(&mut memory, &set(2, BUFFER)), Err(Error::TooLong));
     let (mut after, _) = started(memory.flash().clone()).unwrap();
     assert_eq!(load(&mut after), Some(set(1, 100)));
+}
+
+#[test]
+fn a_set_is_changed_where_it_lies_whatever_its_length_and_becomes() {
+    let (mut memory, _) = started(FlashModel::new()).unwrap();
+    save(&mut memory, &set(1, 1_800)).unwrap();
+    let lengths = [1_800, 4, 5, 1_801, MOST_BYTES, 7, MOST_BYTES];
+    for (number, pair) in (1..).zip(lengths.windows(2)) {
+        assert_eq!(amend(&mut memory, &set(number, pair[0]), &set(number + 1, pair[1])), Ok(true));
+        let (mut after, condition) = started(memory.flash().clone()).unwrap();
+        assert_eq!((condition, load(&mut after)), (Condition::Whole, Some(set(number + 1, pair[1]))));
+    }
+}
+
+#[test]
+fn a_change_that_does_not_fit_or_has_nothing_to_change_leaves_what_there_is() {
+    let (mut memory, _) = started(FlashModel::new()).unwrap();
+    assert_eq!(amend(&mut memory, &[], &set(1, 100)), Ok(false));
+    assert_eq!(memory.flash().operations(), 0);
+    save(&mut memory, &set(1, 100)).unwrap();
+    assert_eq!(amend(&mut memory, &set(1, 100), &set(2, BUFFER)), Err(Error::TooLong));
+    assert_eq!(load(&mut memory), Some(set(1, 100)));
+    assert_eq!(amend(&mut memory, &set(1, 100), &set(2, 90)), Ok(true), "and the next one is done");
+    let (mut after, _) = started(memory.flash().clone()).unwrap();
+    assert_eq!(load(&mut after), Some(set(2, 90)));
+}
+
+/// A first save that was cut, and a set that cannot be read any more.
+#[test]
+fn there_is_nothing_to_change_where_a_start_finds_no_set_that_counts() {
+    let mut flash = FlashModel::new();
+    flash.cut_in(20, 1);
+    let (mut memory, _) = started(flash).unwrap();
+    assert!(save(&mut memory, &set(1, 100)).is_err());
+    let mut cut = memory.flash().clone();
+    cut.restore_supply();
+    let (mut memory, condition) = started(cut).unwrap();
+    assert_eq!((condition, amend(&mut memory, &[], &set(2, 100))), (Condition::Unfinished, Ok(false)));
+
+    save(&mut memory, &set(3, 100)).unwrap();
+    save(&mut memory, &set(4, 100)).unwrap();
+    let mut flash = memory.flash().clone();
+    let wanted = set(4, 100);
+    let at = flash.contents().windows(100).rposition(|bytes| bytes == wanted).expect("the set that was saved");
+    flash.contents_mut()[at + 50] ^= 4;
+    let (mut memory, condition) = started(flash.clone()).unwrap();
+    assert_eq!((condition, amend(&mut memory, &[], &set(5, 100))), (Condition::Damaged, Ok(false)));
+}
+
+/// The bit falls while the drive runs: what lies there now is the set before the last.
+#[test]
+fn a_set_that_is_damaged_since_the_start_is_not_changed() {
+    let (mut memory, _) = started(FlashModel::new()).unwrap();
+    save(&mut memory, &set(1, 100)).unwrap();
+    save(&mut memory, &set(2, 100)).unwrap();
+    let wanted = set(2, 100);
+    let contents = memory.flash().contents_mut();
+    let at = contents.windows(100).rposition(|bytes| bytes == wanted).expect("the set that was saved");
+    contents[at + 50] ^= 4;
+    assert_eq!(amend(&mut memory, &set(1, 100), &set(3, 100)), Err(Error::Damaged));
 }
 
 #[test]

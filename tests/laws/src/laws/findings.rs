@@ -37,7 +37,8 @@ impl Law for Findings {
             }
             // Other commands have findings of their own.
             Event::Service(
-                Heard::Written(Idn(149 | 262..=264), Element::Data, _) | Heard::Refused(Idn(149 | 262..=264), ..),
+                Heard::Written(Idn(149 | 262..=264 | 293), Element::Data, _)
+                | Heard::Refused(Idn(149 | 262..=264 | 293), ..),
             ) => {
                 *self = Self::default();
             }
