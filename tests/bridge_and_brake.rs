@@ -3,7 +3,7 @@
 
 use crate::elf::{FOLLOW, Turning, on_qemu};
 use crate::running::{ADDRESS, Bench};
-use bench::{DriveSetup, Elf};
+use bench::{DriveSetup, Elf, Works};
 use ring::Nanoseconds;
 use ring::service_client::control;
 use std::cell::Cell;
@@ -31,7 +31,7 @@ struct Axis {
 impl Axis {
     /// The vertical axis, which nobody has switched on yet.
     fn new() -> Self {
-        let mut bench = Bench::vertical_on(on_qemu(), vec![]);
+        let mut bench = Bench::vertical_on(on_qemu(), Works::OfItsAxis);
         while bench.world.ring().master().phase() < 4 {
             assert!(bench.world.now() < Nanoseconds::from_millis(20_000), "{}", bench.world.ring().master().state());
             bench.run(Nanoseconds::from_millis(2));

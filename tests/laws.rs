@@ -6,7 +6,7 @@ use std::collections::BTreeMap;
 
 use crate::led::{Axis, FOLLOW, HALT, OFF};
 use crate::running::{ADDRESS, Bench};
-use bench::{DriveSetup, parameters_of};
+use bench::{DriveSetup, Works, parameters_of};
 use plant::ReferenceAxis;
 use ring::Nanoseconds;
 use ring::ident::{Idn, Value};
@@ -72,7 +72,7 @@ fn life_of_a_press() -> Bench {
 
 /// A vertical axis whose torque is taken by bit 14.
 fn life_of_a_vertical_axis() -> Bench {
-    let mut bench = Bench::vertical(vec![]);
+    let mut bench = Bench::vertical(Works::OfItsAxis);
     bench.run_to_operation();
     bench.run(Nanoseconds::from_millis(300));
     bench.world.ring_mut().master_mut().hold_switches(Some(0));

@@ -2,7 +2,8 @@
 //! back.
 
 use crate::running::{ADDRESS, Bench, script};
-use bench::{DriveSetup, product};
+use bench::{DriveSetup, Works};
+use plant::ReferenceAxis;
 use ring::Nanoseconds;
 use ring::ident::{Idn, Value};
 use ring::master::{CommandValues, MasterScript, Motion};
@@ -15,11 +16,16 @@ const BIT_15_OFF: u16 = control::ENABLE | control::NO_HALT;
 const UNDERVOLTAGE: u64 = 1 << 9;
 
 /// The press axis in velocity mode, turning with so many rpm, with these data blocks written before.
-fn turning(rpm: i32, parameters: Vec<(Idn, Value)>) -> Bench {
+fn turning(rpm: i32) -> Bench {
+    turning_on(Works::OfItsAxis, rpm, vec![])
+}
+
+/// The same on this amplifier, with these data blocks written before.
+fn turning_on(works: Works, rpm: i32, parameters: Vec<(Idn, Value)>) -> Bench {
     let drive = script().drives.remove(0).with_all(parameters);
     let motion = Motion::new(1_000_000, move |_| CommandValues::at_velocity(rpm * 10_000));
     let script = MasterScript { motion: Some(motion), stops_at_refusals: false, ..MasterScript::new(vec![drive]) };
-    let mut bench = Bench::new(DriveSetup::new(ADDRESS), script);
+    let mut bench = Bench::new(DriveSetup { works, ..DriveSetup::new(ADDRESS) }, script);
     for _ in 0..2_000 {
         bench.run(Nanoseconds::from_millis(10));
         if bench.rpm() > f64::from(rpm) * 0.998 {
@@ -33,12 +39,12 @@ fn turning(rpm: i32, parameters: Vec<(Idn, Value)>) -> Bench {
 
 /// The vertical axis with its brake open, held at zero velocity.
 fn held_up() -> Bench {
-    held_up_with(vec![])
+    held_up_on(Works::OfItsAxis)
 }
 
-/// The same with these data blocks written before.
-fn held_up_with(parameters: Vec<(Idn, Value)>) -> Bench {
-    let mut bench = Bench::vertical(parameters);
+/// The same on this amplifier.
+fn held_up_on(works: Works) -> Bench {
+    let mut bench = Bench::vertical(works);
     for _ in 0..2_000 {
         bench.run(Nanoseconds::from_millis(10));
         if bench.is_in_operation() {
@@ -133,7 +139,7 @@ fn an_emergency_stop_circuit_brakes_the_axis_out_of_the_dc_link_whichever_of_con
     for (opens, taken_back, error) in
         [(1, 1, UNDERVOLTAGE), (1, 4, UNDERVOLTAGE), (1, 40, UNDERVOLTAGE), (8, 1, 0), (60, 1, 0), (250, 1, 0)]
     {
-        let mut bench = turning(1_000, vec![]);
+        let mut bench = turning(1_000);
         let stop = watch(
             &mut bench,
             &mut [(opens, &mut |bench| contactor(bench, false)), (taken_back, &mut |bench| hold(bench, BIT_15_OFF))],
@@ -152,7 +158,7 @@ fn an_emergency_stop_circuit_brakes_the_axis_out_of_the_dc_link_whichever_of_con
 
 #[test]
 fn an_axis_in_operation_that_loses_its_mains_is_stopped_out_of_the_dc_link_and_says_why() {
-    let mut bench = turning(1_000, vec![]);
+    let mut bench = turning(1_000);
     let stop = watch(&mut bench, &mut [(1, &mut |bench| contactor(bench, false))]);
     assert_braked(&stop, "mains alone");
     assert_eq!((bench.number(CLASS_1), bench.number(DIAGNOSTIC_NUMBER)), (UNDERVOLTAGE, 0xF109));
@@ -202,7 +208,7 @@ fn a_vertical_axis_whose_mains_go_is_held_by_its_torque_until_its_brake_has_clos
 #[test]
 fn mains_that_fail_behind_a_closed_contactor_leave_a_vertical_axis_the_torque_to_close_its_brake() {
     // 280 V: the drive takes the mains for gone a sixteenth above, 297 V, and has 5 J from there on; holding takes 4 W, the brake 85 ms.
-    let mut bench = held_up_with(vec![(product(104), Value::Word(280))]);
+    let mut bench = held_up_on(Works::but_for(&ReferenceAxis::vertical(), |amplifier| amplifier.undervoltage = 280));
     let before = revolutions(&mut bench);
     let now = bench.world.now().0;
     bench.drive.motor_side.borrow_mut().machine().set_supply(0.0, now);
@@ -231,7 +237,11 @@ fn mains_that_fail_behind_a_closed_contactor_leave_a_vertical_axis_the_torque_to
 #[test]
 fn torque_goes_when_the_dc_link_falls_below_p_0_0104_before_the_axis_stands_and_says_why() {
     // 540 V are what the mains leave of 560 V at this speed: the first braking has to come out of a link that counts as empty.
-    let mut bench = turning(1_000, vec![(product(104), Value::Word(490)), (Idn(138), Value::Long(30_000))]);
+    let mut bench = turning_on(
+        Works::but_for(&ReferenceAxis::press(), |amplifier| amplifier.undervoltage = 490),
+        1_000,
+        vec![(Idn(138), Value::Long(30_000))],
+    );
     let stop =
         watch(&mut bench, &mut [(1, &mut |bench| hold(bench, BIT_15_OFF)), (20, &mut |bench| contactor(bench, false))]);
     // 30 rad/s^2 are less than the friction takes: the link has to drive the axis, and 1 mF between 560 V and 490 V are 37 J.
@@ -243,7 +253,7 @@ fn torque_goes_when_the_dc_link_falls_below_p_0_0104_before_the_axis_stands_and_
 
 #[test]
 fn without_main_power_nothing_is_switched_on_however_full_the_dc_link_is() {
-    let mut bench = turning(300, vec![]);
+    let mut bench = turning(300);
     hold(&mut bench, BIT_15_OFF);
     bench.run(Nanoseconds::from_millis(300));
     assert!(!bench.has_torque());
@@ -255,7 +265,7 @@ fn without_main_power_nothing_is_switched_on_however_full_the_dc_link_is() {
     assert!(!bench.has_torque());
     assert_eq!(bench.number(CLASS_1), 0, "a warning is enough");
     // And in the middle of a stop: bit 15 comes again, the axis still comes to its rest.
-    let mut bench = turning(1_000, vec![]);
+    let mut bench = turning(1_000);
     let stop = watch(
         &mut bench,
         &mut [

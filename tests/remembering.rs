@@ -169,7 +169,8 @@ fn writes_under_torque_wait_until_it_goes() {
     assert_eq!(bench.number(182) & 8, 8);
     bench.world.ring_mut().master_mut().restart(only_communication(false));
     bench.run(Nanoseconds::from_millis(1_500));
-    let mut bench = in_cp4(Executor::Host, flash_of(&bench));
+    let setup = DriveSetup { flash: flash_of(&bench), ..DriveSetup::new(ADDRESS) };
+    let mut bench = run_up(Bench::on(Executor::Host, setup, only_communication(false)));
     assert_eq!(bench.number(41), 77);
 }
 

@@ -43,7 +43,7 @@ fn a_ring_with_59_us_from_mdt_to_at_is_served_in_time() {
 
 #[test]
 fn a_processor_too_slow_for_a_tight_ring_is_found_out() {
-    let mut drive = DriveSetup::new(1);
+    let mut drive = DriveSetup::catalogue(1);
     drive.latency.background = Nanoseconds::from_microseconds(62);
     let options = ReplayOptions { drive, ..ReplayOptions::on_host() };
     let report = replay(tight_ring(), &options, &mut |_| {}).unwrap();
@@ -89,7 +89,7 @@ fn other_ring(cycle: u16, bit_rate: BitRate) -> Recording {
 }
 
 fn failures_with(recording: &Recording, (name, alternatives): &(String, Alternatives)) -> Vec<String> {
-    let drive = DriveSetup { alternatives: *alternatives, ..DriveSetup::new(1) };
+    let drive = DriveSetup { alternatives: *alternatives, ..DriveSetup::catalogue(1) };
     let options = ReplayOptions { drive, ..ReplayOptions::on_host() };
     let report = replay(recording.clone(), &options, &mut |_| {}).unwrap();
     let failed = report.drives.iter().filter_map(|drive| Some((drive.address, drive.failure.as_ref()?)));

@@ -20,7 +20,7 @@ fn run(script: MasterScript, setups: &[DriveSetup]) -> ring::master::MasterRepor
 #[test]
 fn three_drives_reach_cp4() {
     let drives = [1, 2, 3].map(|address| DriveScript::new(address, Telegram::standard(2).unwrap()));
-    let report = run(MasterScript::new(drives.to_vec()), &[1, 2, 3].map(DriveSetup::new));
+    let report = run(MasterScript::new(drives.to_vec()), &[1, 2, 3].map(DriveSetup::catalogue));
     assert_eq!(report.error, None);
     assert_eq!(report.phases.last().map(|phase| phase.phase), Some(4));
     for drive in &report.drives {
@@ -44,7 +44,7 @@ fn whichever_way_the_silicon_turns_out_the_ring_runs_up() {
     println!("{} variants", variants.len());
     for (name, alternatives) in variants {
         let drives = [1, 2].map(|address| DriveScript::new(address, lists.clone()));
-        let setups = [1, 2].map(|address| DriveSetup { alternatives, ..DriveSetup::new(address) });
+        let setups = [1, 2].map(|address| DriveSetup { alternatives, ..DriveSetup::catalogue(address) });
         let report = run(MasterScript::new(drives.to_vec()), &setups);
         if let Some(error) = report.error {
             failures.push(format!("{name}: {error}"));
@@ -57,7 +57,7 @@ fn whichever_way_the_silicon_turns_out_the_ring_runs_up() {
 fn a_parameter_that_does_not_fit_keeps_the_ring_out_of_cp3_and_is_named_in_s_0_0021() {
     // S-0-0001 of 3 ms is no multiple of S-0-0002, 2 ms.
     let drive = DriveScript::new(1, Telegram::standard(2).unwrap()).with(Idn(1), Value::Word(3_000));
-    let report = run(MasterScript::new(vec![drive]), &[DriveSetup::new(1)]);
+    let report = run(MasterScript::new(vec![drive]), &[DriveSetup::catalogue(1)]);
     match &report.error {
         Some(MasterError::CheckRefused { address: 1, invalid, .. }) => assert_eq!(invalid, &[Idn(1)]),
         other => panic!("{other:?}"),

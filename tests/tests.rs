@@ -2,6 +2,7 @@
 //!
 //! One program, because each would be linked with everything for itself.
 
+mod amplifier;
 mod blocked;
 mod bridge_and_brake;
 mod commissioning;

@@ -23,6 +23,7 @@
 //! | [`timestamp`] | TIM5 | microseconds for logs |
 //! | [`switches`] | GPIO | drive address and baud rate |
 //! | [`parameter_flash`] | flash controller | the two sectors of the parameters |
+//! | [`production_record`] | flash | what the works have written of this unit |
 //! | [`crash`] | RAM | the record of a crash, kept over the reset |
 //! | [`stack_guard`] | MPU | stops a stack before it reaches the statics |
 //! | `loop_watchdog` | WWDG | ends a program whose loops do not run |
@@ -62,6 +63,7 @@ mod motor_side;
 pub mod parameter_flash;
 mod permit;
 pub mod pins;
+pub mod production_record;
 pub mod stack_guard;
 pub mod switches;
 pub mod timestamp;

@@ -1,13 +1,13 @@
 //! The motor side of the board as the tasks of the loop tick see it.
 
-use drive::{Hardware, Inputs, InterruptLine, ProbeInput, ResetCause};
+use drive::{Amplifier, Hardware, Inputs, InterruptLine, ProbeInput, ResetCause};
 
 use crate::{
     brake_coil::BrakeCoil,
     bridge::Bridge,
     edge_latches::{Edge, EdgeLatches},
     encoder::Encoder,
-    facts::Kind,
+    facts::{AMPLIFIER, Kind},
     inputs, interrupt_pins,
     loop_phase::LoopPhase,
 };
@@ -25,6 +25,8 @@ pub struct MotorSide {
 
 impl Hardware for MotorSide {
     type Board = Kind;
+
+    const AMPLIFIER: Amplifier = AMPLIFIER;
 
     #[inline(always)]
     fn encoder_count(&mut self) -> u32 {

@@ -1,6 +1,6 @@
 //! One drive on a ring with the scripted master, running or about to, and what a test asks of it.
 
-use bench::{DriveHandle, DriveSetup, Executor, World, parameters_of, product, ring_of_drives_on};
+use bench::{DriveHandle, DriveSetup, Executor, Works, World, parameters_of, product, ring_of_drives_on};
 use plant::ReferenceAxis;
 use ring::chip::Alternatives;
 use ring::fibre::{Effect, Fault, TelegramKind};
@@ -61,14 +61,13 @@ impl Bench {
         panic!("{}", bench.world.ring().master().state());
     }
 
-    /// A vertical axis with its brake and its commutation angle, and these data blocks written besides, before its run-up; it is to be held at
-    /// zero velocity.
-    pub(crate) fn vertical(parameters: Vec<(Idn, Value)>) -> Self {
-        Self::vertical_on(Executor::Host, parameters)
+    /// A vertical axis with its brake and its commutation angle before its run-up; it is to be held at zero velocity.
+    pub(crate) fn vertical(works: Works) -> Self {
+        Self::vertical_on(Executor::Host, works)
     }
 
     /// The same, and where it runs.
-    pub(crate) fn vertical_on(executor: Executor, parameters: Vec<(Idn, Value)>) -> Self {
+    pub(crate) fn vertical_on(executor: Executor, works: Works) -> Self {
         let axis = ReferenceAxis::vertical();
         let encoder = axis.machine.encoder;
         let angle = (encoder.electrical_zero * f64::from(axis.machine.windings.pole_pairs)).fract() * 36_000.0;
@@ -78,11 +77,10 @@ impl Bench {
             .with(product(120), Value::Word(3))
             .with(product(118), Value::Long(angle as u32))
             .with(Idn(206), Value::Word(60))
-            .with(Idn(207), Value::Word(60))
-            .with_all(parameters);
+            .with(Idn(207), Value::Word(60));
         let motion = Motion::new(1_000_000, |_| CommandValues::default());
         let script = MasterScript { motion: Some(motion), stops_at_refusals: false, ..MasterScript::new(vec![drive]) };
-        Self::on(executor, DriveSetup { axis, ..DriveSetup::new(ADDRESS) }, script)
+        Self::on(executor, DriveSetup { axis, works, ..DriveSetup::new(ADDRESS) }, script)
     }
 
     pub(crate) fn run(&mut self, span: Nanoseconds) {

@@ -104,8 +104,8 @@ fn rows(axis: Axis) -> String {
         for ((_, event), cells) in events.iter().zip(&mut cells) {
             let mut rig = Rig::in_state(axis, state);
             let begun = match event {
-                Event::Mistake(Mistake::Panic, _) => Some(reached),
-                // Within 62.5 us; a handler that is entered later is that of the watchdog.
+                Event::Mistake(Mistake::Panic, _) | Event::Mistake(Mistake::Hang, TASK) => Some(reached),
+                // The current loop, within 62.5 us; a handler that is entered later is that of the watchdog.
                 Event::Mistake(Mistake::Hang, _) => Some(rig.world.now()),
                 _ => None,
             };

@@ -45,6 +45,7 @@ mod app {
     use core::pin::pin;
     use core::task::{Context, Waker};
     use drive::crash::{CrashRecord, MOST_CRASHES_IN_A_ROW};
+    use drive::production::Production;
     use drive::remembering::{self, Recollection};
     use drive::{Communication, CurrentControl, CurrentLink, Drive, DriveAddress};
     use drive::{Identity, Motion, RingInterrupts, Scope, Tasks};
@@ -111,6 +112,10 @@ mod app {
             defmt::error!("{=u8} on the address switches is no drive address", settings.address);
             remain_a_repeater()
         };
+        let production = Production::read(board::production_record::bytes());
+        if let Production::Unreadable(error) = &production {
+            defmt::error!("production record: {}", error);
+        }
         PERMIT.always();
         let buffer = context.local.page;
         let mut memory = Memory::new(parameter_flash);
@@ -118,7 +123,8 @@ mod app {
         if let Some(trouble) = told_of_memory(&recollection) {
             defmt::warn!("parameters: {=str}", trouble);
         }
-        let drive = drive::new(bus, motor_side, inverter, &LINK, context.local.scope, identity, recollection);
+        let drive =
+            drive::new(bus, motor_side, inverter, &LINK, context.local.scope, identity, production, recollection);
         let Drive { current, mut interrupts, communication, mut motion } = match drive {
             Ok(drive) => drive,
             Err(error) => {

@@ -10,17 +10,20 @@ use sercos::phase::{PhaseChange, PhaseError};
 use sercos::service::{ReadPosition, Reply, Server, Step};
 use sercos::transition::OPERATION_MODES;
 use sercos::{Idn, Phase, PhaseMachine};
+use servo::motor::Facts;
 
+use crate::amplifier::Amplifier;
 use crate::crash::{CrashRecord, LastCrash};
 use crate::diagnosis::error_memory::{ErrorMemory, ErrorRecord, seconds};
 use crate::diagnosis::news::Announcement;
 use crate::diagnosis::table::{SAVE_CUT, of_phase_error};
-use crate::dictionary::DICTIONARY;
 use crate::dictionary::procedures::Procedure;
+use crate::dictionary::{DICTIONARY, parameters_on};
 use crate::hardware::Hardware;
 use crate::identity::Identity;
 use crate::interrupts::RingInterrupts;
 use crate::motion::Motion;
+use crate::production::Production;
 use crate::remembering::keeping::{Keep, Keeping, MemoryFailure};
 use crate::remembering::log::{KeptPosition, Log, Moment};
 use crate::remembering::set::{self, Recollection};
@@ -70,6 +73,7 @@ pub struct PhaseReport {
 #[derive(Debug)]
 pub struct Communication<B> {
     identity: Identity,
+    production: Production,
     slave: Slave<B>,
     service: ServicePort<B>,
     phases: PhaseMachine,
@@ -90,11 +94,12 @@ pub struct Communication<B> {
 }
 
 impl<B: Bus + Clone> Communication<B> {
-    /// A drive that has not touched its chip yet.
-    pub fn new(bus: B, identity: Identity) -> Self {
-        let parameters = Parameters::new(&DICTIONARY);
+    /// A drive that has not touched its chip yet, with its production record; `of_board` is the amplifier that it has without one.
+    pub fn new(bus: B, identity: Identity, production: Production, of_board: &Amplifier, facts: &Facts) -> Self {
+        let parameters = parameters_on(production.amplifier(of_board), facts);
         Self {
             identity,
+            production,
             slave: Slave::new(bus.clone()),
             service: ServicePort::new(bus),
             phases: PhaseMachine::new(),
@@ -258,6 +263,11 @@ impl<B: Bus + Clone> Communication<B> {
         self.phases.current()
     }
 
+    /// The amplifier; `of_board` is the one without a production record.
+    pub(crate) const fn amplifier<'a>(&'a self, of_board: &'a Amplifier) -> &'a Amplifier {
+        self.production.amplifier(of_board)
+    }
+
     /// The parameters, for tests and tools beside the ring.
     pub fn parameters(&self) -> &Parameters {
         &self.parameters
@@ -322,6 +332,7 @@ impl<B: Bus + Clone> Communication<B> {
             checks: &mut self.checks,
             commissioning: &mut self.commissioning,
             identity: &self.identity,
+            production: &self.production,
             access: &mut self.access,
             rescaling: &mut self.rescaling,
             errors: &self.errors,

@@ -11,13 +11,17 @@ pub(crate) mod lists;
 pub(crate) mod numbers;
 pub(crate) mod procedures;
 mod product;
+pub(crate) mod ratings;
 mod ring;
 pub(crate) mod texts;
 
 use sercos::Idn;
 use sercos::data_block::DataBlock;
+use sercos::parameters::Parameters;
 use sercos::transition::{CyclicConfiguration, CyclicDatum};
+use servo::motor::Facts;
 
+use crate::amplifier::Amplifier;
 use crate::signal::command::COMMAND_VALUES;
 use crate::signal::feedback::FEEDBACK_VALUES;
 use crate::signal::limit::LIMITS;
@@ -31,6 +35,7 @@ use lists::{LONG_LISTS, WORD_LISTS};
 use numbers::NUMBERS;
 use procedures::PROCEDURES;
 use product::PRODUCT_PARAMETERS;
+use ratings::RATINGS;
 use ring::RING_PARAMETERS;
 use texts::TEXTS;
 
@@ -40,6 +45,7 @@ sercos::dictionary! {
     RING_PARAMETERS,
     AXIS_PARAMETERS,
     PRODUCT_PARAMETERS,
+    RATINGS as Rating,
     LIMITS as Limit,
     COMMAND_VALUES as Command,
     FEEDBACK_VALUES as Feedback,
@@ -56,6 +62,18 @@ sercos::dictionary! {
 pub(crate) fn access_of(block: &DataBlock) -> Access {
     // Every block of the table has its row there.
     ACCESSORS.get(block.row()).copied().unwrap_or(Access::Parameter)
+}
+
+/// All parameters as the table gives them, with the ratings of this amplifier on a board with these facts.
+pub fn parameters_on(amplifier: &Amplifier, facts: &Facts) -> Parameters {
+    let mut parameters = Parameters::new(&DICTIONARY);
+    amplifier.show(facts, &mut parameters);
+    parameters
+}
+
+/// The amplifier gives the operation data, not the table.
+pub fn is_rating(block: &DataBlock) -> bool {
+    matches!(access_of(block), Access::Rating(_))
 }
 
 /// What bits can do with the data block of an IDN; `None`: nothing.

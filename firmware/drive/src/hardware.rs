@@ -2,12 +2,17 @@
 
 use servo::motor::BoardKind;
 
+use crate::amplifier::Amplifier;
+
 /// The motor side of a board, as the tasks of the loop tick see it.
 ///
 /// Every call is a few register accesses; none may wait.
 pub trait Hardware {
     /// The board that it is on.
     type Board: BoardKind;
+
+    /// The amplifier that this board has where no production record tells of another one.
+    const AMPLIFIER: Amplifier;
 
     /// The encoder counter now, in increments (four per line), wrapping at 2^32.
     fn encoder_count(&mut self) -> u32;

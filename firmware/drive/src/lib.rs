@@ -27,6 +27,7 @@
 #[cfg(test)]
 extern crate std;
 
+mod amplifier;
 mod communication;
 mod coordinates;
 pub mod crash;
@@ -40,6 +41,7 @@ mod limits;
 mod motion;
 mod operation_mode;
 pub mod oscilloscope;
+pub mod production;
 pub mod remembering;
 pub mod service;
 mod settings;
@@ -48,6 +50,7 @@ mod snapshot;
 mod state;
 mod tasks;
 
+pub use amplifier::Amplifier;
 pub use communication::{Communication, PhaseReport, StartError};
 pub use diagnosis::error_memory::{ERRORS, ErrorMemory, ErrorRecord};
 pub use diagnosis::table::{DIAGNOSES, Diagnosis, Severity, diagnose, of_phase_error};
@@ -77,10 +80,10 @@ pub use servo::monitor::{Divider, TemperatureSensor, Thermometers};
 pub use servo::motor::{BoardKind, CurrentControl, CurrentLink, CurrentLoopValues, Cycle, Facts, PowerStage, Samples};
 pub use servo::scope::Scope;
 
+use crate::production::Production;
 use crate::remembering::set::Recollection;
 
 use sercon816::Bus;
-use sercos::parameters::Parameters;
 
 /// The four parts of a drive; each belongs to the tasks of one priority.
 #[derive(Debug)]
@@ -108,11 +111,12 @@ pub fn new<B: Bus + Clone, H: Hardware, P: PowerStage<Board = H::Board>>(
     link: &'static CurrentLink,
     scope: &'static mut Scope,
     identity: Identity,
+    production: Production,
     recollection: Recollection<'_>,
 ) -> Result<Drive<B, H, P>, InvalidSetting> {
     let address = identity.address.get();
-    let (communication, remembers) = recalled(bus.clone(), identity, recollection);
-    let settings = settings_at_start::<H>(communication.parameters())?;
+    let (communication, remembers) = recalled::<B, H>(bus.clone(), identity, production, recollection);
+    let settings = settings_at_start::<H>(&communication)?;
     let current = CurrentControl::new(stage, link, settings.motor.current);
     let mut motion = Motion::new(bus.clone(), address, hardware, link, scope, settings);
     if !remembers {
@@ -124,17 +128,26 @@ pub fn new<B: Bus + Clone, H: Hardware, P: PowerStage<Board = H::Board>>(
 // Those two and `new` have frames of their own, so that the start, which holds the whole drive on its stack, does not hold what they work with besides.
 
 #[inline(never)]
-fn recalled<B: Bus + Clone>(bus: B, identity: Identity, recollection: Recollection<'_>) -> (Communication<B>, bool) {
-    let mut communication = Communication::new(bus, identity);
+fn recalled<B: Bus + Clone, H: Hardware>(
+    bus: B,
+    identity: Identity,
+    production: Production,
+    recollection: Recollection<'_>,
+) -> (Communication<B>, bool) {
+    let mut communication = Communication::new(bus, identity, production, &H::AMPLIFIER, &<H::Board>::FACTS);
     let remembers = communication.recall(recollection);
     (communication, remembers)
 }
 
-/// A set that another program has saved may not go together here: then the loops begin with the defaults, and S-0-0128 finds it.
+/// A set that another program has saved may not go together here: then the loops begin with the defaults, and S-0-0128 finds it. So may the defaults, with an
+/// amplifier of another size: then they begin with that of the board.
 #[inline(never)]
-fn settings_at_start<H: Hardware>(parameters: &Parameters) -> Result<DriveSettings, InvalidSetting> {
-    match service::loops::settings::<H>(parameters) {
-        Ok(settings) => Ok(settings),
-        Err(_) => service::loops::settings::<H>(&Parameters::new(&DICTIONARY)),
-    }
+fn settings_at_start<H: Hardware>(
+    communication: &Communication<impl Bus + Clone>,
+) -> Result<DriveSettings, InvalidSetting> {
+    let settings = service::loops::settings::<H>;
+    let defaults = |amplifier: &Amplifier| settings(&dictionary::parameters_on(amplifier, &<H::Board>::FACTS));
+    settings(communication.parameters())
+        .or_else(|_| defaults(communication.amplifier(&H::AMPLIFIER)))
+        .or_else(|_| defaults(&H::AMPLIFIER))
 }

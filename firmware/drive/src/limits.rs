@@ -270,12 +270,11 @@ impl CyclicLimits {
 mod tests {
     use super::*;
     use crate::dictionary::{DICTIONARY, source};
-    use sercos::parameters::Parameters;
 
     fn carried(limits: &[Limit]) -> CyclicLimits {
         let mut cyclic = CyclicLimits::default();
         cyclic.configure(limits.iter().copied());
-        cyclic.restart(&LimitValues::new(&Parameters::new(&DICTIONARY)));
+        cyclic.restart(&LimitValues::new(&crate::service::rig::parameters()));
         cyclic.obey(true);
         cyclic.take_changed();
         cyclic
@@ -384,7 +383,7 @@ mod tests {
     }
 
     fn scale() -> LimitScale {
-        crate::settings::DriveSettings::new(&Parameters::new(&DICTIONARY), &crate::service::rig::FACTS, source)
+        crate::settings::DriveSettings::new(&crate::service::rig::parameters(), &crate::service::rig::FACTS, source)
             .unwrap()
             .motion
             .limit_scale

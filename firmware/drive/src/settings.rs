@@ -453,12 +453,12 @@ fn setpoint_ahead(parameters: &Parameters, facts: &Facts) -> i32 {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::dictionary::{DICTIONARY, source};
+    use crate::dictionary::source;
     use crate::service::rig::FACTS;
     use servo::units::CurrentFraction;
 
     fn with(changes: &[(u16, u32)]) -> Parameters {
-        let mut parameters = Parameters::new(&DICTIONARY);
+        let mut parameters = crate::service::rig::parameters();
         for &(number, value) in changes {
             parameters.set(Idn::standard(number), value.into()).unwrap();
         }
@@ -467,7 +467,7 @@ mod tests {
 
     #[test]
     fn the_defaults_of_the_table_make_a_drive() {
-        let settings = DriveSettings::new(&Parameters::new(&DICTIONARY), &FACTS, source).unwrap();
+        let settings = DriveSettings::new(&crate::service::rig::parameters(), &FACTS, source).unwrap();
         assert_eq!(settings.motion.cycle.ticks_per_cycle, 16);
         assert_eq!(settings.motion.modes[0], Some(OperationMode::Velocity));
         assert_eq!(settings.motion.modes[1..], [None; 7]);
@@ -537,15 +537,15 @@ mod tests {
         let rms = core::f64::consts::SQRT_2;
         // 5 A of the motor and 4.5 A across are 6.73 A; and what is given is the crest of a sine.
         for (motor, level, amplitude) in [
-            (5_000, 0, 1.25 * 5.0 * 1.81_f64.sqrt() * rms),
-            (100, 0, 0.1 * 1.81_f64.sqrt() * rms + 0.5),
-            (5_000, 8_750, 8.75 * rms),
-            (9_000, 0, 1.25 * 9.0 * 1.81_f64.sqrt() * rms),
+            (5_000, 17_500, 1.25 * 5.0 * 1.81_f64.sqrt() * rms),
+            (100, 17_500, 0.1 * 1.81_f64.sqrt() * rms + 0.5),
+            (5_000, 7_000, 7.0 * rms),
+            (9_000, 17_500, 1.25 * 9.0 * 1.81_f64.sqrt() * rms),
         ] {
             let actual = counts(motor, level);
             assert!((actual - of(amplitude)).abs() < 8.0, "{motor} {level}: {actual}, expected {}", of(amplitude));
         }
-        assert_eq!(counts(14_000, 0), counts(20_000, 0), "the amplifier's");
+        assert_eq!(counts(14_000, 15_000), counts(20_000, 15_000), "the amplifier's");
     }
 
     #[test]
@@ -592,7 +592,7 @@ mod tests {
     #[test]
     fn position_commands_are_joined_by_cubics_from_4_ms_on_unless_p_0_0141_says_otherwise() {
         let of = |cycle: u64, choice: Option<u64>| {
-            let mut parameters = Parameters::new(&DICTIONARY);
+            let mut parameters = crate::service::rig::parameters();
             parameters.set(Idn::standard(1), cycle).unwrap();
             if let Some(choice) = choice {
                 parameters.set(Idn::product(141), choice).unwrap();
@@ -610,7 +610,7 @@ mod tests {
     #[test]
     fn a_shift_of_the_set_point_is_seen_in_both_kinds_of_position_control() {
         let shifted = |microseconds: i16| {
-            let mut parameters = Parameters::new(&DICTIONARY);
+            let mut parameters = crate::service::rig::parameters();
             parameters.set(Idn::product(230), microseconds.cast_unsigned().into()).unwrap();
             assert_eq!(setpoint_ahead(&parameters, &FACTS), 122_800 + i32::from(microseconds) * 1_000);
             let settings = DriveSettings::new(&parameters, &FACTS, source).unwrap();

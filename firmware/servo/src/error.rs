@@ -90,7 +90,7 @@ pub enum SettingsError {
     InducedVoltage {
         /// Peak voltage between two phases at S-0-0113, in V.
         actual: u32,
-        /// P-0-0105 in V.
+        /// P-0-0239 in V.
         maximum: u32,
     },
     /// The shut-down temperature must not be above the hottest that the sensor shows.
@@ -159,7 +159,7 @@ impl fmt::Display for SettingsError {
             Self::InducedVoltage { actual, maximum } => {
                 write!(
                     formatter,
-                    "magnets induce {actual} V between two phases at this speed, expected at most P-0-0105 of {maximum} V, or P-0-0239 = 1"
+                    "magnets induce {actual} V between two phases at this speed, expected at most P-0-0239 of {maximum} V"
                 )
             }
             Self::BeyondSensor { actual, hottest } => {

@@ -1,4 +1,4 @@
-//! What a commissioning engineer writes into a drive for an axis: motor, bridge and loops.
+//! What a commissioning engineer writes into a drive for an axis: motor and loops.
 
 use plant::ReferenceAxis;
 use ring::ident::{Idn, Value};
@@ -15,7 +15,6 @@ pub fn parameters_of(axis: &ReferenceAxis) -> Vec<(Idn, Value)> {
     let inertia = mechanics.rotor_inertia + mechanics.load.map_or(0.0, |load| load.inertia);
     let word = |value: f64| Value::Word(value.round() as u16);
     let long = |value: f64| Value::Long(value.round() as u32);
-    let supply = axis.machine.supply.voltage;
     // Currents of the data blocks are RMS values.
     let rms = |amplitude: f64| amplitude * core::f64::consts::FRAC_1_SQRT_2;
     let current = |milliamperes: u32| long(rms(milliamperes.into()));
@@ -26,18 +25,11 @@ pub fn parameters_of(axis: &ReferenceAxis) -> Vec<(Idn, Value)> {
         (Idn(106), word(CURRENT_CROSSING * windings.inductance_q * 1_000.0)),
         (Idn(107), word(windings.inductance_q / windings.resistance * 10_000.0)),
         (Idn(109), current(axis.peak_current)),
-        (Idn(110), current(axis.peak_current)),
         (Idn(111), current(axis.standstill_current)),
-        (Idn(112), current(axis.peak_current / 2)),
         (Idn(113), Value::Long((axis.maximum_speed * 10_000).min(countable(&axis.machine.encoder)))),
         (Idn(116), Value::Long(axis.machine.encoder.increments_per_revolution / 4)),
         (Idn(138), Value::Long(gains.acceleration_limit)),
         (Idn(392), Value::Word(gains.velocity_filter)),
-        (product(100), long(axis.machine.current_sensors.range * 1_000.0)),
-        (product(101), word(axis.machine.bus_range)),
-        (product(104), word(supply / 2.0)),
-        (product(105), word(supply * 1.4)),
-        (product(239), Value::Word(u16::from(axis.induces_more_than(supply * 1.4)))),
         (product(110), Value::Word(windings.pole_pairs as u16)),
         (product(111), long(windings.resistance * 1_000.0)),
         (product(112), long(windings.inductance_d * 1e6)),

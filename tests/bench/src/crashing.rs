@@ -67,13 +67,28 @@ fn held<M: Master>(
     let (chip, motor_side) = station(setup, bit_rate, &configuration.clock);
     let measurements = SharedMeasurements::default();
     let parts = (&chip, &motor_side);
-    let drive = QemuDrive::start(elves, parts, &setup.flash, setup.address, bit_rate, measurements.clone())?;
+    let drive = QemuDrive::start(
+        elves,
+        parts,
+        (&setup.flash, setup.works.sector(&setup.axis)),
+        setup.address,
+        bit_rate,
+        measurements.clone(),
+    )?;
     let elf = Some(drive.elf());
     let drive = Rc::new(RefCell::new(drive));
     let inhabited =
         Inhabited { processor: Box::new(Held(drive.clone())), motor_side: motor_side.clone(), laws: laws.clone() };
     let ring = Ring::new(configuration, master, vec![chip.clone()]);
-    let handle =
-        DriveHandle { address: setup.address, chip, motor_side, measurements, flash: Rc::default(), elf, laws };
+    let handle = DriveHandle {
+        address: setup.address,
+        axis: setup.axis,
+        chip,
+        motor_side,
+        measurements,
+        flash: Rc::default(),
+        elf,
+        laws,
+    };
     Ok((World::new(ring, vec![inhabited]), handle, drive))
 }

@@ -22,6 +22,7 @@ pub mod replay;
 pub mod report;
 pub mod ring_of_drives;
 pub mod traced;
+mod works;
 pub mod world;
 
 pub use axis::{commissioned, parameters_of, product};
@@ -37,4 +38,5 @@ pub use qemu_drive::QemuDrive;
 pub use replay::{ReplayError, ReplayOptions, replay};
 pub use ring_of_drives::{DriveHandle, DriveSetup, ring_of_drives, ring_of_drives_on};
 pub use traced::{StackUse, TraceError, Traced, traced};
+pub use works::{Works, amplifier_of, record_of};
 pub use world::{Inhabited, World};

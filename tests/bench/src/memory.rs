@@ -4,15 +4,18 @@ use std::cell::RefCell;
 use std::rc::Rc;
 use std::sync::OnceLock;
 
-use drive::DICTIONARY;
+use drive::dictionary::{is_rating, parameters_on};
 use drive::remembering::{Recollection, read_set, recall, write_set};
+use drive::{Amplifier, BoardKind, DICTIONARY};
 use embassy_futures::block_on;
 use embedded_storage_async::nor_flash::{ErrorType, MultiwriteNorFlash, NorFlash, ReadNorFlash};
 use flash::{FlashError, FlashModel};
 use memory::{MOST_BYTES, Memory};
 use ring::ident::Idn;
-use sercos::data_block::Selection;
+use sercos::data_block::{DataBlock, Selection};
 use sercos::parameters::Parameters;
+
+use crate::motor_side::HostBoard;
 
 /// The flash of a drive, which outlives it.
 pub type SharedFlash = Rc<RefCell<FlashModel>>;
@@ -68,8 +71,18 @@ pub fn set_in(flash: &FlashModel) -> Option<Vec<u8>> {
 /// What a drive remembers that is started over this flash, as its control would read it; nothing where there is no set.
 pub(crate) fn remembered(flash: &FlashModel) -> Vec<(Idn, Vec<u16>)> {
     let Some(parameters) = set_in(flash).and_then(|set| read_set(&set)) else { return Vec::new() };
+    values_of(&parameters, |block| block.is_in(Selection::Backup))
+}
+
+/// What the amplifier of a drive gives it, as its control would read it.
+pub(crate) fn ratings(amplifier: &Amplifier) -> Vec<(Idn, Vec<u16>)> {
+    let parameters = parameters_on(amplifier, &HostBoard::FACTS);
+    values_of(&parameters, is_rating)
+}
+
+fn values_of(parameters: &Parameters, which: impl Fn(&DataBlock) -> bool) -> Vec<(Idn, Vec<u16>)> {
     let words = |bytes: &[u8]| bytes.chunks(2).map(|pair| u16::from_le_bytes([pair[0], pair[1]])).collect();
-    let values = DICTIONARY.select(Selection::Backup).filter(|block| block.fixed_bytes().is_some());
+    let values = DICTIONARY.blocks().iter().filter(|block| block.fixed_bytes().is_some() && which(block));
     values.map(|block| (Idn(block.idn.0), words(&parameters.bytes(block)))).collect()
 }
 

@@ -393,8 +393,27 @@ impl BoardKind for HostBoard {
     };
 }
 
+/// That of the board.
+const AMPLIFIER: drive::Amplifier = drive::Amplifier {
+    peak_current: 14_142,
+    continuous_current: 7_071,
+    trip_current: 17_677,
+    current_range: 25_000,
+    dead_time_band: 200,
+    bus_range: 500,
+    undervoltage: 150,
+    overvoltage: 440,
+    withstand_voltage: 600,
+    least_resistance: 220,
+    warning_temperature: 800,
+    shutdown_temperature: 900,
+    thermal_time_constant: 5_000,
+};
+
 impl Hardware for MotorSide {
     type Board = HostBoard;
+
+    const AMPLIFIER: drive::Amplifier = AMPLIFIER;
 
     fn encoder_count(&mut self) -> u32 {
         let state = &mut *self.state.borrow_mut();

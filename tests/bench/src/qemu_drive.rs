@@ -2,6 +2,7 @@
 
 use std::cell::RefMut;
 
+use drive::production::RECORD_BYTES;
 use emulator::{DigitalInputs, EmulatorError, Environment, Guest, GuestConfiguration, IndexEdge, Reset, Stopped};
 use flash::FlashModel;
 use ring::Nanoseconds;
@@ -32,7 +33,7 @@ impl QemuDrive {
     pub fn start(
         elves: &Elves,
         (chip, motor_side): (&SharedChip, &SharedMotorSide),
-        flash: &FlashModel,
+        (flash, production): (&FlashModel, [u8; RECORD_BYTES]),
         address: u8,
         bit_rate: BitRate,
         measurements: SharedMeasurements,
@@ -46,6 +47,7 @@ impl QemuDrive {
         let stuck = |error: EmulatorError| ProcessorError::Stuck { address, cause: error.to_string() };
         let mut guest = Guest::start(&how).map_err(stuck)?;
         guest.set_flash(flash.clone()).map_err(stuck)?;
+        guest.set_production_record(production.to_vec()).map_err(stuck)?;
         motor_side.borrow_mut().leave_breaks();
         let elf = Elf::new(guest);
         let environment = QemuEnvironment {

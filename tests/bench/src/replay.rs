@@ -30,7 +30,7 @@ impl ReplayOptions {
     /// At 2 Mbit/s, all drives on this computer, on chips that behave as proposed.
     #[must_use]
     pub fn on_host() -> Self {
-        Self { bit_rate: BitRate::M2, executor: Executor::Host, drive: DriveSetup::new(1) }
+        Self { bit_rate: BitRate::M2, executor: Executor::Host, drive: DriveSetup::catalogue(1) }
     }
 }
 

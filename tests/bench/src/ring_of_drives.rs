@@ -3,7 +3,8 @@
 use std::cell::RefCell;
 use std::rc::Rc;
 
-use drive::{DriveAddress, Identity};
+use drive::production::Production;
+use drive::{DriveAddress, Hardware, Identity};
 use flash::FlashModel;
 use laws::{Observer, SharedObserver};
 use plant::ReferenceAxis;
@@ -17,11 +18,12 @@ use sercon816::{Block, MasterClock, Transceiver};
 use crate::elf::Elf;
 use crate::executor::{Executor, SharedMeasurements};
 use crate::host_drive::{HostDrive, Latency};
-use crate::memory::{SharedFlash, remembered, saved_defaults};
-use crate::motor_side::{MotorSideState, SharedMotorSide};
+use crate::memory::{SharedFlash, ratings, remembered, saved_defaults};
+use crate::motor_side::{MotorSide, MotorSideState, SharedMotorSide};
 use crate::processor::{Processor, ProcessorError};
 use crate::qemu_drive::QemuDrive;
 use crate::report::MissedTelegrams;
+use crate::works::Works;
 use crate::world::{Inhabited, World};
 
 /// One drive of a ring.
@@ -37,6 +39,8 @@ pub struct DriveSetup {
     pub latency: Latency,
     /// How fast its crystal is, in ppm.
     pub clock_ppm: i64,
+    /// What the works have told it of its amplifier.
+    pub works: Works,
     /// What it remembers.
     pub flash: FlashModel,
 }
@@ -50,13 +54,14 @@ impl DriveSetup {
             axis: ReferenceAxis::press(),
             latency: Latency::default(),
             clock_ppm: 0,
+            works: Works::OfItsAxis,
             flash: saved_defaults(),
         }
     }
 
-    /// The motor that the defaults of the drive's parameters describe: it runs without any parameter written.
+    /// The motor that the defaults of the drive's parameters describe, on a board as it comes: it runs without any parameter written.
     pub fn catalogue(address: u8) -> Self {
-        Self { axis: ReferenceAxis::catalogue(), ..Self::new(address) }
+        Self { axis: ReferenceAxis::catalogue(), works: Works::Blank, ..Self::new(address) }
     }
 }
 
@@ -65,6 +70,8 @@ impl DriveSetup {
 pub struct DriveHandle {
     /// Its address.
     pub address: u8,
+    /// Its motor, load and amplifier.
+    pub axis: ReferenceAxis,
     /// Its chip.
     pub chip: SharedChip,
     /// Its motor and board.
@@ -109,6 +116,8 @@ pub(crate) fn station(setup: &DriveSetup, bit_rate: BitRate, clock: &SharedClock
 /// Watches the drive of a setup.
 pub(crate) fn observer(setup: &DriveSetup) -> SharedObserver {
     let mut observer = Observer::new(setup.address, setup.axis.machine);
+    let production = Production::read(&setup.works.sector(&setup.axis));
+    observer.remember(ratings(production.amplifier(&MotorSide::AMPLIFIER)));
     observer.remember(remembered(&setup.flash));
     Rc::new(RefCell::new(observer))
 }
@@ -165,12 +174,14 @@ pub fn ring_of_drives_on<M: Master>(
         let processor: Box<dyn Processor> = match executor(setup.address) {
             Executor::Host => {
                 let parts = (&chip, &motor_side, &flash);
-                Box::new(HostDrive::start(parts, &clock, identity, setup.latency, measurements.clone())?)
+                let production = Production::read(&setup.works.sector(&setup.axis));
+                Box::new(HostDrive::start(parts, &clock, identity, production, setup.latency, measurements.clone())?)
             }
             Executor::Qemu(elves) => {
                 let parts = (&chip, &motor_side);
                 let measured = measurements.clone();
-                let drive = QemuDrive::start(&elves, parts, &setup.flash, setup.address, bit_rate, measured)?;
+                let sectors = (&setup.flash, setup.works.sector(&setup.axis));
+                let drive = QemuDrive::start(&elves, parts, sectors, setup.address, bit_rate, measured)?;
                 elf = Some(drive.elf());
                 Box::new(drive)
             }
@@ -179,6 +190,7 @@ pub fn ring_of_drives_on<M: Master>(
         stations.push(Inhabited { processor, motor_side: motor_side.clone(), laws: laws.clone() });
         handles.push(DriveHandle {
             address: setup.address,
+            axis: setup.axis,
             chip: chip.clone(),
             motor_side,
             measurements,

@@ -93,6 +93,7 @@ pub struct Case {
     pub source: &'static str,
     /// Address of the slave.
     pub address: u8,
+    setup: fn(u8) -> DriveSetup,
     check: Check,
 }
 
@@ -104,7 +105,7 @@ impl Case {
         source: &'static str,
         check: impl Fn(&mut Slave) -> Outcome + Send + Sync + 'static,
     ) -> Self {
-        Self { section, rule: rule.into(), source, address: 5, check: Box::new(check) }
+        Self { section, rule: rule.into(), source, address: 5, setup: DriveSetup::catalogue, check: Box::new(check) }
     }
 
     /// The same with the slave at another address.
@@ -114,11 +115,18 @@ impl Case {
         self
     }
 
+    /// The same with the motor, load and amplifier of a press.
+    #[must_use]
+    pub fn on_a_press(mut self) -> Self {
+        self.setup = DriveSetup::new;
+        self
+    }
+
     /// Runs the case with a slave that has just been switched on.
     #[must_use]
     pub fn run(&self) -> CaseReport {
         let checked = catch_unwind(AssertUnwindSafe(|| {
-            let mut slave = Slave::new(DriveSetup::new(self.address));
+            let mut slave = Slave::new((self.setup)(self.address));
             (self.check)(&mut slave)
         }));
         // A drive that panics must not take the other cases with it; what it said stands on stderr.

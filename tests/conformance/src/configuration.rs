@@ -1,7 +1,8 @@
 //! What a master writes in CP2, and the run-up with it.
 
+use bench::parameters_of;
 use drive::DICTIONARY;
-use ring::ident::Idn;
+use ring::ident::{Idn, Value};
 use ring::service_client::status;
 
 use crate::slave::{GOOD_MSTS, Outcome, Slave};
@@ -207,6 +208,21 @@ impl Slave {
         self.mst = Some(4);
         self.cycles(3);
         if self.is_silent() { Err("no AT in CP4".to_owned()) } else { Ok(()) }
+    }
+
+    /// As [`Slave::run_up`], with the settings that fit the simulated drive's motor, in this mode.
+    ///
+    /// # Errors
+    /// The first thing that goes wrong.
+    pub fn run_up_with_motor(&mut self, phase: u8, mode: u16, configuration: Configuration) -> Outcome {
+        let told = configuration.with(32, &[mode]);
+        let told = parameters_of(&self.drive.axis).into_iter().fold(told, |told, (idn, value)| match value {
+            Value::Word(word) => told.with(idn.0, &[word]),
+            Value::Long(long) => told.with_long(idn.0, long.cast_signed()),
+            // An axis has no lists and no texts.
+            _ => told,
+        });
+        self.run_up(phase, told)
     }
 
     /// A proper run-up from whatever there was, with this configuration, to this phase.

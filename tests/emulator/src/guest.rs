@@ -114,6 +114,7 @@ pub struct Guest {
     symbols: Vec<Symbol>,
     held: Option<Hold>,
     flash: flash::State,
+    production_record: Vec<u8>,
     watched_addresses: Vec<u32>,
     /// The next event, once worked out between two runs.
     next: Cell<Option<Nanoseconds>>,
@@ -152,11 +153,13 @@ impl Guest {
             symbols: symbols_of(configuration, &product)?,
             held: None,
             flash: flash::State::default(),
+            production_record: flash::BLANK_RECORD.to_vec(),
             watched_addresses: Vec::new(),
             next: Cell::new(None),
             survival: survival::Survival::default(),
         };
         guest.greet()?;
+        guest.copy_production_record()?;
         Ok(guest)
     }
 

@@ -1,7 +1,9 @@
 //! One drive on a ring, brought into a state.
 
 use bench::motor_side::SharedMotorSide;
-use bench::{DriveHandle, DriveSetup, Executor, ProcessorError, World, parameters_of, product, ring_of_drives_on};
+use bench::{
+    DriveHandle, DriveSetup, Executor, ProcessorError, Works, World, parameters_of, product, ring_of_drives_on,
+};
 use plant::ReferenceAxis;
 use ring::fibre::Fault as RingFault;
 use ring::ident::{Idn, Value};
@@ -178,7 +180,8 @@ impl Rig {
             script = script.with(Idn(91), Value::Long(SPEED.unsigned_abs() * 10_000));
         }
         script = script.with_all(fault.parameters());
-        let setup = DriveSetup { axis, ..DriveSetup::new(ADDRESS) };
+        let works = if vertical { Works::OfItsAxis } else { Works::Blank };
+        let setup = DriveSetup { axis, works, ..DriveSetup::new(ADDRESS) };
         let motion = (state != State::Off).then(|| motion(mode, state, fault.driving()));
         let script = MasterScript { motion, stops_at_refusals: false, ..MasterScript::new(vec![script]) };
         let configuration = RingConfiguration::new(1, BitRate::M2);

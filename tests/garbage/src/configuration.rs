@@ -3,7 +3,7 @@
 use std::sync::LazyLock;
 
 use drive::dictionary::{DICTIONARY, records, source};
-use drive::{CurrentSensing, Divider, DriveSettings, Facts, PwmFrequency, TemperatureSensor, Thermometers};
+use drive::{Amplifier, CurrentSensing, Divider, DriveSettings, Facts, PwmFrequency, TemperatureSensor, Thermometers};
 use sercos::command::CommandStatus;
 use sercos::data_block::{DataBlock, Location, NeededFor, Selection};
 use sercos::duration::{self, BitRate};
@@ -17,8 +17,25 @@ use crate::support::{CAPABILITIES, Slave};
 /// Of both temperature inputs.
 const DIVIDER: Divider = Divider { pull_up: 2_200, supply: 3_300, reference: 3_300 };
 
+/// On a board as it comes.
+const AMPLIFIER: Amplifier = Amplifier {
+    peak_current: 14_142,
+    continuous_current: 7_071,
+    trip_current: 17_677,
+    current_range: 25_000,
+    dead_time_band: 200,
+    bus_range: 500,
+    undervoltage: 150,
+    overvoltage: 440,
+    withstand_voltage: 600,
+    least_resistance: 220,
+    warning_temperature: 800,
+    shutdown_temperature: 900,
+    thermal_time_constant: 5_000,
+};
+
 /// As the board has them.
-const FACTS: Facts = Facts {
+pub(crate) const FACTS: Facts = Facts {
     frequency: PwmFrequency::Khz16,
     dead_time: 1_000,
     current_sensing: CurrentSensing::InLine,
@@ -43,6 +60,7 @@ pub fn configuration(bytes: &[u8]) {
     let bit_rate = chosen(&[BitRate::Mbit2, BitRate::Mbit4, BitRate::Mbit8, BitRate::Mbit16], usize::from(choice));
     let capabilities = Capabilities { bit_rate, ..CAPABILITIES };
     let mut slave = Slave::in_cp2();
+    AMPLIFIER.show(&FACTS, &mut slave.parameters);
     slave.configure();
     let writes_in_cp2 = usize::from(choice >> 2 & 0xF);
     for _ in 0..writes_in_cp2 {

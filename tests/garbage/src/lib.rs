@@ -6,12 +6,14 @@
 //!
 //! * `service_channel`: steps, phases, commands and lost telegrams, then a run-up.
 //! * `configuration`: values of parameters, then both transition checks and a run-up.
+//! * `production_record`: what the works may have written, and whatever ratings of an amplifier.
 //! * `capture`: recordings, line levels, telegrams, and a chip that receives them.
 #![forbid(unsafe_code)]
 
 mod bytes;
 mod capture;
 mod configuration;
+mod production_record;
 mod run_up;
 mod service_channel;
 #[path = "../../../firmware/sercos/tests/support/mod.rs"]
@@ -21,4 +23,5 @@ use drive::DICTIONARY;
 
 pub use capture::capture;
 pub use configuration::configuration;
+pub use production_record::production_record;
 pub use service_channel::service_channel;

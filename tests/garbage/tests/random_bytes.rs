@@ -25,6 +25,11 @@ proptest! {
     }
 
     #[test]
+    fn whatever_the_works_have_written_is_taken_or_refused(bytes in any_bytes()) {
+        garbage::production_record(&bytes);
+    }
+
+    #[test]
     fn no_recording_and_no_telegram_panics_or_hangs(bytes in any_bytes()) {
         garbage::capture(&bytes);
     }
@@ -36,6 +41,7 @@ fn the_seeds_hold() {
     for (target, holds) in [
         ("service_channel", garbage::service_channel as fn(&[u8])),
         ("configuration", garbage::configuration),
+        ("production_record", garbage::production_record),
         ("capture", garbage::capture),
     ] {
         let mut files = 0;

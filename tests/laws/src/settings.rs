@@ -90,8 +90,8 @@ const LONGS: [u16; 50] = [
     131, 132, 133, 136, 137, 138, 157, 159, 189, 193, 258, 259, 260, 282, 347, 349, 359, 372, 41, 42, 57, 150, 261,
     278,
 ];
-/// Data blocks that stay what they are when the defaults are loaded: they belong to the ring.
-const OF_THE_RING: [u16; 11] = [1, 2, 6, 7, 8, 9, 10, 15, 16, 24, 89];
+/// Data blocks that stay what they are when the defaults or a saved set are loaded: they belong to the ring or to the amplifier.
+const STAY: [u16; 14] = [1, 2, 6, 7, 8, 9, 10, 15, 16, 24, 89, 110, 0x8000 | 104, 0x8000 | 105];
 
 /// Types, factors and exponents of the scaling of positions, velocities and accelerations. Gear and feed constant are none: data of the load
 /// stay data of the load.
@@ -256,13 +256,13 @@ impl Settings {
     /// S-0-0262 has been executed: what can be written now has its default; without `protected`, only what no phase protects.
     pub fn load_defaults(&mut self, protected: bool) {
         if protected {
-            self.values.retain(|number| OF_THE_RING.contains(&number));
-            self.new_drive(|number| !OF_THE_RING.contains(&number));
+            self.values.retain(|number| STAY.contains(&number));
+            self.new_drive(|number| !STAY.contains(&number));
             self.scaling = self.scaling_now();
             self.fresh.clear();
         } else {
             // What may change in CP4 says the drive; until it is read it is unknown.
-            self.values.retain(|number| OF_THE_RING.contains(&number) || is_protected_in_cp4(number));
+            self.values.retain(|number| STAY.contains(&number) || is_protected_in_cp4(number));
         }
     }
 
@@ -280,7 +280,7 @@ impl Settings {
 
     /// S-0-0263 has been executed: what was saved is unknown until it is read.
     pub fn load_saved(&mut self) {
-        self.values.retain(|number| OF_THE_RING.contains(&number));
+        self.values.retain(|number| STAY.contains(&number));
         self.scaling = self.scaling_now();
         self.fresh.clear();
     }

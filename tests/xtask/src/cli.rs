@@ -2,6 +2,7 @@
 
 use crate::explore::{self, One, Until};
 use crate::fuzz::Target;
+use crate::identity;
 use crate::mutants::{self, Sorts};
 use crate::parameters::ParametersCommand;
 use crate::report::data::Platform;
@@ -176,12 +177,42 @@ pub(crate) enum Command {
         #[arg(long, value_name = "PATH")]
         chip_socket: PathBuf,
     },
+    /// Write the production record into a real board with probe-rs: what amplifier it is, its serial number
+    ///
+    /// Once, where the drive is built. The data sheet is TOML, as docs/amplifier.toml; what does not go together is refused. A new program leaves the
+    /// record as it is, and no control can change it.
+    Identity(IdentityArguments),
     /// Write the release ELF into a real board with probe-rs and show its log
     Flash {
         /// Debug probe to use, as `probe-rs list` names it
         #[arg(long, value_name = "VID:PID[:SERIAL]")]
         probe: Option<String>,
     },
+}
+
+/// What `cargo xtask identity` writes, and where.
+#[derive(Debug, Args)]
+pub(crate) struct IdentityArguments {
+    /// Data sheet of the amplifier, TOML
+    file: PathBuf,
+    /// Instead of a board: write the record into this file, as the flash holds it at 080A0000H
+    #[arg(long, value_name = "FILE", conflicts_with_all = ["probe", "replace"])]
+    output: Option<PathBuf>,
+    /// Debug probe to use, as `probe-rs list` names it
+    #[arg(long, value_name = "VID:PID[:SERIAL]")]
+    probe: Option<String>,
+    /// Also over another record
+    #[arg(long)]
+    replace: bool,
+}
+
+impl IdentityArguments {
+    /// Does what the arguments ask for.
+    pub(crate) fn run(self) -> anyhow::Result<crate::Verdict> {
+        let Self { file, output, probe, replace } = self;
+        let action = output.map_or(identity::Action::Board { probe, replace }, identity::Action::File);
+        identity::run(&file, &action)
+    }
 }
 
 /// What `cargo xtask explore` explores.

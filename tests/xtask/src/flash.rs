@@ -7,7 +7,7 @@ use anyhow::{Result, bail};
 use std::process::Command;
 
 /// The part, as probe-rs names it.
-const CHIP: &str = "STM32F407ZGTx";
+pub(crate) const CHIP: &str = "STM32F407ZGTx";
 
 /// Builds, flashes, and shows the drive's log until interrupted.
 pub(crate) fn run(probe: Option<&str>, installing: Installing) -> Result<Verdict> {

@@ -26,6 +26,8 @@ pub(crate) enum Target {
     ServiceChannel,
     /// Values of parameters, then both transition checks and a run-up
     Configuration,
+    /// What the works may have written, and whatever ratings of an amplifier
+    ProductionRecord,
     /// Recordings, line levels, telegrams, and a chip that receives them
     Capture,
 }
@@ -35,6 +37,7 @@ impl Target {
         match self {
             Self::ServiceChannel => "service_channel",
             Self::Configuration => "configuration",
+            Self::ProductionRecord => "production_record",
             Self::Capture => "capture",
         }
     }

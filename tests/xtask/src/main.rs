@@ -22,6 +22,7 @@ mod faults;
 mod firmware;
 mod flash;
 mod fuzz;
+mod identity;
 mod manual;
 mod mutants;
 mod parameters;
@@ -93,6 +94,7 @@ fn run(command_line: CommandLine) -> anyhow::Result<Verdict> {
             parameters::run(&action, &which, installing)
         }
         Command::Ring { drives, on, chip_socket } => ring_server::run(&drives, on.into(), &chip_socket, installing),
+        Command::Identity(arguments) => arguments.run(),
         Command::Flash { probe } => flash::run(probe.as_deref(), installing),
     }
 }

@@ -16,7 +16,7 @@ use crate::report::numbers::counted;
 use crate::setup::Installing;
 use crate::{Verdict, firmware, workspace};
 use anyhow::{Context, Result, bail};
-use bench::{DriveSetup, Executor};
+use bench::{DriveSetup, Executor, Works};
 use file::ParameterFile;
 use flash::FlashModel;
 use link::{Described, Drive, Failed, Link};
@@ -33,6 +33,8 @@ pub(crate) struct Which {
     pub(crate) on: Platform,
     /// What it remembers between two commands; `None`: the defaults, and it forgets everything behind the command.
     pub(crate) flash: Option<PathBuf>,
+    /// Data sheet of its amplifier; `None`: that of the board as it comes.
+    pub(crate) identity: Option<PathBuf>,
 }
 
 /// What is done.
@@ -80,7 +82,12 @@ fn act(action: &Action, which: &Which, installing: Installing) -> Result<Done> {
     let with_drive = |work: Work<'_>| {
         let kept_in = which.flash.as_deref();
         let flash = kept_in.map_or_else(|| Ok(DriveSetup::new(1).flash), read_flash)?;
-        with_drive(&firmware::executor(which.on, installing)?, flash, kept_in, work)
+        let works = which
+            .identity
+            .as_deref()
+            .map_or(Ok(Works::Blank), |path| crate::identity::read(path).map(Works::Written))?;
+        let setup = DriveSetup { flash, works, ..DriveSetup::catalogue(ring_link::ADDRESS) };
+        with_drive(&firmware::executor(which.on, installing)?, setup, kept_in, work)
     };
     match action {
         Action::Save(path) => with_drive(&mut |drive, tell| save(drive, path, tell)),
@@ -105,12 +112,12 @@ fn act(action: &Action, which: &Which, installing: Installing) -> Result<Done> {
 }
 
 /// Runs a drive up, does something with it, and keeps what it remembers, whatever came of it.
-fn with_drive(executor: &Executor, flash: FlashModel, kept_in: Option<&Path>, work: Work<'_>) -> Result<Done> {
+fn with_drive(executor: &Executor, setup: DriveSetup, kept_in: Option<&Path>, work: Work<'_>) -> Result<Done> {
     let bars = RefCell::new(PhaseBars::new());
     let show = |phase: u8, time_us: u64, what: String| {
         bars.borrow_mut().show(&Progress { phase, what, done: 0, of: 0, time_us });
     };
-    let link = RingLink::run_up(executor, flash, &mut |phase, time_us| {
+    let link = RingLink::run_up(executor, setup, &mut |phase, time_us| {
         let what = if phase == 0 { "closing the ring" } else { "looking for the drive" };
         show(phase, time_us, what.to_owned());
     });

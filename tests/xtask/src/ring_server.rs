@@ -35,7 +35,7 @@ pub(crate) fn run(drives: &[u8], on: Platform, chip_socket: &Path, installing: I
 
 /// The master's chip, with a ring of drives around it; foreign software makes it the master.
 fn chip_server(drives: &[u8], executor: &Executor) -> Result<impl ChipServer> {
-    let setups: Vec<DriveSetup> = drives.iter().copied().map(DriveSetup::new).collect();
+    let setups: Vec<DriveSetup> = drives.iter().copied().map(DriveSetup::catalogue).collect();
     // Garbage in the RAM, as after power-on; the seed only makes it the same at every start.
     let chip: SharedChip = Rc::new(RefCell::new(Chip::new(Alternatives::default(), 0)));
     let configuration = RingConfiguration::new(drives.len(), BitRate::M2);

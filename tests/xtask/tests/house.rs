@@ -228,3 +228,18 @@ fn the_boards_of_the_tests_measure_temperatures_as_the_board_does() {
         assert_eq!(inputs(file), board, "{file} has another divider or sensor than board/src/facts.rs");
     }
 }
+
+#[test]
+fn the_amplifiers_of_the_tests_are_that_of_the_board() {
+    let repository = Path::new(env!("CARGO_MANIFEST_DIR")).ancestors().nth(2).unwrap();
+    let ratings = |file: &str| -> Vec<String> {
+        let text = std::fs::read_to_string(repository.join(file)).unwrap();
+        let from = text.find("Amplifier {\n    peak_current: ").unwrap_or_else(|| panic!("{file} has no amplifier"));
+        text[from..].lines().skip(1).take_while(|line| *line != "};").map(ToOwned::to_owned).collect()
+    };
+    let board = ratings("board/src/facts.rs");
+    assert_eq!(board.len(), 13, "{board:?}");
+    for file in &STAND_INS[2..] {
+        assert_eq!(ratings(file), board, "{file} has another amplifier than board/src/facts.rs");
+    }
+}

@@ -122,7 +122,7 @@ diagnoses! {
         "Check the parameters and save them again (S-0-0264).";
     OVERLOAD_WARNING = 0xE010 "Overload, current reduced", "Ueberlast, Strom begrenzt",
         "The thermal model of motor or amplifier has passed 90 % (P-0-0132, P-0-0133); the current is folded back.",
-        "Reduce load or cycle; check friction, brake and S-0-0111, S-0-0112, P-0-0130, P-0-0131.";
+        "Reduce load or cycle; check friction, brake, S-0-0111, P-0-0130, and the amplifier's size S-0-0112.";
     HEAT_SINK_WARNING = 0xE011 "Amplifier hot", "Leistungsteil heiss",
         "The heat sink has passed S-0-0200.", "Check cooling and ambient temperature; reduce the load.";
     WINDING_WARNING = 0xE012 "Motor hot", "Motor heiss",
@@ -154,8 +154,8 @@ diagnoses! {
         "Control word bits 11, 9, 8 ask for a mode that S-0-0032 to S-0-0035 and S-0-0284 to S-0-0287 do not set; S-0-0023 names it.",
         "Correct the control word and give S-0-0099, or set the mode in CP2 or CP3.";
     OVERLOAD = 0xF100 "Overload", "Ueberlast",
-        "The thermal model of motor or amplifier has passed S-0-0114.",
-        "Let it cool down; reduce load or cycle; check S-0-0111, S-0-0112, P-0-0130, P-0-0131.";
+        "The thermal model of the motor has passed S-0-0114, or that of the amplifier 110 %.",
+        "Let it cool down; reduce load or cycle; check S-0-0111, P-0-0130, and the amplifier's size S-0-0112.";
     HEAT_SINK_TEMPERATURE = 0xF101 "Amplifier too hot", "Leistungsteil zu heiss",
         "The heat sink has reached S-0-0203.", "Check cooling and ambient temperature, let it cool by 5 K, then S-0-0099.";
     WINDING_TEMPERATURE = 0xF102 "Motor too hot", "Motor zu heiss",
@@ -168,7 +168,7 @@ diagnoses! {
         "The search for the commutation angle failed, does not fit the index, or the brake forbids it.",
         "Read S-0-0129; check motor phases, P-0-0110, P-0-0115 and P-0-0116; for an axis with brake P-0-0120 and P-0-0118.";
     OVERCURRENT = 0xF107 "Overcurrent", "Ueberstrom",
-        "A phase current passed P-0-0106, or where it is 0 168 % of S-0-0109 or 125 % of S-0-0110.",
+        "A phase current passed 168 % of S-0-0109, or P-0-0106 if that is less.",
         "Check motor cable and winding for a short circuit, then the gains S-0-0106, S-0-0107 and the motor data P-0-0111 to 0114.";
     OVERVOLTAGE = 0xF108 "Overvoltage", "Ueberspannung",
         "The bus voltage passed P-0-0105: mains too high, a hanging load lowered for longer than the link takes it, or magnets that charge the link by themselves.",

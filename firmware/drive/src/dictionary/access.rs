@@ -5,6 +5,7 @@ use sercos::data_block::{Bits, Cyclic, Location, Selection};
 use super::lists::{Longs, Words};
 use super::numbers::Number;
 use super::procedures::Procedure;
+use super::ratings::Rating;
 use super::texts::Text;
 use crate::signal::command::{Command, CommandValue};
 use crate::signal::control_bits::Enable;
@@ -17,6 +18,8 @@ use crate::signal::word::{Source, Word};
 pub(crate) enum Access {
     /// A parameter.
     Parameter,
+    /// A parameter that the amplifier gives.
+    Rating(Rating),
     /// A parameter in whose place the MDT may carry a value.
     Limit(Limit),
     /// An IDN list that follows from the table.
@@ -47,7 +50,7 @@ impl Access {
     /// Where the service channel finds the operation data.
     pub(crate) const fn location(self) -> Location {
         match self {
-            Self::Parameter | Self::Limit(_) => Location::Parameter,
+            Self::Parameter | Self::Rating(_) | Self::Limit(_) => Location::Parameter,
             Self::List(selection) => Location::Dictionary(selection),
             Self::Procedure(_) => Location::Command,
             _ => Location::Live,

@@ -75,12 +75,8 @@ sercos::data_blocks! {
     S 108 "Feedrate override" ["%"] U16/2 written ALWAYS (0 to 32_767) = 10_000 => Parameter, stored;
     /// Largest current of the motor, RMS of a phase, as the name plate has it. All currents and gains per ampere are RMS where nothing else is said.
     S 109 "Motor peak current" ["A"] U32/3 written IN_CP2_CP3 (1 to 500_000) = 14_142 => Parameter, stored, needed_for_cp4;
-    /// Current at full scale of the amplifier's command input, RMS of a phase; writable, because the amplifier is chosen by the builder.
-    S 110 "Amplifier peak current" ["A"] U32/3 written IN_CP2_CP3 (1 to 500_000) = 14_142 => Parameter, stored, needed_for_cp4;
     /// Current of the motor at its continuous stall torque, RMS of a phase: 100 % of torque data, see S-0-0086.
     S 111 "Motor continuous stall current" ["A"] U32/3 written IN_CP2_CP3 (1 to 500_000) = 3_536 => Parameter, stored, needed_for_cp4;
-    /// Current that the bridge carries for ever, RMS of a phase; from it and S-0-0110 the amplifier's thermal model is made.
-    S 112 "Amplifier rated current" ["A"] U32/3 written IN_CP2_CP3 (1 to 500_000) = 7_071 => Parameter, stored, needed_for_cp4;
     /// The drive never commands a higher velocity, and S-0-0128 refuses one at whose overspeed, a quarter above it, the encoder (S-0-0116, S-0-0256) makes more than 18.6 million increments a second.
     S 113 "Maximum motor speed" ["rpm"] U32/4 written IN_CP2_CP3 (1 to 2_147_483_647) = 45_000_000 => Parameter, stored, needed_for_cp4;
     /// Load of the thermal models at which the drive shuts down (C1D bit 0); 100 % is the continuous current for ever.
@@ -122,12 +118,8 @@ sercos::data_blocks! {
     S 162 "Acceleration data scaling exponent" [""] I16/0 written IN_CP2_CP3 (-32 to 32) = -3 => Parameter, stored, needed_for_cp4;
     /// Bit 0: positive edge of probe 1; bit 1: negative edge; bits 2 and 3: those of probe 2. While S-0-0170 runs they count from the write on.
     S 169 "Probe control" [""] BITS/0 written ALWAYS (0 to 15) = 0 => Parameter, stored;
-    /// Heat sink temperature from which C2D bit 1 warns.
-    S 200 "Amplifier warning temperature" ["C"] U16/1 written ALWAYS (1 to 2_000) = 800 => Parameter, stored, needed_for_cp4, restricted;
     /// Motor temperature from which C2D bit 2 warns.
     S 201 "Motor warning temperature" ["C"] U16/1 written ALWAYS (1 to 2_500) = 1_150 => Parameter, stored, needed_for_cp4, restricted;
-    /// Heat sink temperature at which the drive shuts down (C1D bit 1).
-    S 203 "Amplifier shut-down temperature" ["C"] U16/1 written ALWAYS (2 to 2_000) = 900 => Parameter, stored, needed_for_cp4, restricted;
     /// Motor temperature at which the drive shuts down (C1D bit 2).
     S 204 "Motor shut-down temperature" ["C"] U16/1 written ALWAYS (2 to 2_500) = 1_300 => Parameter, stored, needed_for_cp4, restricted;
     /// From the brake's current to its opening: no movement before.

@@ -10,20 +10,6 @@ sercos::data_blocks! {
     P 7 "Application data" [""] LONGS/0 written ALWAYS () = 0 => Parameter, stored;
     /// A text of the control's own choice, as the serial number of the machine; up to 40 characters.
     P 8 "Application identifier" [""] TEXT/0 written ALWAYS () = 0 => Parameter, stored;
-    /// Phase current at full deflection of the current sensors, an instantaneous value: 1 to 8 times the amplitude of S-0-0110, which is 1.414 times it.
-    P 100 "Measuring range of the phase currents" ["A"] U32/3 written IN_CP2_CP3 (1 to 4_000_000) = 25_000 => Parameter, stored, needed_for_cp4;
-    /// Bus voltage at the end of the converter's range.
-    P 101 "Measuring range of the bus voltage" ["V"] U16/0 written IN_CP2_CP3 (50 to 4_000) = 500 => Parameter, stored, needed_for_cp4;
-    /// Time for which both transistors of a phase are off at a change, set in the bridge's timer.
-    P 102 "Dead time of the bridge" ["ns"] U16/0 written NEVER () = 1_000 => Parameter;
-    /// Phase current, an instantaneous value, up to which the dead time is compensated in proportion, 0.2 % of the amplitude of S-0-0110 at least; 0: no compensation.
-    P 103 "Band of the dead-time compensation" ["A"] U16/3 written ALWAYS (0 to 65_535) = 200 => Parameter, stored;
-    /// Bus voltage below which the torque goes (C1D bit 9). An eighth above it main power is there; below a sixteenth above it, it is gone, and an axis in operation is stopped out of the rest.
-    P 104 "Undervoltage threshold" ["V"] U16/0 written ALWAYS (1 to 4_000) = 150 => Parameter, stored, needed_for_cp4, restricted;
-    /// Bus voltage above which the bridge is switched off (C1D bit 8).
-    P 105 "Overvoltage threshold" ["V"] U16/0 written ALWAYS (1 to 4_000) = 440 => Parameter, stored, needed_for_cp4, restricted;
-    /// Phase current at which the current loop switches the bridge off (C1D bit 7), at the crest of a sine with this RMS value; 0: 168 % of S-0-0109, which is 125 % of it with the largest P-0-0107 across, and 125 % of S-0-0110 at most.
-    P 106 "Trip level of the phase currents" ["A"] U32/3 written IN_CP2_CP3 (0 to 4_000_000) = 0 => Parameter, stored, needed_for_cp4;
     /// Largest current that weakens the field above the speed that the bus voltage reaches, in per cent of the smaller of S-0-0109 and S-0-0110; 0: none, and a speed above it ends in an overcurrent.
     P 107 "Field weakening current" ["%"] U16/1 written ALWAYS (0 to 900) = 500 => Parameter, stored, restricted;
     /// Pole pairs of the motor; another number makes the commutation angle unknown.
@@ -52,8 +38,6 @@ sercos::data_blocks! {
     P 123 "Time of the brake test" ["ms"] U16/0 written ALWAYS (1 to 10_000) = 20 => Parameter, stored, needed_for_cp4;
     /// Of the motor's winding.
     P 130 "Thermal time constant of the motor" ["s"] U32/3 written IN_CP2_CP3 (1_000 to 3_600_000) = 60_000 => Parameter, stored, needed_for_cp4;
-    /// Of the bridge.
-    P 131 "Thermal time constant of the amplifier" ["s"] U32/3 written IN_CP2_CP3 (1_000 to 3_600_000) = 5_000 => Parameter, stored, needed_for_cp4;
     /// 0 none, 1 KTY84-130, 2 Pt1000, 3 resistor with negative coefficient of 10 kOhm (B25/85 3 435 K), 4 PTC thermistors, one to three in series, 5 switch that opens when it is hot. With 0, 4 and 5 S-0-0383 shows -200.0, and S-0-0201 and S-0-0204 have no effect: 4 shuts down above 3.3 kOhm, 5 when it opens, with F102H.
     P 134 "Temperature sensor of the motor" [""] U16/0 written IN_CP2_CP3 (0 to 5) = 1 => Parameter, stored, needed_for_cp4;
     /// What an error does to a motor that runs: 0 velocity command zero at the torque limit, 1 torque-free, 2 ramp S-0-0138.
@@ -118,8 +102,6 @@ sercos::data_blocks! {
     P 236 "Continuous power of the chopper resistor" ["W"] U32/0 written IN_CP2_CP3 (1 to 1_000_000) = 100 => Parameter, stored, needed_for_cp4;
     /// Of the resistor. P-0-0236 times it is the energy of a short pulse that heats a cold resistor to 100 %.
     P 237 "Thermal time constant of the chopper resistor" ["s"] U32/3 written IN_CP2_CP3 (100 to 3_600_000) = 10_000 => Parameter, stored, needed_for_cp4;
-    /// 1: DC link and bridge bear the voltage that the magnets induce at S-0-0113 when field weakening ends there, as it does with every error. 0: S-0-0128 refuses a motor whose magnets make more than P-0-0105 of it.
-    P 239 "DC link bears the induced voltage" [""] BITS/0 written ALWAYS (0 to 1) = 0 => Parameter, stored, restricted;
     /// 0: there is no second encoder, telegram types 11 to 13 and S-0-0053 are refused; 1: the motor encoder stands in for it.
     P 2705 "Source of position feedback 2" [""] U16/0 written IN_CP2_CP3 (0 to 1) = 0 => Parameter, stored;
 }

@@ -129,12 +129,19 @@ fn the_attributes_that_masters_know_by_heart_are_those_of_a_real_drive() {
 }
 
 #[test]
-fn the_amplifiers_peak_current_is_as_writable_as_the_motors_for_the_builder_chooses_both() {
-    // A real drive has 7312_0001H: its amplifier is built in.
+fn a_rating_of_the_amplifier_is_read_and_neither_written_nor_saved() {
     let [motor, amplifier] = [109, 110].map(|number| DICTIONARY.find(Idn::standard(number)).unwrap());
-    assert_eq!(amplifier.attribute, motor.attribute);
-    assert_eq!(amplifier.attribute.raw_value(), 0x4312_0001);
-    assert!(amplifier.stored);
+    // As a real drive has them.
+    assert_eq!((motor.attribute.raw_value(), amplifier.attribute.raw_value()), (0x4312_0001, 0x7312_0001));
+    let ratings: std::vec::Vec<Idn> =
+        DICTIONARY.blocks().iter().filter(|block| is_rating(block)).map(|block| block.idn).collect();
+    let expected = [110, 112, 200, 203].map(Idn::standard).into_iter();
+    let expected = expected.chain((100..=106).chain([131, 234, 239]).map(Idn::product));
+    assert_eq!(ratings, expected.collect::<std::vec::Vec<_>>());
+    for idn in ratings {
+        let block = DICTIONARY.find(idn).unwrap();
+        assert!(block.attribute.is_read_only() && !block.is_in(Selection::Backup), "{idn}");
+    }
 }
 
 #[test]
@@ -202,6 +209,7 @@ fn every_accessor_fits_the_format_of_its_row() {
         let format = (block.attribute.length(), block.attribute.format());
         let fits = match access_of(block) {
             Access::Parameter => true,
+            Access::Rating(_) => block.attribute.is_read_only() && block.default == 0 && !block.stored,
             Access::Limit(limit) => limit.idn() == block.idn && block.minimum.is_some() && block.maximum.is_some(),
             Access::Feedback(_) | Access::Command(_) | Access::Number(_) => {
                 matches!(format.0, Length::Two | Length::Four)

@@ -22,6 +22,10 @@ sercos::data_blocks! {
     P 11 "Remedy for the diagnostic message" [""] TEXT/0 written NEVER () = 0 => DiagnosticRemedy;
     /// How the program ended last since the supply came on, and where, in plain words; empty when it did not. Numbers F120H to F125H of S-0-0375.
     P 12 "Last crash" [""] TEXT/0 written NEVER () = 0 => LastCrash;
+    /// Serial number of the drive, from its production record; empty where there is none.
+    P 20 "Serial number" [""] TEXT/0 written NEVER () = 0 => SerialNumber;
+    /// Type and version of its hardware, from its production record; empty where there is none.
+    P 21 "Hardware" [""] TEXT/0 written NEVER () = 0 => HardwareName;
     /// Why P-0-0220, P-0-0224, P-0-0225 or P-0-0226 has failed last, in plain words; empty after a success.
     P 228 "Finding of the identification" [""] TEXT/0 written NEVER () = 0 => IdentificationFinding;
 }

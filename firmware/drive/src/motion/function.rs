@@ -246,22 +246,21 @@ impl Function {
 mod tests {
     use super::*;
     use crate::dictionary::procedures::Procedure;
-    use crate::dictionary::{DICTIONARY, source};
+    use crate::dictionary::source;
     use crate::service::commissioning;
     use crate::service::rig::FACTS;
     use crate::settings::{DriveSettings, homing};
-    use sercos::parameters::Parameters;
 
     fn start_homing(function: &mut Function) -> bool {
-        let parameters = Parameters::new(&DICTIONARY);
+        let parameters = crate::service::rig::parameters();
         let settings = DriveSettings::new(&parameters, &FACTS, source).unwrap();
         let (settings, limits) = homing(&parameters, &settings.motion).unwrap();
         function.start_homing(Position::ZERO, settings, limits)
     }
 
     fn start_identification(function: &mut Function) -> bool {
-        let plan =
-            commissioning::plan(Procedure::IdentifyInertia, &Parameters::new(&DICTIONARY), FACTS.frequency).unwrap();
+        let plan = commissioning::plan(Procedure::IdentifyInertia, &crate::service::rig::parameters(), FACTS.frequency)
+            .unwrap();
         function.start_identification(&plan, Position::ZERO, 0)
     }
 

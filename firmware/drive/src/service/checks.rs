@@ -4,6 +4,7 @@ use rtic_core::Mutex;
 use sercon816::Bus;
 use sercos::Idn;
 use sercos::command::CommandState;
+use sercos::data_block::Selection;
 use sercos::parameters::Parameters;
 use sercos::transition::{self, Capabilities, CyclicConfiguration, Invalid, InvalidData, Reason};
 
@@ -31,6 +32,9 @@ const MOTOR: [Idn; 6] = [
     Idn::product(110),
     Idn::product(114),
 ];
+
+/// Stands for the whole production record in S-0-0022.
+const HARDWARE: Idn = Idn::product(21);
 
 impl<B, H, M> Context<'_, B, M>
 where
@@ -85,10 +89,11 @@ where
         let Some(cyclic) = &self.checks.cyclic else { return CommandState::Failed };
         let misfits = self.rescaling.misfits(parameters);
         let untold = self.untold(parameters);
+        let unknown = self.production.error();
         let synchronised = self.motion.lock(|motion| motion.is_synchronised());
         let settings = loops::settings::<H>(parameters);
         let mut invalid = match (transition::check_cp4(parameters, &capabilities, cyclic, synchronised), settings) {
-            (Ok(ready), Ok(settings)) if misfits.is_empty() && untold.is_empty() => {
+            (Ok(ready), Ok(settings)) if misfits.is_empty() && untold.is_empty() && unknown.is_none() => {
                 self.rescaling.take_over(parameters);
                 self.checks.invalid_for_cp4 = InvalidData::default();
                 self.checks.finding = None;
@@ -99,6 +104,9 @@ where
             (Ok(_), _) => InvalidData::default(),
             (Err(invalid), _) => invalid,
         };
+        if unknown.is_some() {
+            invalid.add(HARDWARE, Reason::NotSupported);
+        }
         for idn in &misfits {
             invalid.add(*idn, Reason::OldScaling);
         }
@@ -113,6 +121,7 @@ where
             return CommandState::Executing;
         }
         self.checks.finding = Some(match (invalid.findings().first().copied(), settings) {
+            _ if let Some(error) = unknown => Finding::Production(error),
             (Some(first), Err(setting)) if first.idn == setting.idn && first.reason == Reason::NotTogether => {
                 Finding::Settings(setting)
             }
@@ -125,7 +134,10 @@ where
 
     /// What no default can be right for, and nobody has told; and what was saved and could not be taken over.
     fn untold(&self, parameters: &Parameters) -> Dropped {
-        let asked_for = |idn: &Idn| parameters.dictionary().find(*idn).is_some() && !parameters.is_told(*idn);
+        // What once was a parameter and is a rating of the amplifier now nobody can tell any more.
+        let is_kept =
+            |idn: &Idn| parameters.dictionary().find(*idn).is_some_and(|block| block.is_in(Selection::Backup));
+        let asked_for = |idn: &Idn| is_kept(idn) && !parameters.is_told(*idn);
         let mut untold = Dropped::new();
         for idn in MOTOR.iter().chain(&self.keeping.dropped).filter(|idn| asked_for(idn)) {
             // More than that are not told of.

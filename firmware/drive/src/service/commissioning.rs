@@ -280,7 +280,6 @@ fn filter_delay(filter: &[u32; 4]) -> u64 {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::dictionary::DICTIONARY;
 
     fn valid(_: &Parameters) -> Result<(), InvalidSetting> {
         Ok(())
@@ -292,7 +291,7 @@ mod tests {
 
     #[test]
     fn gains_that_the_loops_cannot_work_with_are_taken_back() {
-        let mut parameters = Parameters::new(&DICTIONARY);
+        let mut parameters = crate::service::rig::parameters();
         parameters.set(P(111), 600).unwrap();
         let before = gains(&parameters);
         let refused = |_: &Parameters| Err(InvalidSetting { idn: S(100), reason: None });
@@ -305,7 +304,7 @@ mod tests {
     #[test]
     fn an_identification_stays_within_the_torque_limits_or_is_refused() {
         let planned = |changes: &[(u16, u32)]| {
-            let mut parameters = Parameters::new(&DICTIONARY);
+            let mut parameters = crate::service::rig::parameters();
             for &(number, value) in changes {
                 parameters.set(S(number), value.into()).unwrap();
             }
@@ -325,7 +324,7 @@ mod tests {
 
     #[test]
     fn a_gain_beyond_its_limits_is_named_and_none_is_changed() {
-        let mut parameters = Parameters::new(&DICTIONARY);
+        let mut parameters = crate::service::rig::parameters();
         // 1 kg m^2 at 1.131 Nm/A and 40 Hz: 222 A s/rad.
         parameters.set(P(221), 10_000_000).unwrap();
         let before = gains(&parameters);
@@ -337,7 +336,7 @@ mod tests {
     #[test]
     fn an_identification_turns_as_velocity_commands_of_its_sign_would() {
         let of = |polarity: u64, velocity: i32| {
-            let mut parameters = Parameters::new(&DICTIONARY);
+            let mut parameters = crate::service::rig::parameters();
             parameters.set(S(43), polarity).unwrap();
             parameters.set(P(218), velocity.cast_unsigned().into()).unwrap();
             plan(Procedure::IdentifyFlux, &parameters, PwmFrequency::Khz16).unwrap()
@@ -378,7 +377,7 @@ mod tests {
 
     #[test]
     fn a_filter_of_the_current_command_makes_the_velocity_loop_slower() {
-        let mut parameters = Parameters::new(&DICTIONARY);
+        let mut parameters = crate::service::rig::parameters();
         assert_eq!(filter_delay(&current_filter(&parameters, 170)), 0);
         parameters.set(P(170), 1).unwrap();
         // 2 * 0.707 / (2 pi 800 Hz).

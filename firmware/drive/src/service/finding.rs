@@ -10,6 +10,7 @@ use crate::dictionary::access::Access;
 use crate::dictionary::access_of;
 use crate::dictionary::texts::Text;
 use crate::motion::HomingFailure;
+use crate::production::RecordError;
 use crate::remembering::keeping::MemoryFailure;
 use crate::settings::invalid::InvalidSetting;
 
@@ -40,6 +41,8 @@ pub(crate) enum Finding {
     NothingSelected,
     /// S-0-0263, S-0-0264 or S-0-0293 has failed, or what was written could not be kept.
     Memory(MemoryFailure),
+    /// Nobody knows the amplifier.
+    Production(RecordError),
     /// S-0-0149 has failed: the torque went.
     PositiveStop,
 }
@@ -67,6 +70,7 @@ impl fmt::Display for Finding {
             Self::Homing(HomingFailure::Way(error)) => error.fmt(formatter),
             Self::Homing(HomingFailure::Torque) => formatter.write_str("the torque went while homing"),
             Self::PositiveStop => formatter.write_str("the torque went before the stop was reached"),
+            Self::Production(error) => error.fmt(formatter),
             Self::Controller => formatter.write_str("the ring controller refuses the configuration"),
         }
     }

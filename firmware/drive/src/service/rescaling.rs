@@ -204,7 +204,7 @@ mod tests {
     const RPM: [(u16, i64); 3] = [(44, 0x0A), (45, 1), (46, 0)];
 
     fn new() -> (Rescaling, Parameters) {
-        let parameters = Parameters::new(&DICTIONARY);
+        let parameters = crate::service::rig::parameters();
         (Rescaling::new(&parameters), parameters)
     }
 

@@ -25,13 +25,15 @@ use super::commissioning::Commissioning;
 use super::context::{Checks, Context};
 use super::rescaling::Rescaling;
 use super::{checks, loops};
+use crate::amplifier::Amplifier;
 use crate::crash::LastCrash;
 use crate::diagnosis::error_memory::ErrorMemory;
-use crate::dictionary::DICTIONARY;
+use crate::dictionary::{DICTIONARY, parameters_on};
 use crate::hardware::{Hardware, Inputs, InterruptLine, ProbeInput, ResetCause};
 use crate::identity::DriveAddress;
 use crate::identity::Identity;
 use crate::motion::Motion;
+use crate::production::Production;
 use crate::remembering::keeping::Keeping;
 use crate::remembering::set;
 
@@ -79,8 +81,32 @@ impl BoardKind for Still {
 /// Of the board on which nothing moves, for all tests of this crate.
 pub(crate) const FACTS: Facts = Still::FACTS;
 
+/// 20 A, 500 V.
+pub(crate) const AMPLIFIER: Amplifier = Amplifier {
+    peak_current: 14_142,
+    continuous_current: 7_071,
+    trip_current: 17_677,
+    current_range: 25_000,
+    dead_time_band: 200,
+    bus_range: 500,
+    undervoltage: 150,
+    overvoltage: 440,
+    withstand_voltage: 600,
+    least_resistance: 220,
+    warning_temperature: 800,
+    shutdown_temperature: 900,
+    thermal_time_constant: 5_000,
+};
+
+/// The defaults, with the ratings of this amplifier.
+pub(crate) fn parameters() -> Parameters {
+    parameters_on(&AMPLIFIER, &FACTS)
+}
+
 impl Hardware for Still {
     type Board = Self;
+
+    const AMPLIFIER: Amplifier = AMPLIFIER;
 
     fn encoder_count(&mut self) -> u32 {
         0
@@ -147,6 +173,7 @@ pub(crate) struct Rig {
     commissioning: Commissioning,
     rescaling: Rescaling,
     identity: Identity,
+    pub(super) production: Production,
     access: Access,
     errors: ErrorMemory,
     pub(super) keeping: Keeping,
@@ -164,24 +191,25 @@ impl Rig {
             master_clock: MasterClock::Mhz32,
             transceiver: Transceiver::STANDARD,
         };
-        let parameters = set::told(&Parameters::new(&DICTIONARY));
+        let parameters = set::told(&parameters());
         let settings = loops::settings::<Still>(&parameters).unwrap();
         let link = Box::leak(Box::new(CurrentLink::new()));
         let scope = Box::leak(Box::new(servo::scope::Scope::new()));
         let mut rig = Self {
-            parameters,
             motion: Motion::new(bus.clone(), 5, Still, link, scope, settings),
             checks: Checks::default(),
             server: Server::new(&DICTIONARY),
             slave: Slave::new(bus),
             phases: PhaseMachine::new(),
             commissioning: Commissioning::default(),
-            rescaling: Rescaling::new(&Parameters::new(&DICTIONARY)),
+            rescaling: Rescaling::new(&parameters),
             identity,
+            production: Production::Blank,
             access: Access::default(),
             errors: ErrorMemory::new(),
             keeping: Keeping::with_memory(),
             crash: None,
+            parameters,
         };
         for phase in [0, 1, 2] {
             rig.enter(phase);
@@ -250,6 +278,7 @@ impl Rig {
             commissioning: &mut self.commissioning,
             rescaling: &mut self.rescaling,
             identity: &self.identity,
+            production: &self.production,
             access: &mut self.access,
             errors: &self.errors,
             keeping: &mut self.keeping,

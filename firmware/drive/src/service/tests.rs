@@ -18,6 +18,7 @@ use super::finding::Finding;
 use super::loops;
 use super::rig::{FACTS, Rig, Still, words_of};
 use crate::dictionary::DICTIONARY;
+use crate::production::{Production, RecordError};
 use crate::settings::invalid::InvalidSetting;
 use crate::settings::{CycleSettings, DriveSettings};
 
@@ -93,7 +94,7 @@ fn what_is_acknowledged_in_operation_is_in_effect_and_what_is_refused_has_change
         }
     }
     assert!(untold.is_empty(), "the table does not say that values of {untold:?} may be refused");
-    assert!(["S-0-0193", "S-0-0201", "P-0-0105"].iter().all(|&idn| refused.contains(idn)), "{refused:?}");
+    assert!(["S-0-0193", "S-0-0201", "S-0-0204"].iter().all(|&idn| refused.contains(idn)), "{refused:?}");
 }
 
 #[test]
@@ -123,7 +124,6 @@ fn a_write_that_the_loops_cannot_take_leaves_the_way_free_for_the_next() {
         (S(204), &[1_100], "S-0-0201"),
         (S(193), &[1, 0], "S-0-0193"),
         (S(349), &[1, 0], "S-0-0349"),
-        (P(104), &[450], "P-0-0105"),
         // S-0-0128 would not let it pass, whether the limits are switched on or not.
         (S(49), &[0, 0x8000], "S-0-0049"),
     ] {
@@ -144,17 +144,17 @@ fn magnets_that_make_more_than_the_overvoltage_at_s_0_0113_are_refused_unless_th
     let magnets = (P(114), [0x436B, 0x0011]);
     let speed = |rpm: u32| (S(113), [(rpm * 10_000) as u16, ((rpm * 10_000) >> 16) as u16]);
     for (rpm, weakening, bears, refused) in [
-        (6_000, 500, 0, true),
-        (6_000, 0, 0, false),
-        (6_000, 500, 1, false),
-        (4_548, 500, 0, false),
-        (4_550, 500, 0, true),
+        (6_000, 500, 440, true),
+        (6_000, 0, 440, false),
+        (6_000, 500, 600, false),
+        (4_548, 500, 440, false),
+        (4_550, 500, 440, true),
     ] {
         let mut rig = Rig::in_cp3(&[]);
         for (idn, words) in [magnets, speed(rpm)] {
             rig.write(idn, &words).unwrap();
         }
-        rig.write(P(239), &[bears]).unwrap();
+        rig.parameters.set(P(239), bears).unwrap();
         rig.write(P(107), &[weakening]).unwrap();
         let answer = settings(&rig.parameters).map_err(|setting| (setting.idn, std::format!("{setting}")));
         let Err((idn, text)) = answer else {
@@ -164,10 +164,20 @@ fn magnets_that_make_more_than_the_overvoltage_at_s_0_0113_are_refused_unless_th
         assert!(refused && idn == S(113), "{rpm} rpm, {weakening}, {bears}: {text}");
         let voltage = if rpm == 6_000 { 581 } else { 441 };
         let told = std::format!(
-            "S-0-0113: magnets induce {voltage} V between two phases at this speed, expected at most P-0-0105 of 440 V, or P-0-0239 = 1"
+            "S-0-0113: magnets induce {voltage} V between two phases at this speed, expected at most P-0-0239 of 440 V"
         );
         assert_eq!(text, told);
     }
+}
+
+#[test]
+fn a_drive_that_cannot_read_its_production_record_is_refused_cp4_with_the_reason() {
+    let mut rig = Rig::in_cp3(&[]);
+    rig.production = Production::Unreadable(RecordError::Checksum { expected: 0x12, actual: 0xABCD });
+    rig.write(Idn::CP4_TRANSITION_CHECK, &[3]).unwrap();
+    assert_eq!(rig.finding(), "production record: checksum 0000ABCDH, expected 00000012H; have the board replaced");
+    assert_eq!(rig.checks.invalid_for_cp4.findings()[0].idn, P(21));
+    assert!(!rig.is_in_cp4());
 }
 
 #[test]
@@ -227,7 +237,7 @@ fn the_cycle_that_s_0_0127_accepts_counts_in_cp3_whatever_else_does_not_go_toget
 #[test]
 fn every_cycle_that_can_be_written_is_one_that_the_loops_can_run_with() {
     for cycle in (500..=65_000).step_by(250) {
-        let mut parameters = Parameters::new(&DICTIONARY);
+        let mut parameters = crate::service::rig::parameters();
         parameters.set(S(2), cycle).unwrap();
         for multiple in 1..=(65_000 / cycle) {
             parameters.set(S(1), cycle * multiple).unwrap();
@@ -270,7 +280,7 @@ fn no_command_changes_in_cp4_what_cp4_protects() {
     };
     for block in DICTIONARY.blocks().iter().filter(|block| block.attribute.command()) {
         // A value of its own wherever a default could come back.
-        let mut rig = Rig::in_cp4(&[(S(79), &[0, 16]), (S(76), &[0x0A]), (S(110), &[17_000, 0]), (S(33), &[2])]);
+        let mut rig = Rig::in_cp4(&[(S(79), &[0, 16]), (S(76), &[0x0A]), (S(109), &[17_000, 0]), (S(33), &[2])]);
         rig.write(S(104), &[250]).unwrap();
         let before = (protected(&rig), rig.motion.settings());
         let answer = rig.write(block.idn, &[3]);

@@ -38,6 +38,7 @@ where
             Access::Bit(word, bit) => self.bits(Source::Bit(word, bit)),
             Access::Enable(enable) => self.bits(Source::Enable(enable)),
             Access::Parameter
+            | Access::Rating(_)
             | Access::Limit(_)
             | Access::List(_)
             | Access::Text(_)

@@ -42,7 +42,6 @@ pub(crate) fn flux_linkage(parameters: &Parameters) -> u32 {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::dictionary::DICTIONARY;
 
     #[test]
     fn an_amplitude_is_the_square_root_of_two_times_its_rms_value_and_back() {
@@ -56,7 +55,7 @@ mod tests {
 
     #[test]
     fn the_torque_of_the_name_plate_is_that_of_the_flux() {
-        let mut parameters = Parameters::new(&DICTIONARY);
+        let mut parameters = crate::service::rig::parameters();
         // A press motor: 3 Nm per ampere RMS, 4 pole pairs. At 10 A the machine makes 1.5 * 4 * flux * 14.142 A.
         parameters.set(Idn::product(114), 3_000_000).unwrap();
         parameters.set(Idn::product(110), 4).unwrap();

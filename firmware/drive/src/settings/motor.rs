@@ -59,10 +59,7 @@ pub(super) fn settings(
     // What the motor and the amplifier bear both.
     let most = long(S(109)).min(long(S(110)));
     let weakening_current = most.saturating_mul(word(P(107)).into()) / 1_000;
-    let trip = match long(P(106)) {
-        0 => default_trip(most, long(S(110)), range),
-        trip => amplitude(trip),
-    };
+    let trip = trip_of(most, range).min(amplitude(long(P(106))));
     let of_most = |per_mille: u16| share(most.saturating_mul(per_mille.into()) / 1_000, long(S(110)));
     let highest_bus = u32::from(word(P(105))).saturating_mul(4_096).checked_div(full_scale.into()).unwrap_or(0);
     // One and a half times the highest speed, in a cycle, and two increments that a standing encoder may swing.
@@ -75,7 +72,8 @@ pub(super) fn settings(
     // Overspeed is found a quarter above it.
     check_encoder_rate(long(S(113)).saturating_add(long(S(113)) / 4), increments, facts.encoder_rate)
         .map_err(of(S(113)))?;
-    if word(P(107)) != 0 && word(P(239)) == 0 {
+    check_chopper(word(P(235)), word(P(234))).map_err(of(P(235)))?;
+    if word(P(107)) != 0 {
         check_induced_voltage(parameters, flux).map_err(of(S(113)))?;
     }
 
@@ -97,14 +95,14 @@ pub(super) fn settings(
             InvalidSetting { idn, reason: Some(reason) }
         })
     };
-    let load = |continuous: u16, peak_current: u16, time: u16| {
+    let load = |continuous: u16, peak_current: u16, time: u16, limit: u16| {
         LoadSettings::new(&LoadParameters {
             continuous_current: long(S(continuous)),
             peak_current: long(S(peak_current)),
             amplifier_peak_current: long(S(110)),
             time_constant: long(P(time)),
             warning_level: WARNING_LEVEL,
-            shutdown_level: word(S(114)).max(WARNING_LEVEL.saturating_add(1)),
+            shutdown_level: limit.max(WARNING_LEVEL.saturating_add(1)),
         })
         .map_err(of(P(time)))
     };
@@ -154,8 +152,8 @@ pub(super) fn settings(
         .map_err(of(P(105)))?,
         heat_sink: temperature(facts.thermometers.heat_sink(), 200, 203)?,
         winding: temperature(motor_sensor, 201, 204)?,
-        motor_load: load(111, 109, 130)?,
-        amplifier_load: load(112, 110, 131)?,
+        motor_load: load(111, 109, 130, word(S(114)))?,
+        amplifier_load: load(112, 110, 131, AMPLIFIER_LIMIT)?,
         encoder: EncoderMonitorSettings::new(&EncoderMonitorParameters {
             increments_per_revolution: increments,
             maximum_velocity,
@@ -214,6 +212,14 @@ fn check_encoder_rate(speed: u32, increments: u32, maximum: u32) -> Result<(), S
     if actual <= maximum { Ok(()) } else { Err(SettingsError::EncoderRate { actual, maximum }) }
 }
 
+/// Whether the switch of the chopper bears this resistor, both in 0.1 Ohm; 0: there is no resistor, or no switch.
+fn check_chopper(resistance: u16, least: u16) -> Result<(), SettingsError> {
+    let bears = resistance == 0 || least != 0 && resistance >= least;
+    let (actual, minimum) = (resistance.into(), least.into());
+    let parameter = "brake resistor P-0-0235 against P-0-0234, which is 0 without a chopper";
+    if bears { Ok(()) } else { Err(SettingsError::OutOfRange { parameter, actual, minimum, maximum: u16::MAX.into() }) }
+}
+
 /// Whether the DC link bears what the magnets induce at S-0-0113: `flux` in uVs a phase, peak value.
 fn check_induced_voltage(parameters: &Parameters, flux: u32) -> Result<(), SettingsError> {
     /// sqrt(3) * 2 pi / 60, in 10^-9: from flux times pole pairs times rpm to the peak voltage between two phases.
@@ -223,7 +229,7 @@ fn check_induced_voltage(parameters: &Parameters, flux: u32) -> Result<(), Setti
     let speed = u128::from(parameters.get(S(113)));
     let turning = u128::from(flux).saturating_mul(parameters.get_word(P(110)).into()).saturating_mul(speed);
     let actual = u32::try_from(turning.saturating_mul(LINE_VOLTAGE).div_ceil(ONE)).unwrap_or(u32::MAX);
-    let maximum = parameters.get_word(P(105)).into();
+    let maximum = parameters.get_word(P(239)).into();
     if actual <= maximum { Ok(()) } else { Err(SettingsError::InducedVoltage { actual, maximum }) }
 }
 
@@ -234,20 +240,23 @@ const BRAKE_MAY_OPEN: u16 = 1 << 2;
 /// Load from which the thermal models warn and limit, in 0.1 %.
 const WARNING_LEVEL: u16 = 900;
 
+/// Load at which that of the amplifier shuts down, in 0.1 %: S-0-0114 is the motor's.
+const AMPLIFIER_LIMIT: u16 = 1_100;
+
 /// A current as a share of the peak current, both RMS.
 fn share(current: u32, peak: u32) -> CurrentFraction {
     let bits = (u64::from(current) << 15).checked_div(peak.into()).unwrap_or(0);
     CurrentFraction::from_bits(i16::try_from(bits).unwrap_or(i16::MAX))
 }
 
-/// Amplitude at which the bridge is switched off where P-0-0106 does not say it: 125 % of the longest vector, and a fiftieth of the measuring range
-/// above it at least, that noise and ripple of the sensors trip nothing. The vector has S-0-0109 for the torque and 90 % of it, the most of
-/// P-0-0107, across, and is never longer than S-0-0110.
-fn default_trip(most: u32, amplifier: u32, range: u32) -> u32 {
+/// Amplitude at which the bridge is switched off, unless the amplifier's own trip P-0-0106 is lower: 125 % of the longest vector, and a fiftieth of the
+/// measuring range above it at least, that noise and ripple of the sensors trip nothing. The vector has S-0-0109 for the torque and 90 % of it, the
+/// most of P-0-0107, across.
+fn trip_of(most: u32, range: u32) -> u32 {
     // sqrt(1 + 0.9^2).
     const PER_MILLE: u64 = 1_346;
     let vector = u64::from(most).saturating_mul(PER_MILLE) / 1_000;
-    let longest = amplitude(u32::try_from(vector).unwrap_or(u32::MAX).min(amplifier));
+    let longest = amplitude(u32::try_from(vector).unwrap_or(u32::MAX));
     longest.saturating_add((longest / 4).max(range / 50))
 }
 

@@ -232,11 +232,10 @@ pub(super) const TWO_PI: Ratio = Ratio::new(710, 113);
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::dictionary::DICTIONARY;
     use servo::units::{Position, Velocity};
 
     fn with(changes: &[(u16, i32)]) -> Parameters {
-        let mut parameters = Parameters::new(&DICTIONARY);
+        let mut parameters = crate::service::rig::parameters();
         for &(number, value) in changes {
             parameters.set(Idn::standard(number), (value as u32).into()).unwrap();
         }

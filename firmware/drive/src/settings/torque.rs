@@ -123,10 +123,9 @@ pub(super) fn milliamperes(parameters: &Parameters) -> Result<(Option<Ratio>, u1
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::dictionary::DICTIONARY;
 
     fn with(changes: &[(Idn, i32)]) -> Parameters {
-        let mut parameters = Parameters::new(&DICTIONARY);
+        let mut parameters = crate::service::rig::parameters();
         for &(idn, value) in changes {
             parameters.set(idn, (value as u32).into()).unwrap();
         }

@@ -325,6 +325,20 @@ mod tests {
             prop_assert!(way(more, step) > i128::from(gap) || more >= high, "{chosen} by {step} in {gap}");
         }
 
+        /// Half of the velocity that the release of the acceleration takes away: on its last curve the jerk changes its sign no more, and only what it may cost at the
+        /// end comes on top.
+        #[test]
+        fn the_way_of_a_brake_that_is_too_hard_has_nothing_but_its_end_added(ticks in 6.0..60.0_f64, step in 14.0..24.0_f64) {
+            let jerk = step.exp2() as i64;
+            let brake = SmoothBrake::new(Slope::new(jerk * 1_000), Slope::new(jerk));
+            let velocity = ticks * ticks / 4.0 * jerk as f64;
+            let with_end = velocity + jerk as f64 / 8.0;
+            let expected = with_end * (2.0 * with_end / jerk as f64).sqrt() / 3.0;
+            let way = (brake.way(velocity as i64, -(ticks * jerk as f64) as i64) << COARSE_POSITION) as f64;
+            // A quarter of the step more would be 1.5 / ticks^2 of it.
+            prop_assert!((way / expected - 1.0).abs() < 0.3 / (ticks * ticks), "{way}, expected {expected}");
+        }
+
         #[test]
         fn a_margin_is_what_is_left_of_the_gap_and_never_more(step in 6.0..26.0_f64, steps in -2.0..17.0_f64) {
             let step = step.exp2() as i64;

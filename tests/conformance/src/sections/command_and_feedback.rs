@@ -62,7 +62,11 @@ pub(super) fn cases() -> Vec<Case> {
     for (source, what) in [(1, "that of the motor encoder"), (0, "0")] {
         let rule = format!("with P-0-2705 = {source} S-0-0053 is {what}");
         cases.push(Case::new(SECTION, rule, "sercos2.md 1.8, P-0-2705", move |slave| {
-            slave.run_up(4, Configuration::default().with(0x8000 | 2705, &[source]).with_long(52, 987_654))?;
+            slave.run_up_with_motor(
+                4,
+                2,
+                Configuration::default().with(0x8000 | 2705, &[source]).with_long(52, 987_654),
+            )?;
             slave.cycles(50);
             ensure(slave.command(447)? == 3, || "S-0-0447 fails".to_owned())?;
             slave.cycles(5);
@@ -85,7 +89,7 @@ pub(super) fn cases() -> Vec<Case> {
         Ok(())
     }));
     cases.push(Case::new(SECTION, "no command is valid in CP3", "sercos2.md 2.1", |slave| {
-        slave.run_up(3, super::error_handling::motor(2, Configuration::default()))?;
+        slave.run_up_with_motor(3, 2, Configuration::default())?;
         slave.commands = 3_000_000_i32.to_le_bytes().to_vec();
         slave.control = 0xE000;
         slave.cycles(50);
@@ -106,7 +110,7 @@ pub(super) fn cases() -> Vec<Case> {
         }
         Ok(())
     }));
-    cases
+    cases.into_iter().map(Case::on_a_press).collect()
 }
 
 /// A step of the torque command becomes current at t3.

@@ -1,10 +1,8 @@
 //! Lost telegrams, illegal modes, the errors and warnings of the drive, and how they are told and cleared.
 
-use bench::{Amplifier, parameters_of};
-use plant::ReferenceAxis;
+use bench::Amplifier;
 use ring::Nanoseconds;
 use ring::fibre::{Effect, TelegramKind};
-use ring::ident::Value;
 use ring::service_client::status;
 
 use crate::case::{Case, Section, ensure, expect};
@@ -480,7 +478,7 @@ fn drive_errors() -> Vec<Case> {
         "switched on without main power: no torque, C2D bit 9 and S-0-0319",
         "sercos2.md 4.3",
         |slave| {
-            slave.run_up(4, motor(2, Configuration::default()))?;
+            slave.run_up_with_motor(4, 2, Configuration::default())?;
             amplifier(slave, Amplifier { main_power: false, fault: false });
             slave.cycles(5);
             let at = slave.last.clone().ok_or("no AT")?;
@@ -514,7 +512,7 @@ fn drive_errors() -> Vec<Case> {
         },
     ));
     cases.push(Case::new(SECTION, "torque only in CP4", "sercos2.md 6.3", |slave| {
-        slave.run_up(3, motor(2, Configuration::default()))?;
+        slave.run_up_with_motor(3, 2, Configuration::default())?;
         slave.control = 0xE000;
         slave.cycles(20);
         ensure(!slave.drive.motor_side.borrow().bridge_is_on(), || "the amplifier is on in CP3".to_owned())?;
@@ -545,21 +543,9 @@ fn amplifier(slave: &Slave, inputs: Amplifier) {
     slave.drive.motor_side.borrow_mut().set_amplifier_inputs(inputs);
 }
 
-/// The settings that fit the simulated press drive's motor.
-pub(super) fn motor(mode: u16, configuration: Configuration) -> Configuration {
-    parameters_of(&ReferenceAxis::press()).into_iter().fold(configuration.with(32, &[mode]), |all, (idn, value)| {
-        match value {
-            Value::Word(word) => all.with(idn.0, &[word]),
-            Value::Long(long) => all.with_long(idn.0, long.cast_signed()),
-            // An axis has no lists and no texts.
-            _ => all,
-        }
-    })
-}
-
 /// In CP4 with torque in this mode, standing still.
 pub(super) fn in_operation(slave: &mut Slave, mode: u16, configuration: Configuration) -> Outcome {
-    slave.run_up(4, motor(mode, configuration))?;
+    slave.run_up_with_motor(4, mode, configuration)?;
     let bytes = usize::from(slave.configuration.length).saturating_sub(4);
     slave.commands = vec![0; bytes];
     slave.cycles(20);

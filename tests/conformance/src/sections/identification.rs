@@ -115,7 +115,7 @@ fn silent_for(slave: &mut Slave, address: u8) -> Outcome {
 
 fn three_drives(rate: BitRate) -> Outcome {
     let addresses = [7, 3, 11];
-    let mut slave = Slave::on(rate, addresses.map(DriveSetup::new).to_vec());
+    let mut slave = Slave::on(rate, addresses.map(DriveSetup::catalogue).to_vec());
     slave.to_cp0();
     slave.mst = Some(1);
     for address in [3, 11, 7, 3, 7, 11] {

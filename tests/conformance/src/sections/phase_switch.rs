@@ -167,7 +167,7 @@ pub(super) fn cases() -> Vec<Case> {
         "a drive switched on in a running ring waits for CP0 without an error",
         "sercos2.md 2.2",
         |_| {
-            let slave = &mut Slave::in_ring(BitRate::M2, vec![DriveSetup::new(5)], 4);
+            let slave = &mut Slave::in_ring(BitRate::M2, vec![DriveSetup::catalogue(5)], 4);
             for phase in [4, 2, 1] {
                 slave.mst = Some(phase);
                 slave.mdt = phase < 3;

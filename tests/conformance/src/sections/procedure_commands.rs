@@ -266,7 +266,7 @@ fn effects() -> Vec<Case> {
             ensure(slave.switch_on().is_err(), || "the drive has switched on".to_owned())?;
             expect("S-0-0182 bit 1", slave.number(182)? >> 1 & 1, 1)?;
             expect("S-0-0390", slave.number(390)?, 0xA015)?;
-            slave.run_up(4, super::error_handling::motor(2, Configuration::default()))?;
+            slave.run_up_with_motor(4, 2, Configuration::default())?;
             slave.switch_on()
         },
     ));

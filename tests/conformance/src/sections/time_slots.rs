@@ -24,7 +24,7 @@ pub(super) fn cases() -> Vec<Case> {
     }
     cases.push(Case::new(SECTION, "with a crystal 100 ppm off the AT does not drift", "sercos2.md 5.4", |_| {
         for clock_ppm in [-100, 100] {
-            let slave = &mut Slave::new(DriveSetup { clock_ppm, ..DriveSetup::new(5) });
+            let slave = &mut Slave::new(DriveSetup { clock_ppm, ..DriveSetup::catalogue(5) });
             slave.run_up(4, Configuration::default())?;
             starts_at(slave, 200, 1_000)?;
         }
@@ -62,7 +62,7 @@ pub(super) fn cases() -> Vec<Case> {
         for cycle in [500, 2_000] {
             let rule = format!("{name} Mbit/s, {cycle} us: a run-up to CP4, every AT at t1");
             cases.push(Case::new(SECTION, rule, "sercos2.md 5.2, 5.5", move |_| {
-                let slave = &mut Slave::on(rate, vec![DriveSetup::new(5)]);
+                let slave = &mut Slave::on(rate, vec![DriveSetup::catalogue(5)]);
                 let configuration =
                     Configuration { cycle, t1: 12, t2: 150, t3: 400, t4: 450, ..Configuration::default() };
                 slave.run_up(4, configuration)?;

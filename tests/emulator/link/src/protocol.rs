@@ -173,6 +173,8 @@ pub const EXTERNAL_BUS_END: u32 = 0x7000_0000;
 pub const PARAMETER_FLASH: u32 = 0x080C_0000;
 /// First address behind the flash that holds the parameters.
 pub const PARAMETER_FLASH_END: u32 = 0x0810_0000;
+/// First byte of the production record: sector 9.
+pub const PRODUCTION_RECORD: u32 = 0x080A_0000;
 /// FLASH_CR.
 const FLASH_CONTROL: u32 = 0x4002_3C10;
 

@@ -2,12 +2,15 @@
 
 use std::time::Duration;
 
-use emulator_link::protocol::PARAMETER_FLASH;
+use emulator_link::protocol::{PARAMETER_FLASH, PRODUCTION_RECORD};
 use flash::FlashModel;
 use ring::Nanoseconds;
 
 use super::{Guest, Reset};
 use crate::{EmulatorError, Hold};
+
+/// A sector in which the works have written nothing, as far as anybody looks.
+pub(super) const BLANK_RECORD: [u8; 256] = [0xFF; 256];
 
 /// What an operation has made of the product.
 #[derive(Debug, Default)]
@@ -60,6 +63,16 @@ impl Guest {
         self.copy_where_different(before.contents())
     }
 
+    /// Puts the record of the works into its sector, where it stays over every reset.
+    ///
+    /// # Errors
+    /// The end of QEMU.
+    pub fn set_production_record(&mut self, mut bytes: Vec<u8>) -> Result<(), EmulatorError> {
+        bytes.resize(bytes.len().next_multiple_of(4), 0xFF);
+        self.production_record = bytes;
+        self.copy_production_record()
+    }
+
     /// The supply goes within the `nth` operation of the flash from now on, the next being the first; see [`FlashModel::cut_in`]. Then the product
     /// stands, its outputs are what they are without it, and [`Guest::lost_supply`] has the time, until a reset by [`Reset::PowerOn`].
     pub const fn cut_supply_in(&mut self, nth: u64, seed: u64) {
@@ -103,7 +116,13 @@ impl Guest {
 
     /// Shows a QEMU that has just started what the flash holds.
     pub(super) fn copy_flash(&mut self) -> Result<(), EmulatorError> {
+        self.copy_production_record()?;
         self.copy_where_different(FlashModel::new().contents())
+    }
+
+    pub(super) fn copy_production_record(&mut self) -> Result<(), EmulatorError> {
+        let record = words(&self.production_record);
+        self.write_memory(PRODUCTION_RECORD, &record)
     }
 
     fn copy_where_different(&mut self, before: &[u8]) -> Result<(), EmulatorError> {

@@ -35,10 +35,10 @@ const MACHINE: [u16; 19] = [
     0x8000 | 120,
 ];
 /// Gains and compensations: a machine keeps its loops with a value near its own.
-const TUNING: [u16; 11] = [100, 101, 104, 106, 107, 155, 348, 392, 0x8000 | 103, 0x8000 | 107, 0x8000 | 142];
+const TUNING: [u16; 10] = [100, 101, 104, 106, 107, 155, 348, 392, 0x8000 | 107, 0x8000 | 142];
 /// What lives are about, written more often than the rest.
-const LIMITS: [u16; 22] =
-    [91, 92, 38, 39, 82, 83, 138, 372, 136, 137, 159, 349, 49, 50, 52, 57, 124, 259, 260, 193, 200, 201];
+const LIMITS: [u16; 21] =
+    [91, 92, 38, 39, 82, 83, 138, 372, 136, 137, 159, 349, 49, 50, 52, 57, 124, 259, 260, 193, 201];
 /// What changes the weight of positions, velocities and accelerations.
 const SCALING: [u16; 12] = [44, 45, 76, 77, 79, 103, 121, 122, 123, 160, 161, 55];
 /// What keeps its size under another scaling.
@@ -226,10 +226,6 @@ impl Writer<'_> {
             }
             159 if self.dice.chance(60) => return degrees(0.5 + 60.0 * self.dice.share()) as i64,
             301 | 303 if self.dice.chance(70) => return self.dice.pick(&BIT_TARGETS).unwrap_or(0).into(),
-            // P-0-0104 and 105.
-            0x8068 | 0x8069 if self.dice.chance(70) => {
-                return (own_value(self.axis, idn) as f64 * (0.5 + self.dice.share())) as i64;
-            }
             _ => {}
         }
         match self.dice.below(6) {

@@ -1,6 +1,7 @@
 //! The page as text.
 
 use drive::DICTIONARY;
+use drive::dictionary::is_rating;
 use drive::{DIAGNOSES, Diagnosis, Severity};
 use sercos::attribute::{Format, Length};
 use sercos::data_block::{Bits, Cyclic, DataBlock, Location, NeededFor, Selection};
@@ -114,6 +115,7 @@ fn range(block: &DataBlock) -> String {
 
 fn default(block: &DataBlock) -> String {
     match (block.location, block.fixed_bytes()) {
+        _ if is_rating(block) => "of the amplifier".to_owned(),
         (Location::Parameter, Some(_)) => number(block, block.default),
         _ => String::new(),
     }

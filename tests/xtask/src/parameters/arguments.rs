@@ -36,7 +36,7 @@ pub(crate) enum ParametersCommand {
         /// As `save` has written it
         file: PathBuf,
         /// Another one, in place of a drive
-        #[arg(value_name = "FILE", conflicts_with_all = ["on", "flash"])]
+        #[arg(value_name = "FILE", conflicts_with_all = ["on", "flash", "identity"])]
         other: Option<PathBuf>,
         #[command(flatten)]
         drive: DriveArguments,
@@ -60,6 +60,9 @@ pub(crate) struct DriveArguments {
     /// What the drive remembers from one command to the next, as its flash holds it; made if it is not there
     #[arg(long, value_name = "FILE")]
     flash: Option<PathBuf>,
+    /// Data sheet of its amplifier, as docs/amplifier.toml [default: the board as it comes]
+    #[arg(long, value_name = "FILE")]
+    identity: Option<PathBuf>,
 }
 
 impl From<ParametersCommand> for (Action, Which) {
@@ -75,7 +78,7 @@ impl From<ParametersCommand> for (Action, Which) {
             ParametersCommand::Compare { file, other: None, drive } => (Action::CompareWithDrive(file), drive),
             ParametersCommand::Print { idns, drive } => (Action::Print(idns), drive),
         };
-        (action, Which { on: drive.on.into(), flash: drive.flash })
+        (action, Which { on: drive.on.into(), flash: drive.flash, identity: drive.identity })
     }
 }
 

@@ -9,7 +9,7 @@ use ring::tester::Plan;
 use ring::wire::BitRate;
 use ring::{Nanoseconds, RingConfiguration, Tester};
 
-const ADDRESS: u8 = 1;
+pub(super) const ADDRESS: u8 = 1;
 /// The shortest that a master may have before CP3 (sercos2.md 2.1).
 const CYCLE: Nanoseconds = Nanoseconds::from_millis(1);
 /// In the middle of the window of the MDT in CP1 and CP2 (sercos2.md 2.1).
@@ -33,12 +33,11 @@ pub(crate) struct RingLink {
 }
 
 impl RingLink {
-    /// Switches a drive on that remembers what is in this flash, and takes it to CP2; `progress` is told of a phase that has ended, and when in us.
+    /// Switches a drive on, and takes it to CP2; `progress` is told of a phase that has ended, and when in us.
     ///
     /// # Errors
     /// The drive does not start or does not answer.
-    pub(crate) fn run_up(executor: &Executor, flash: FlashModel, progress: &mut dyn FnMut(u8, u64)) -> Result<Self> {
-        let setup = DriveSetup { flash, ..DriveSetup::new(ADDRESS) };
+    pub(crate) fn run_up(executor: &Executor, setup: DriveSetup, progress: &mut dyn FnMut(u8, u64)) -> Result<Self> {
         let tester = Tester::new(BitRate::M2, Plan::mst_only(0, CYCLE));
         let configuration = RingConfiguration::new(1, BitRate::M2);
         let (world, mut handles) = ring_of_drives_on(configuration, tester, &[setup], |_| executor.clone())?;

@@ -48,7 +48,12 @@ impl Link for Noted {
 
 /// A drive that remembers this.
 fn drive(executor: &Executor, flash: FlashModel) -> Drive<Noted> {
-    let link = RingLink::run_up(executor, flash, &mut |_, _| ()).unwrap();
+    let link = RingLink::run_up(
+        executor,
+        DriveSetup { flash, ..DriveSetup::catalogue(super::ring_link::ADDRESS) },
+        &mut |_, _| (),
+    )
+    .unwrap();
     Drive::new(Noted { link, written: vec![], lost: None })
 }
 
@@ -261,8 +266,8 @@ fn a_drive_that_keeps_every_write_by_itself_keeps_no_half_of_a_file() {
     let mut eager = host(flash_of(&eager));
     let before = file_of(&mut eager);
     // Found while it is read back, when a drive would have kept the rest long since.
-    eager.link_mut().lost = Some(Idn::product(239));
-    refusal(&mut eager, &with(&before, &[(HOMING_VELOCITY, "42"), (Idn::product(239), "0x0001")]));
+    eager.link_mut().lost = Some(Idn::product(140));
+    refusal(&mut eager, &with(&before, &[(HOMING_VELOCITY, "42"), (Idn::product(140), "1")]));
     assert_eq!(eager.value(STORAGE_MODE).unwrap(), Value::Word(0));
     assert_eq!(file_of(&mut host(flash_of(&eager))), before);
 
