@@ -117,7 +117,8 @@ fn the_flashed_elf_follows_the_line_shaft_in_exactly_the_same_way_alone_under_lo
 fn the_flashed_elf_releases_every_step_of_every_element_within_100_us_of_the_mdt() {
     let tester = Tester::new(BitRate::M2, Plan::mst_only(0, Nanoseconds::from_millis(1)));
     let configuration = RingConfiguration::new(1, BitRate::M2);
-    let (world, mut handles) = ring_of_drives_on(configuration, tester, &[DriveSetup::catalogue(5)], |_| on_qemu()).unwrap();
+    let (world, mut handles) =
+        ring_of_drives_on(configuration, tester, &[DriveSetup::catalogue(5)], |_| on_qemu()).unwrap();
     let mut slave = Slave::around(world, handles.remove(0));
     // The drive is switched on with the ring and takes its time until it listens.
     let attempts =
