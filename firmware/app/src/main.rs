@@ -112,10 +112,6 @@ mod app {
             defmt::error!("{=u8} on the address switches is no drive address", settings.address);
             remain_a_repeater()
         };
-        let production = Production::read(board::production_record::bytes());
-        if let Production::Unreadable(error) = &production {
-            defmt::error!("production record: {}", error);
-        }
         PERMIT.always();
         let buffer = context.local.page;
         let mut memory = Memory::new(parameter_flash);
@@ -123,8 +119,7 @@ mod app {
         if let Some(trouble) = told_of_memory(&recollection) {
             defmt::warn!("parameters: {=str}", trouble);
         }
-        let drive =
-            drive::new(bus, motor_side, inverter, &LINK, context.local.scope, identity, production, recollection);
+        let drive = drive::new(bus, motor_side, inverter, &LINK, context.local.scope, identity, recollection);
         let Drive { current, mut interrupts, communication, mut motion } = match drive {
             Ok(drive) => drive,
             Err(error) => {
@@ -328,12 +323,18 @@ mod app {
         }
     }
 
+    /// `None`: the switches show no drive address. A record that cannot be read keeps the drive out of CP4.
     fn identity(settings: &switches::Settings) -> Option<Identity> {
+        let production = Production::read(board::production_record::bytes());
+        if let Production::Unreadable(error) = &production {
+            defmt::error!("production record: {}", error);
+        }
         Some(Identity {
             address: DriveAddress::new(settings.address)?,
             bit_rate: settings.bit_rate,
             master_clock: chip_control::MASTER_CLOCK,
             transceiver: chip_control::TRANSCEIVER,
+            production,
         })
     }
 

@@ -23,7 +23,6 @@ use crate::hardware::Hardware;
 use crate::identity::Identity;
 use crate::interrupts::RingInterrupts;
 use crate::motion::Motion;
-use crate::production::Production;
 use crate::remembering::keeping::{Keep, Keeping, MemoryFailure};
 use crate::remembering::log::{KeptPosition, Log, Moment};
 use crate::remembering::set::{self, Recollection};
@@ -73,7 +72,6 @@ pub struct PhaseReport {
 #[derive(Debug)]
 pub struct Communication<B> {
     identity: Identity,
-    production: Production,
     slave: Slave<B>,
     service: ServicePort<B>,
     phases: PhaseMachine,
@@ -95,11 +93,10 @@ pub struct Communication<B> {
 
 impl<B: Bus + Clone> Communication<B> {
     /// A drive that has not touched its chip yet, with its production record; `of_board` is the amplifier that it has without one.
-    pub fn new(bus: B, identity: Identity, production: Production, of_board: &Amplifier, facts: &Facts) -> Self {
-        let parameters = parameters_on(production.amplifier(of_board), facts);
+    pub fn new(bus: B, identity: Identity, of_board: &Amplifier, facts: &Facts) -> Self {
+        let parameters = parameters_on(identity.production.amplifier(of_board), facts);
         Self {
             identity,
-            production,
             slave: Slave::new(bus.clone()),
             service: ServicePort::new(bus),
             phases: PhaseMachine::new(),
@@ -265,7 +262,7 @@ impl<B: Bus + Clone> Communication<B> {
 
     /// The amplifier; `of_board` is the one without a production record.
     pub(crate) const fn amplifier<'a>(&'a self, of_board: &'a Amplifier) -> &'a Amplifier {
-        self.production.amplifier(of_board)
+        self.identity.production.amplifier(of_board)
     }
 
     /// The parameters, for tests and tools beside the ring.
@@ -332,7 +329,6 @@ impl<B: Bus + Clone> Communication<B> {
             checks: &mut self.checks,
             commissioning: &mut self.commissioning,
             identity: &self.identity,
-            production: &self.production,
             access: &mut self.access,
             rescaling: &mut self.rescaling,
             errors: &self.errors,

@@ -1,8 +1,10 @@
-//! Who this drive is in the ring, and how its ring controller is wired.
+//! Who this drive is in the ring, how its ring controller is wired, and what it was built as.
 
 use core::fmt;
 
 use sercon816::{BitRate, MasterClock, Transceiver};
+
+use crate::production::Production;
 
 /// A drive address, 1 to 254 (sercos2.md 1.2).
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -32,8 +34,8 @@ impl fmt::Display for DriveAddress {
     }
 }
 
-/// What the address switches and the board tell about this drive.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+/// What the address switches, the board and the works tell about this drive.
+#[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Identity {
     /// Drive address, from the switches.
     pub address: DriveAddress,
@@ -43,4 +45,6 @@ pub struct Identity {
     pub master_clock: MasterClock,
     /// Polarities of the optical transceiver.
     pub transceiver: Transceiver,
+    /// What the works have written.
+    pub production: Production,
 }

@@ -80,7 +80,6 @@ pub use servo::monitor::{Divider, TemperatureSensor, Thermometers};
 pub use servo::motor::{BoardKind, CurrentControl, CurrentLink, CurrentLoopValues, Cycle, Facts, PowerStage, Samples};
 pub use servo::scope::Scope;
 
-use crate::production::Production;
 use crate::remembering::set::Recollection;
 
 use sercon816::Bus;
@@ -111,11 +110,10 @@ pub fn new<B: Bus + Clone, H: Hardware, P: PowerStage<Board = H::Board>>(
     link: &'static CurrentLink,
     scope: &'static mut Scope,
     identity: Identity,
-    production: Production,
     recollection: Recollection<'_>,
 ) -> Result<Drive<B, H, P>, InvalidSetting> {
     let address = identity.address.get();
-    let (communication, remembers) = recalled::<B, H>(bus.clone(), identity, production, recollection);
+    let (communication, remembers) = recalled::<B, H>(bus.clone(), identity, recollection);
     let settings = settings_at_start::<H>(&communication)?;
     let current = CurrentControl::new(stage, link, settings.motor.current);
     let mut motion = Motion::new(bus.clone(), address, hardware, link, scope, settings);
@@ -131,10 +129,9 @@ pub fn new<B: Bus + Clone, H: Hardware, P: PowerStage<Board = H::Board>>(
 fn recalled<B: Bus + Clone, H: Hardware>(
     bus: B,
     identity: Identity,
-    production: Production,
     recollection: Recollection<'_>,
 ) -> (Communication<B>, bool) {
-    let mut communication = Communication::new(bus, identity, production, &H::AMPLIFIER, &<H::Board>::FACTS);
+    let mut communication = Communication::new(bus, identity, &H::AMPLIFIER, &<H::Board>::FACTS);
     let remembers = communication.recall(recollection);
     (communication, remembers)
 }

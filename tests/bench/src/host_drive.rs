@@ -3,7 +3,6 @@
 //! What this file stands for is `firmware/app/src/main.rs` and the board: edges of the interrupt pins, the end of
 //! conversion, the order of priorities. Everything else is the product.
 
-use drive::production::Production;
 use drive::remembering;
 use drive::{
     Communication, CurrentControl, CurrentLink, Drive, Identity, InterruptLine, Motion, RingInterrupts, Scope, Tasks,
@@ -66,7 +65,6 @@ impl HostDrive {
         (chip, motor_side, flash): (&SharedChip, &SharedMotorSide, &SharedFlash),
         clock: &SharedClock,
         identity: Identity,
-        production: Production,
         latency: Latency,
         measurements: SharedMeasurements,
     ) -> Result<Self, ProcessorError> {
@@ -86,7 +84,6 @@ impl HostDrive {
             link,
             scope,
             identity,
-            production,
             recollection,
         )
         .map_err(|error| refused(&error))?;

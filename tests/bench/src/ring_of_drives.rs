@@ -116,14 +116,19 @@ pub(crate) fn station(setup: &DriveSetup, bit_rate: BitRate, clock: &SharedClock
 /// Watches the drive of a setup.
 pub(crate) fn observer(setup: &DriveSetup) -> SharedObserver {
     let mut observer = Observer::new(setup.address, setup.axis.machine);
-    let production = Production::read(&setup.works.sector(&setup.axis));
-    observer.remember(ratings(production.amplifier(&MotorSide::AMPLIFIER)));
+    observer.remember(ratings(production(setup).amplifier(&MotorSide::AMPLIFIER)));
     observer.remember(remembered(&setup.flash));
     Rc::new(RefCell::new(observer))
 }
 
-/// The identity that the switches of a drive give.
-pub(crate) fn identity(address: u8, bit_rate: BitRate) -> Result<Identity, ProcessorError> {
+/// What the works have written into the drive of a setup.
+fn production(setup: &DriveSetup) -> Production {
+    Production::read(&setup.works.sector(&setup.axis))
+}
+
+/// The identity that switches and works give a drive.
+fn identity(setup: &DriveSetup, bit_rate: BitRate) -> Result<Identity, ProcessorError> {
+    let address = setup.address;
     Ok(Identity {
         address: DriveAddress::new(address)
             .ok_or_else(|| ProcessorError::Stuck { address, cause: "an address is 1 to 254".to_owned() })?,
@@ -135,6 +140,7 @@ pub(crate) fn identity(address: u8, bit_rate: BitRate) -> Result<Identity, Proce
         },
         master_clock: MasterClock::Mhz32,
         transceiver: Transceiver::STANDARD,
+        production: production(setup),
     })
 }
 
@@ -167,15 +173,14 @@ pub fn ring_of_drives_on<M: Master>(
     let mut stations = Vec::new();
     for setup in setups {
         let (chip, motor_side) = station(setup, bit_rate, &clock);
-        let identity = identity(setup.address, bit_rate)?;
+        let identity = identity(setup, bit_rate)?;
         let measurements = SharedMeasurements::default();
         let flash = Rc::new(RefCell::new(setup.flash.clone()));
         let mut elf = None;
         let processor: Box<dyn Processor> = match executor(setup.address) {
             Executor::Host => {
                 let parts = (&chip, &motor_side, &flash);
-                let production = Production::read(&setup.works.sector(&setup.axis));
-                Box::new(HostDrive::start(parts, &clock, identity, production, setup.latency, measurements.clone())?)
+                Box::new(HostDrive::start(parts, &clock, identity, setup.latency, measurements.clone())?)
             }
             Executor::Qemu(elves) => {
                 let parts = (&chip, &motor_side);

@@ -89,7 +89,7 @@ where
         let Some(cyclic) = &self.checks.cyclic else { return CommandState::Failed };
         let misfits = self.rescaling.misfits(parameters);
         let untold = self.untold(parameters);
-        let unknown = self.production.error();
+        let unknown = self.identity.production.error();
         let synchronised = self.motion.lock(|motion| motion.is_synchronised());
         let settings = loops::settings::<H>(parameters);
         let mut invalid = match (transition::check_cp4(parameters, &capabilities, cyclic, synchronised), settings) {

@@ -20,7 +20,6 @@ use crate::dictionary::procedures::Procedure;
 use crate::hardware::Hardware;
 use crate::identity::Identity;
 use crate::motion::Motion;
-use crate::production::Production;
 use crate::remembering::keeping::Keeping;
 use crate::remembering::log::KeptPosition;
 
@@ -51,7 +50,6 @@ pub(crate) struct Context<'a, B, M> {
     pub(crate) checks: &'a mut Checks,
     pub(crate) commissioning: &'a mut Commissioning,
     pub(crate) identity: &'a Identity,
-    pub(crate) production: &'a Production,
     pub(crate) access: &'a mut Access,
     pub(crate) rescaling: &'a mut Rescaling,
     pub(crate) errors: &'a ErrorMemory,

@@ -172,8 +172,7 @@ pub(crate) struct Rig {
     phases: PhaseMachine,
     commissioning: Commissioning,
     rescaling: Rescaling,
-    identity: Identity,
-    pub(super) production: Production,
+    pub(super) identity: Identity,
     access: Access,
     errors: ErrorMemory,
     pub(super) keeping: Keeping,
@@ -190,6 +189,7 @@ impl Rig {
             bit_rate: BitRate::Mbit2,
             master_clock: MasterClock::Mhz32,
             transceiver: Transceiver::STANDARD,
+            production: Production::Blank,
         };
         let parameters = set::told(&parameters());
         let settings = loops::settings::<Still>(&parameters).unwrap();
@@ -204,7 +204,6 @@ impl Rig {
             commissioning: Commissioning::default(),
             rescaling: Rescaling::new(&parameters),
             identity,
-            production: Production::Blank,
             access: Access::default(),
             errors: ErrorMemory::new(),
             keeping: Keeping::with_memory(),
@@ -278,7 +277,6 @@ impl Rig {
             commissioning: &mut self.commissioning,
             rescaling: &mut self.rescaling,
             identity: &self.identity,
-            production: &self.production,
             access: &mut self.access,
             errors: &self.errors,
             keeping: &mut self.keeping,

@@ -42,8 +42,10 @@ where
             Text::DiagnosticCause => return Some(self.diagnosis().cause),
             Text::DiagnosticRemedy => return Some(self.diagnosis().remedy),
             Text::CheckFinding => self.checks.finding.map_or(Ok(()), |finding| write!(buffer, "{finding}")),
-            Text::SerialNumber => buffer.push_str(self.production.serial_number()).map_err(|_| core::fmt::Error),
-            Text::HardwareName => buffer.push_str(self.production.hardware()).map_err(|_| core::fmt::Error),
+            Text::SerialNumber => {
+                buffer.push_str(self.identity.production.serial_number()).map_err(|_| core::fmt::Error)
+            }
+            Text::HardwareName => buffer.push_str(self.identity.production.hardware()).map_err(|_| core::fmt::Error),
             Text::LastCrash => self.crash.map_or(Ok(()), |(record, task)| write!(buffer, "{}", record.told_of(task))),
             Text::IdentificationFinding => {
                 self.commissioning.finding.map_or(Ok(()), |finding| write!(buffer, "{finding}"))
