@@ -1,4 +1,4 @@
-//! What has happened, in the memory: the error memory, the operating time and the last crash.
+//! What has happened, in the memory: the error memory, the operating time, the last crash, and where the axis was.
 
 use crate::crash::{CRASH_WORDS, CrashRecord};
 use crate::diagnosis::error_memory::{ERRORS, ErrorMemory, ErrorRecord};
@@ -7,9 +7,29 @@ const VERSION: u8 = 1;
 const HEAD_BYTES: usize = 8;
 const RECORD_BYTES: usize = 6;
 const CRASH_BYTES: usize = 4 * CRASH_WORDS;
+const POSITION_BYTES: usize = 8;
 
-/// Bytes of the log at most: a head (version, number of errors, 1 with a crash, 0, seconds of operation), the errors (number, seconds), the crash.
-pub const MOST_LOG_BYTES: usize = HEAD_BYTES + ERRORS * RECORD_BYTES + CRASH_BYTES;
+/// Bytes of the log at most: a head (version, number of errors, 1 with a crash, 1 with a position, seconds of operation), the errors (number, seconds), the
+/// crash, the position (S-0-0051, seconds).
+pub const MOST_LOG_BYTES: usize = HEAD_BYTES + ERRORS * RECORD_BYTES + CRASH_BYTES + POSITION_BYTES;
+
+/// Where the axis was, and when.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) struct KeptPosition {
+    /// S-0-0051, in the weight that it had.
+    pub(crate) position: i32,
+    /// Seconds of operation, all starts together.
+    pub(crate) seconds: u32,
+}
+
+/// When something is kept, and where the axis is then.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) struct Moment {
+    /// Seconds of operation, all starts together.
+    pub(crate) seconds: u32,
+    /// The last one that meant anything.
+    pub(crate) position: Option<KeptPosition>,
+}
 
 /// What is kept of the past.
 #[derive(Clone, Debug, Default)]
@@ -18,12 +38,14 @@ pub(crate) struct Log {
     pub(crate) seconds: u32,
     pub(crate) errors: ErrorMemory,
     pub(crate) crash: Option<CrashRecord>,
+    /// Of a firmware that has kept none there is none.
+    pub(crate) position: Option<KeptPosition>,
 }
 
 impl Log {
     /// Puts it into `buffer`; the number of bytes, or `None` if it does not fit.
     pub(crate) fn write(
-        seconds: u32,
+        moment: &Moment,
         errors: &ErrorMemory,
         crash: Option<&CrashRecord>,
         buffer: &mut [u8],
@@ -42,19 +64,28 @@ impl Log {
         }
         if let Some(crash) = crash {
             let words = crash.emit();
-            for (bytes, word) in rest.get_mut(..CRASH_BYTES)?.chunks_exact_mut(4).zip(words) {
+            let (record, behind) = core::mem::take(&mut rest).split_first_chunk_mut::<CRASH_BYTES>()?;
+            for (bytes, word) in record.chunks_exact_mut(4).zip(words) {
                 bytes.copy_from_slice(&word.to_le_bytes());
             }
+            rest = behind;
             written = written.checked_add(CRASH_BYTES)?;
         }
-        let [first, second, third, fourth] = seconds.to_le_bytes();
-        *head = [VERSION, count, crash.is_some().into(), 0, first, second, third, fourth];
+        if let Some(KeptPosition { position, seconds }) = moment.position {
+            let (record, _) = rest.split_first_chunk_mut::<POSITION_BYTES>()?;
+            let ([a, b, c, d], [e, f, g, h]) = (position.to_le_bytes(), seconds.to_le_bytes());
+            *record = [a, b, c, d, e, f, g, h];
+            written = written.checked_add(POSITION_BYTES)?;
+        }
+        let [first, second, third, fourth] = moment.seconds.to_le_bytes();
+        let known = moment.position.is_some().into();
+        *head = [VERSION, count, crash.is_some().into(), known, first, second, third, fourth];
         Some(written)
     }
 
     /// `None` for bytes that are no log.
     pub(crate) fn parse(bytes: &[u8]) -> Option<Self> {
-        let (&[version, count, crashed, _, a, b, c, d], rest) = bytes.split_first_chunk::<HEAD_BYTES>()?;
+        let (&[version, count, crashed, known, a, b, c, d], rest) = bytes.split_first_chunk::<HEAD_BYTES>()?;
         if version != VERSION || usize::from(count) > ERRORS {
             return None;
         }
@@ -65,17 +96,24 @@ impl Log {
             let number = u16::from_le_bytes([low, high]);
             errors.add(ErrorRecord { number, seconds: u32::from_le_bytes([a, b, c, d]) });
         }
-        let crash = if crashed == 0 {
-            None
+        let (crash, rest) = if crashed == 0 {
+            (None, rest)
         } else {
             let mut words = [0; CRASH_WORDS];
-            let bytes = rest.get(..CRASH_BYTES)?;
+            let (bytes, rest) = rest.split_first_chunk::<CRASH_BYTES>()?;
             for (word, bytes) in words.iter_mut().zip(bytes.as_chunks::<4>().0) {
                 *word = u32::from_le_bytes(*bytes);
             }
-            Some(CrashRecord::parse(&words)?)
+            (Some(CrashRecord::parse(&words)?), rest)
         };
-        Some(Self { seconds: u32::from_le_bytes([a, b, c, d]), errors, crash })
+        let position = if known == 0 {
+            None
+        } else {
+            let &[a, b, c, d, e, f, g, h] = rest.first_chunk::<POSITION_BYTES>()?;
+            let (position, seconds) = (i32::from_le_bytes([a, b, c, d]), u32::from_le_bytes([e, f, g, h]));
+            Some(KeptPosition { position, seconds })
+        };
+        Some(Self { seconds: u32::from_le_bytes([a, b, c, d]), errors, crash, position })
     }
 }
 
@@ -85,37 +123,50 @@ mod tests {
     use crate::crash::CrashCause;
     use std::vec::Vec;
 
-    fn written(errors: usize, crash: Option<&CrashRecord>) -> Vec<u8> {
+    const THERE: KeptPosition = KeptPosition { position: -1_234_567, seconds: 70_000 };
+
+    fn written(errors: usize, crash: Option<&CrashRecord>, position: Option<KeptPosition>) -> Vec<u8> {
         let mut memory = ErrorMemory::new();
         for number in 0..errors as u16 {
             memory.add(ErrorRecord { number: 0xF100 + number, seconds: u32::from(number) * 70_000 });
         }
         let mut buffer = [0; MOST_LOG_BYTES];
-        let length = Log::write(123_456_789, &memory, crash, &mut buffer).unwrap();
+        let moment = Moment { seconds: 123_456_789, position };
+        let length = Log::write(&moment, &memory, crash, &mut buffer).unwrap();
         buffer[..length].to_vec()
     }
 
     #[test]
     fn what_was_written_is_read_and_half_of_it_is_nothing() {
         let crash = CrashRecord { pc: 0x0800_1234, told: true, ..CrashRecord::new(CrashCause::Panic) };
-        for (errors, crash) in [(0, None), (3, None), (ERRORS, Some(&crash)), (0, Some(&crash))] {
-            let bytes = written(errors, crash);
+        let crashes = [(0, None), (3, None), (ERRORS, Some(&crash)), (0, Some(&crash))];
+        for ((errors, crash), position) in crashes.into_iter().flat_map(|case| [(case, None), (case, Some(THERE))]) {
+            let bytes = written(errors, crash, position);
             let log = Log::parse(&bytes).unwrap();
-            assert_eq!((log.seconds, log.crash.as_ref()), (123_456_789, crash));
+            assert_eq!((log.seconds, log.crash.as_ref(), log.position), (123_456_789, crash, position));
             let numbers: Vec<u16> = log.errors.newest_first().map(|error| error.number).collect();
             assert_eq!(numbers, (0..errors as u16).rev().map(|number| 0xF100 + number).collect::<Vec<_>>());
             assert!(log.errors.newest_first().next().is_none_or(|error| error.seconds == (errors as u32 - 1) * 70_000));
             for length in 0..bytes.len() {
                 assert!(Log::parse(&bytes[..length]).is_none(), "{length} of {} bytes", bytes.len());
+                let moment = Moment { seconds: log.seconds, position };
+                assert_eq!(Log::write(&moment, &log.errors, crash, &mut std::vec![0; length]), None, "{length}");
             }
         }
-        assert_eq!(written(ERRORS, Some(&crash)).len(), MOST_LOG_BYTES);
-        assert_eq!(Log::write(0, &ErrorMemory::new(), Some(&crash), &mut [0; CRASH_BYTES]), None);
+        assert_eq!(written(ERRORS, Some(&crash), Some(THERE)).len(), MOST_LOG_BYTES);
+    }
+
+    /// 5bec346 has written it: a head, one error, no crash.
+    #[test]
+    fn a_log_of_a_firmware_that_kept_no_position_has_none() {
+        let log = Log::parse(&[1, 1, 0, 0, 0x39, 0x30, 0, 0, 0x1D, 0xF1, 7, 0, 0, 0]).unwrap();
+        assert_eq!((log.seconds, log.position), (12_345, None));
+        assert_eq!(log.errors.newest_first().next(), Some(ErrorRecord { number: 0xF11D, seconds: 7 }));
     }
 
     #[test]
     fn a_damaged_crash_or_another_version_is_no_log() {
-        let bytes = written(1, Some(&CrashRecord::new(CrashCause::Fault)));
+        let bytes = written(1, Some(&CrashRecord::new(CrashCause::Fault)), None);
         for place in [0, 1, bytes.len() - 1, bytes.len() - 60] {
             let mut other = bytes.clone();
             other[place] ^= 0x40;

@@ -34,7 +34,7 @@ pub async fn keep<F: NorFlash, B: Bus + Clone, H: Hardware>(
     communication: &mut impl Mutex<T = Communication<B>>,
     motion: &mut impl Mutex<T = Motion<B, H>>,
 ) -> bool {
-    let Some((work, seconds)) = communication.lock(|communication| communication.next_to_keep(motion)) else {
+    let Some((work, moment)) = communication.lock(|communication| communication.next_to_keep(motion)) else {
         return false;
     };
     let result = match work {
@@ -52,7 +52,7 @@ pub async fn keep<F: NorFlash, B: Bus + Clone, H: Hardware>(
             }
         }
         Keep::Log => {
-            let write = |out: &mut [u8]| communication.lock(|communication| communication.write_log(seconds, out));
+            let write = |out: &mut [u8]| communication.lock(|communication| communication.write_log(&moment, out));
             memory.save_log(buffer, Log::Events, write).await.map_err(failure)
         }
         Keep::Load => match memory.load(buffer).await {
