@@ -308,3 +308,47 @@ fn the_elf_has_the_old_set_or_the_new_one_wherever_its_supply_is_cut() {
         assert!(lost || value == 2_222, "cut at word {nth}");
     }
 }
+
+/// S-0-0182 bit 2, and what a locked drive answers.
+fn is_locked(bench: &mut Bench) -> bool {
+    let bit = bench.number(182) & 4 != 0;
+    let refused = bench.write(41, Value::Long(5)).is_err();
+    assert_eq!((bit, bench.text(267) == "***"), (refused, refused));
+    bit
+}
+
+/// A drive that was locked, and told its motor and saved before.
+fn locked(executor: Executor) -> FlashModel {
+    let mut bench = in_cp4(executor, saved(&Parameters::new(&DICTIONARY)));
+    assert!(!is_locked(&mut bench));
+    bench.write(267, Value::text("press 3")).unwrap();
+    assert!(is_locked(&mut bench));
+    bench.run(Nanoseconds::from_millis(2_500));
+    flash_of(&bench)
+}
+
+#[test]
+fn a_lock_outlives_the_supply_and_its_password_opens_it_for_good() {
+    let mut bench = in_cp4(Executor::Host, locked(Executor::Host));
+    assert!(is_locked(&mut bench));
+    assert_eq!(bench.write(267, Value::text("press 4")), Err(0x7008));
+    bench.write(267, Value::text("press 3")).unwrap();
+    assert!(!is_locked(&mut bench));
+    bench.run(Nanoseconds::from_millis(2_500));
+    assert!(!is_locked(&mut in_cp4(Executor::Host, flash_of(&bench))));
+}
+
+#[test]
+#[ignore = "needs QEMU and the ELF: cargo xtask test"]
+fn a_start_of_the_elf_without_a_drive_address_forgets_a_password_that_nobody_knows_and_nothing_else() {
+    let flash = locked(on_qemu());
+    assert!(is_locked(&mut in_cp4(on_qemu(), flash.clone())));
+    let errors = in_cp4(on_qemu(), flash.clone()).entries(375);
+    let setup = DriveSetup { flash, ..DriveSetup::new(0) };
+    let mut bench = Bench::on(on_qemu(), setup, only_communication(false));
+    bench.run(Nanoseconds::from_millis(60));
+    let mut bench = in_cp4(on_qemu(), flash_of(&bench));
+    assert!(!is_locked(&mut bench));
+    assert_eq!(bench.entries(375), errors);
+    assert_eq!(bench.number(41), 5, "written, and not refused");
+}

@@ -132,6 +132,7 @@ impl<B: Bus + Clone> Communication<B> {
         };
         self.slave.initialise(&configuration).map_err(StartError::Chip)?;
         self.service.reset();
+        motion.show_lock(self.access.is_locked());
         motion.enter_phase(Phase::Cp0);
         interrupts.enable();
         Ok(())
@@ -178,6 +179,7 @@ impl<B: Bus + Clone> Communication<B> {
         }
         self.total_seconds = log.seconds;
         self.last_position = log.position;
+        self.access = log.access;
         log.crash
     }
 
@@ -208,7 +210,7 @@ impl<B: Bus + Clone> Communication<B> {
     /// What has happened, for the memory.
     pub(crate) fn write_log(&self, moment: &Moment, buffer: &mut [u8]) -> Option<usize> {
         let told = self.crash.as_ref().map(|(record, _)| CrashRecord { told: true, ..*record });
-        Log::write(moment, &self.errors, told.as_ref(), buffer)
+        Log::write(moment, &self.errors, told.as_ref(), &self.access, buffer)
     }
 
     /// S-0-0263, behind the step that has started it.

@@ -6,6 +6,7 @@ use rtic_core::Mutex;
 use sercon816::Bus;
 
 use super::keeping::{Keep, MemoryFailure};
+use super::log;
 use super::set::Recollection;
 use crate::communication::Communication;
 use crate::hardware::Hardware;
@@ -22,6 +23,17 @@ pub async fn recall<'b, F: NorFlash>(memory: &mut Memory<F>, buffer: &'b mut [u8
         (Condition::Whole, Ok(Some(set))) => Recollection::Set(set),
         _ => Recollection::Damaged,
     }
+}
+
+/// Forgets the lock S-0-0267 of a drive whose password nobody knows any more, and keeps the rest of the past: for a start that takes no part in a ring. Says
+/// whether there was one.
+pub async fn forget_lock<F: NorFlash>(memory: &mut Memory<F>, buffer: &mut [u8]) -> bool {
+    if memory.start(buffer).await.is_err() {
+        return false;
+    }
+    let past = memory.load_log(buffer, Log::Events).await.ok().flatten().and_then(log::Log::parse);
+    let Some(past) = past.filter(|past| past.access.is_locked()) else { return false };
+    memory.save_log(buffer, Log::Events, |out| past.write_unlocked(out)).await.is_ok()
 }
 
 /// Does one thing that waits to be kept, if there is one, and says whether there was.
