@@ -4,11 +4,14 @@ use emulator::{Mistake, Reset, What};
 
 use super::rig::{Axis, Event, Rig, STARTED_MS, State};
 
-/// The guard below the stack, from the program's own symbols.
+/// The guard below the stack, as the protection unit has it: all of it, and as near to the statics as it gets.
 fn guard(rig: &Rig) -> std::ops::Range<u32> {
     const BYTES: u32 = 8 * 1024;
-    let start = rig.functions.data("__sheap").unwrap().next_multiple_of(BYTES);
-    start..start + BYTES
+    const GRAIN: u32 = 2 * 1024;
+    let guard = rig.qemu.borrow_mut().guest_mut().guard().unwrap().unwrap();
+    let start = rig.functions.data("__sheap").unwrap().next_multiple_of(GRAIN);
+    assert_eq!(guard, start..start + BYTES);
+    guard
 }
 
 /// The line in which the start after the crash tells of it.

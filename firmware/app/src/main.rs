@@ -108,33 +108,35 @@ mod app {
             defmt::error!("{=u8} crashes in a row: out of the ring until the next reset", MOST_CRASHES_IN_A_ROW);
             remain_a_repeater()
         }
-        let Some(identity) = identity(&settings) else {
-            defmt::error!("{=u8} on the address switches is no drive address", settings.address);
-            remain_a_repeater()
-        };
         PERMIT.always();
         let buffer = context.local.page;
         let mut memory = Memory::new(parameter_flash);
+        let Some(identity) = identity(&settings) else {
+            defmt::error!("{=u8} on the address switches is no drive address", settings.address);
+            if block_on(remembering::forget_lock(&mut memory, buffer)) {
+                defmt::warn!("the password S-0-0267 is forgotten");
+            }
+            remain_a_repeater()
+        };
         let recollection = block_on(remembering::recall(&mut memory, buffer));
         if let Some(trouble) = told_of_memory(&recollection) {
             defmt::warn!("parameters: {=str}", trouble);
         }
-        let drive = drive::new(bus, motor_side, inverter, &LINK, context.local.scope, identity, recollection);
-        let Drive { current, mut interrupts, communication, mut motion } = match drive {
+        let communication = communication(context.local.place, bus.clone(), identity, recollection);
+        let mut drive = match drive::new(bus, motor_side, inverter, &LINK, context.local.scope, communication) {
             Ok(drive) => drive,
             Err(error) => {
                 defmt::error!("default parameters: {}", error);
                 remain_a_repeater()
             }
         };
-        let communication = context.local.place.write(communication);
         let past = block_on(memory.load_log(buffer, Log::Events)).ok().flatten();
         let last_crash = past.and_then(|log| communication.recall_log(log));
         PERMIT.only_when_granted();
         if let Some(record) = crash.or(last_crash) {
             communication.note_crash(record, task(record.exception));
         }
-        if let Err(error) = communication.start(&mut interrupts, &mut motion) {
+        if let Err(error) = communication.start(&mut drive.interrupts, &mut drive.motion) {
             defmt::error!("ring controller: {}", error);
             remain_a_repeater()
         }
@@ -142,6 +144,7 @@ mod app {
         if !watchdog.start() {
             defmt::warn!("debugger attached, watchdog off");
         }
+        let Drive { current, interrupts, motion } = drive;
         let shared = Shared { interrupts, motion, communication };
         (shared, Local { current, int0, int1, watchdog, memory, buffer })
     }
@@ -336,6 +339,17 @@ mod app {
             transceiver: chip_control::TRANSCEIVER,
             production,
         })
+    }
+
+    /// In a frame of its own: the start would keep on its stack what is on its way to its place.
+    #[inline(never)]
+    fn communication(
+        place: &'static mut MaybeUninit<Communication<SercosBus>>,
+        bus: SercosBus,
+        identity: Identity,
+        recollection: Recollection<'_>,
+    ) -> &'static mut Communication<SercosBus> {
+        place.write(Communication::new::<MotorSide>(bus, identity, recollection))
     }
 
     /// What is to be logged of what was found in the memory; `None`: nothing.

@@ -10,7 +10,7 @@ use sercos::phase::{PhaseChange, PhaseError};
 use sercos::service::{ReadPosition, Reply, Server, Step};
 use sercos::transition::OPERATION_MODES;
 use sercos::{Idn, Phase, PhaseMachine};
-use servo::motor::Facts;
+use servo::motor::BoardKind;
 
 use crate::amplifier::Amplifier;
 use crate::crash::{CrashRecord, LastCrash};
@@ -87,15 +87,19 @@ pub struct Communication<B> {
     /// P-0-0016: from before this start.
     last_position: Option<KeptPosition>,
     keeping: Keeping,
+    /// The parameters are those that the memory had at the start.
+    has_recalled: bool,
     crash: Option<LastCrash>,
     announcement: Announcement,
 }
 
 impl<B: Bus + Clone> Communication<B> {
-    /// A drive that has not touched its chip yet, with its production record; `of_board` is the amplifier that it has without one.
-    pub fn new(bus: B, identity: Identity, of_board: &Amplifier, facts: &Facts) -> Self {
-        let parameters = parameters_on(identity.production.amplifier(of_board), facts);
-        Self {
+    /// That of a drive which has not touched its chip yet: with the parameters that it remembers, and the ratings of its production record; without one, with
+    /// those of the board. What it does not remember is the default and, from [`Communication::start`] on, an error that S-0-0099 clears.
+    pub fn new<H: Hardware>(bus: B, identity: Identity, recollection: Recollection<'_>) -> Self {
+        let amplifier = identity.production.amplifier(&H::AMPLIFIER);
+        let parameters = parameters_on(amplifier, &<H::Board>::FACTS);
+        let mut communication = Self {
             identity,
             slave: Slave::new(bus.clone()),
             service: ServicePort::new(bus),
@@ -109,10 +113,13 @@ impl<B: Bus + Clone> Communication<B> {
             errors: ErrorMemory::new(),
             total_seconds: 0,
             last_position: None,
-            keeping: Keeping::default(),
+            keeping: Keeping::with_memory(),
+            has_recalled: false,
             crash: None,
             announcement: Announcement::default(),
-        }
+        };
+        communication.recall(recollection);
+        communication
     }
 
     /// Sets the chip up for CP0; once, before its interrupts can come. Some 1 000 bus accesses.
@@ -132,6 +139,9 @@ impl<B: Bus + Clone> Communication<B> {
         };
         self.slave.initialise(&configuration).map_err(StartError::Chip)?;
         self.service.reset();
+        if !self.has_recalled {
+            motion.memory_fault();
+        }
         motion.show_lock(self.access.is_locked());
         motion.enter_phase(Phase::Cp0);
         interrupts.enable();
@@ -146,9 +156,8 @@ impl<B: Bus + Clone> Communication<B> {
         self.crash = Some((record, task));
     }
 
-    /// The parameters are those that the drive remembers; whether it does.
-    pub(crate) fn recall(&mut self, recollection: Recollection<'_>) -> bool {
-        self.keeping = Keeping::with_memory();
+    /// The parameters are those that the drive remembers, if it does.
+    fn recall(&mut self, recollection: Recollection<'_>) {
         let set = match recollection {
             Recollection::Set(set) => Some(set),
             Recollection::Unfinished(set) => {
@@ -157,7 +166,7 @@ impl<B: Bus + Clone> Communication<B> {
             }
             Recollection::Empty | Recollection::Damaged => None,
         };
-        set.is_some_and(|set| self.take_set(set))
+        self.has_recalled = set.is_some_and(|set| self.take_set(set));
     }
 
     fn take_set(&mut self, set: &[u8]) -> bool {
@@ -260,6 +269,11 @@ impl<B: Bus + Clone> Communication<B> {
     /// The slave's phase.
     pub fn phase(&self) -> Phase {
         self.phases.current()
+    }
+
+    /// Its number in the ring, 1 to 254.
+    pub(crate) const fn address(&self) -> u8 {
+        self.identity.address.get()
     }
 
     /// The amplifier; `of_board` is the one without a production record.

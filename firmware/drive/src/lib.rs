@@ -80,25 +80,23 @@ pub use servo::monitor::{Divider, TemperatureSensor, Thermometers};
 pub use servo::motor::{BoardKind, CurrentControl, CurrentLink, CurrentLoopValues, Cycle, Facts, PowerStage, Samples};
 pub use servo::scope::Scope;
 
-use crate::remembering::set::Recollection;
-
 use sercon816::Bus;
 
-/// The four parts of a drive; each belongs to the tasks of one priority.
+/// The parts of a drive besides its [`Communication`]; each belongs to the tasks of one priority.
 #[derive(Debug)]
 pub struct Drive<B, H: Hardware, P: 'static> {
     /// The current loop.
     pub current: CurrentControl<P>,
     /// The interrupt lines.
     pub interrupts: RingInterrupts<B>,
-    /// Phases and service channel.
-    pub communication: Communication<B>,
     /// Motor side and cyclic data.
     pub motion: Motion<B, H>,
 }
 
-/// A drive with the parameters that it remembers, torque-free; the chip is not touched before [`Communication::start`]. `link` is its own, for the
-/// current loop, and so is `scope`, the memory of its oscilloscope. What it does not remember is the default, and an error that S-0-0099 clears.
+/// A drive with the parameters that its communication has recalled, torque-free; the chip is not touched before [`Communication::start`]. `link` is its own,
+/// for the current loop, and so is `scope`, the memory of its oscilloscope.
+///
+/// It has a frame of its own, so that the start, which holds what it returns on its stack, does not hold what it works with besides.
 ///
 /// # Errors
 /// The defaults do not make a drive with this board's loop timer (a mistake in the table or the board, found by tests).
@@ -109,31 +107,13 @@ pub fn new<B: Bus + Clone, H: Hardware, P: PowerStage<Board = H::Board>>(
     stage: P,
     link: &'static CurrentLink,
     scope: &'static mut Scope,
-    identity: Identity,
-    recollection: Recollection<'_>,
+    communication: &Communication<B>,
 ) -> Result<Drive<B, H, P>, InvalidSetting> {
-    let address = identity.address.get();
-    let (communication, remembers) = recalled::<B, H>(bus.clone(), identity, recollection);
-    let settings = settings_at_start::<H>(&communication)?;
+    let settings = settings_at_start::<H>(communication);
+    let settings = settings.as_ref().map_err(|error| *error)?;
     let current = CurrentControl::new(stage, link, settings.motor.current);
-    let mut motion = Motion::new(bus.clone(), address, hardware, link, scope, settings);
-    if !remembers {
-        motion.memory_fault();
-    }
-    Ok(Drive { current, interrupts: RingInterrupts::new(bus), communication, motion })
-}
-
-// Those two and `new` have frames of their own, so that the start, which holds the whole drive on its stack, does not hold what they work with besides.
-
-#[inline(never)]
-fn recalled<B: Bus + Clone, H: Hardware>(
-    bus: B,
-    identity: Identity,
-    recollection: Recollection<'_>,
-) -> (Communication<B>, bool) {
-    let mut communication = Communication::new(bus, identity, &H::AMPLIFIER, &<H::Board>::FACTS);
-    let remembers = communication.recall(recollection);
-    (communication, remembers)
+    let motion = Motion::new(bus.clone(), communication.address(), hardware, link, scope, settings);
+    Ok(Drive { current, interrupts: RingInterrupts::new(bus), motion })
 }
 
 /// A set that another program has saved may not go together here: then the loops begin with the defaults, and S-0-0128 finds it. So may the defaults, with an

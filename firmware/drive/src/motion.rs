@@ -118,9 +118,9 @@ impl<B: Bus + Clone, H: Hardware> Motion<B, H> {
         mut hardware: H,
         link: &'static CurrentLink,
         scope: &'static mut Scope,
-        settings: DriveSettings,
+        settings: &DriveSettings,
     ) -> Self {
-        let DriveSettings { with_lag, without_lag, motor, motion: settings } = settings;
+        let &DriveSettings { with_lag, without_lag, motor, motion: settings } = settings;
         let encoder = DoubleSampledEncoder::new(settings.encoder, hardware.encoder_count());
         hardware.set_bridge(false);
         hardware.set_brake(false);

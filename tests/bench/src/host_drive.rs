@@ -77,14 +77,14 @@ impl HostDrive {
         let mut memory = Memory::new(HostFlash(flash.clone()));
         let mut buffer = Box::new([0; BUFFER]);
         let recollection = block_on(remembering::recall(&mut memory, &mut *buffer));
-        let Drive { current, mut interrupts, mut communication, mut motion } = drive::new(
+        let mut communication = Communication::new::<MotorSide>(bus.clone(), identity, recollection);
+        let Drive { current, mut interrupts, mut motion } = drive::new(
             bus,
             MotorSide::new(motor_side.clone()),
             SimulatedStage::new(motor_side.clone()),
             link,
             scope,
-            identity,
-            recollection,
+            &communication,
         )
         .map_err(|error| refused(&error))?;
         let past = block_on(memory.load_log(&mut *buffer, Log::Events)).ok().flatten();

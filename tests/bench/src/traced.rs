@@ -197,12 +197,14 @@ fn count(
 }
 
 fn stack_use(guest: &mut Guest, statics: u32) -> Result<StackUse, EmulatorError> {
-    const REGION_BASE: u32 = 0xE000_ED9C;
-    let [base, attributes] = guest.read_memory(REGION_BASE, 2)?[..] else { unreachable!("two words were asked for") };
-    let guard = if attributes & 1 == 0 { 0 } else { 2 << (attributes >> 1 & 0x1F) };
+    let guard = guest.guard()?.unwrap_or(statics..statics);
     let memory = guest.read_memory(statics, ((END_OF_RAM - statics) / 4) as usize)?;
     let untouched = memory.iter().take_while(|word| **word == PAINT).count() as u32;
-    Ok(StackUse { used: END_OF_RAM - statics - 4 * untouched, room: END_OF_RAM - (base & !0x1F) - guard, guard })
+    Ok(StackUse {
+        used: END_OF_RAM - statics - 4 * untouched,
+        room: END_OF_RAM - guard.end,
+        guard: guard.end - guard.start,
+    })
 }
 
 fn run_until(

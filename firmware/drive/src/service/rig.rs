@@ -196,7 +196,7 @@ impl Rig {
         let link = Box::leak(Box::new(CurrentLink::new()));
         let scope = Box::leak(Box::new(servo::scope::Scope::new()));
         let mut rig = Self {
-            motion: Motion::new(bus.clone(), 5, Still, link, scope, settings),
+            motion: Motion::new(bus.clone(), 5, Still, link, scope, &settings),
             checks: Checks::default(),
             server: Server::new(&DICTIONARY),
             slave: Slave::new(bus),

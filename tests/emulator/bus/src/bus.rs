@@ -13,7 +13,7 @@ use emulator_link::{Page, Side};
 
 use crate::blocks::{Begin, Blocks, Instruction, Made};
 use crate::bus;
-use crate::machine::{Raised, machine};
+use crate::machine::{Raised, SYSTEM, SYSTEM_BYTES, machine};
 use crate::qemu::{Address, Opaque};
 use crate::self_test;
 use crate::trace::Trace;
@@ -239,7 +239,7 @@ impl Bus {
                 command::WRITE_MEMORY => {
                     let (to, words) = (self.incoming[1], (self.incoming[2] as usize).min(MEMORY_WORDS));
                     for (index, word) in self.incoming[3..].iter().take(words).enumerate() {
-                        machine().plant(to.wrapping_add(4 * index as u32), *word);
+                        plant(to.wrapping_add(4 * index as u32), *word, lock);
                     }
                     self.answer(0);
                 }
@@ -413,6 +413,17 @@ impl Bus {
         }
         self.blocks.ticks += if is_external(address) { self.write_wait } else { 0 };
         self.end_access(address, value);
+    }
+}
+
+/// Writes a word of memory, or a register of NVIC or SCB.
+fn plant(address: u32, value: u32, lock: Lock) {
+    let offset = u64::from(address.wrapping_sub(SYSTEM));
+    let in_system = || machine().system_write(offset, value, 4);
+    match lock {
+        _ if offset >= SYSTEM_BYTES => machine().plant(address, value),
+        Lock::Free => machine().locked(in_system),
+        Lock::Held => in_system(),
     }
 }
 

@@ -14,7 +14,7 @@ const FLASH: u32 = 0x0800_0000;
 const FLASH_BYTES: u64 = 0x10_0000;
 /// First address of NVIC, SCB and SysTick.
 pub(crate) const SYSTEM: u32 = 0xE000_E000;
-const SYSTEM_BYTES: u64 = 0x1000;
+pub(crate) const SYSTEM_BYTES: u64 = 0x1000;
 /// Peripherals and external bus: what the product finds there is the emulator's.
 const WINDOWS: [(u32, u64); 2] = [(0x4000_0000, 0x4000_0000), (0xA000_0000, 0x2000_0000)];
 /// Above everything that QEMU puts there, bit bands included.

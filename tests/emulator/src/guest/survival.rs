@@ -4,6 +4,7 @@
 //! does what the flash holds beside the program.
 
 use std::collections::VecDeque;
+use std::ops::Range;
 
 use emulator_link::protocol::{MEMORY_WORDS, command, header};
 use ring::Nanoseconds;
@@ -135,7 +136,35 @@ impl Guest {
         Ok(memory)
     }
 
-    /// Writes words of the guest's RAM or flash, while it waits for an answer. In the flash they last until the next reset.
+    /// The memory that the protection unit lets nobody touch, while the guest waits for an answer: the highest region of it, and those right below.
+    ///
+    /// # Errors
+    /// The end of QEMU.
+    pub fn guard(&mut self) -> Result<Option<Range<u32>>, EmulatorError> {
+        // ARM DDI 0403E B3.5.5 to B3.5.9.
+        const TYPE_AND_CONTROL: u32 = 0xE000_ED90;
+        const NUMBER: u32 = 0xE000_ED98;
+        const BASE: u32 = 0xE000_ED9C;
+        const ACCESS: u32 = 0b111 << 24;
+        let [kind, control] = self.read_memory(TYPE_AND_CONTROL, 2)?[..] else {
+            unreachable!("two words were asked for")
+        };
+        let mut forbidden = Vec::new();
+        for region in 0..kind >> 8 & 0xFF {
+            self.write_memory(NUMBER, &[region])?;
+            let [base, attributes] = self.read_memory(BASE, 2)?[..] else { unreachable!("two words were asked for") };
+            if control & attributes & 1 != 0 && attributes & ACCESS == 0 {
+                let start = base & !0x1F;
+                forbidden.push(start..start + (2 << (attributes >> 1 & 0x1F)));
+            }
+        }
+        forbidden.sort_by_key(|region: &Range<u32>| std::cmp::Reverse(region.end));
+        Ok(forbidden
+            .into_iter()
+            .reduce(|guard, below| if below.end == guard.start { below.start..guard.end } else { guard }))
+    }
+
+    /// Writes words of the guest's RAM or flash, or registers of its processor, while it waits for an answer. In the flash they last until the next reset.
     ///
     /// # Errors
     /// The end of QEMU.

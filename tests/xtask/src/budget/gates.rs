@@ -74,6 +74,8 @@ pub(crate) struct Gates {
     pub(crate) load: u64,
     /// Longest time in ns for which settings that are handed over hold the cycle up at once: with it, the AT is written within S-0-0005.
     pub(crate) hand_over: u64,
+    /// Bytes that stay free between the worst of the stack and its guard, at least.
+    pub(crate) stack_left: u32,
 }
 
 /// No task of the cycle may end the program, or go where nobody can follow it.
@@ -123,6 +125,8 @@ pub(crate) const GATES: Gates = Gates {
     ],
     load: 300,
     hand_over: 10_000,
+    // Another motion side on the stack of the start, 6.5 KiB, does not fit in besides: somebody should know why.
+    stack_left: 20 * 1024,
 };
 
 const fn task(

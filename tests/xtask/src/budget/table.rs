@@ -145,6 +145,7 @@ fn stack(report: &Report) -> Rows {
         ("worst nesting, with the frames of the exceptions", stack.bound()),
         ("measured", stack.measured.used),
         ("there, down to the guard", stack.measured.room),
+        ("left", stack.measured.room.saturating_sub(stack.bound())),
         ("guard", stack.measured.guard),
         (&format!("largest frame: {function}"), *frame),
         ("fault handler", stack.fault_handler.0),

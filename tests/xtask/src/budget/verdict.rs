@@ -221,7 +221,7 @@ pub(crate) fn judge(graph: &Graph, traced: &Traced, gates: Gates) -> Report {
     report.failures.extend(failure_of_hand_over(report.hand_over, gates.hand_over));
     report.stack = stack_report(graph, gates, traced.stack);
     match &report.stack {
-        Some(stack) => report.failures.extend(failures_of_stack(stack)),
+        Some(stack) => report.failures.extend(failures_of_stack(stack, gates.stack_left)),
         None => report.failures.push("the stack: the ELF has no `main`, `HardFault` or FAULT_STACK".into()),
     }
     report
@@ -256,13 +256,16 @@ fn stack_report(graph: &Graph, gates: Gates, measured: StackUse) -> Option<Stack
     Some(StackReport { start: start.alone, levels, measured, largest_frame, fault_handler })
 }
 
-fn failures_of_stack(stack: &StackReport) -> Vec<String> {
+fn failures_of_stack(stack: &StackReport, to_be_left: u32) -> Vec<String> {
     let StackUse { used, room, guard } = stack.measured;
     let bound = stack.bound();
     let (name, frame) = &stack.largest_frame;
     let (needed, there) = stack.fault_handler;
     let checks = [
-        (bound <= room, format!("the stack needs {bound} bytes at most, {room} are there: the guard would be hit")),
+        (
+            bound + to_be_left <= room,
+            format!("the stack needs {bound} bytes at most, {room} are there: {to_be_left} of them have to be left"),
+        ),
         (used <= bound, format!("the stack was {used} bytes deep, and {bound} is the bound: the bound is wrong")),
         (used >= bound / 8, format!("the stack was {used} bytes deep of a bound of {bound}: nothing was measured")),
         (
@@ -500,7 +503,7 @@ mod tests {
         StackReport {
             start: 1_100,
             levels: vec![(0, "end of the start, idle", 1_000), (5, "tick", 500)],
-            measured: StackUse { used: 1_200, room: 2_000, guard: 1_024 },
+            measured: StackUse { used: 1_200, room: 1_816, guard: 1_024 },
             largest_frame: ("step".into(), 900),
             fault_handler: (400, 512),
         }
@@ -510,7 +513,7 @@ mod tests {
     fn the_frames_of_exceptions_are_part_of_the_bound() {
         assert_eq!(stack().bound(), 1_500 + 2 * 108);
         assert_eq!(StackReport { start: 1_800, ..stack() }.bound(), 1_800);
-        assert_eq!(failures_of_stack(&stack()), [""; 0]);
+        assert_eq!(failures_of_stack(&stack(), 100), [""; 0]);
     }
 
     #[test]
@@ -518,11 +521,11 @@ mod tests {
         let failing = |change: fn(&mut StackReport)| {
             let mut stack = stack();
             change(&mut stack);
-            let failures = failures_of_stack(&stack);
+            let failures = failures_of_stack(&stack, 100);
             assert_eq!(failures.len(), 1, "{failures:?}");
             failures[0].clone()
         };
-        assert!(failing(|stack| stack.measured.room = 1_715).contains("needs 1716 bytes at most, 1715 are there"));
+        assert!(failing(|stack| stack.measured.room = 1_815).contains("1716 bytes at most, 1815 are there: 100 of"));
         assert!(failing(|stack| stack.measured.used = 1_717).contains("the bound is wrong"));
         assert!(failing(|stack| stack.measured.used = 8).contains("nothing was measured"));
         assert!(failing(|stack| stack.largest_frame.1 = 917).contains("step takes 917 bytes at once"));
