@@ -7,6 +7,7 @@ use bench::{DriveSetup, Executor, parameters_of, product, saved};
 use drive::DICTIONARY;
 use flash::FlashModel;
 use ring::Nanoseconds;
+use ring::fibre::TelegramKind;
 use ring::ident::{Idn, Value};
 use ring::master::{CommandValues, DriveScript, MasterScript, Motion, Telegram};
 use ring::service_client::{Reply, Request};
@@ -21,6 +22,8 @@ const SAVE: u16 = 264;
 const DIAGNOSTIC: u16 = 390;
 const FINDING: u16 = 0x8003;
 const NOT_RESTORED: u16 = 0x800E;
+/// Two MSTs in a row, in S-0-0375.
+const MSTS_LOST: u16 = 0xF003;
 /// F11DH.
 const NO_SAVED_PARAMETERS: u64 = 0xF11D;
 
@@ -189,6 +192,58 @@ fn errors_their_times_and_the_operating_time_outlive_the_supply() {
     assert!((first..first + 4).contains(&now), "{now} s after {first} s");
 }
 
+/// S-0-0447 tells where the axis is; the two MSTs that are lost are an error, with which it is kept.
+fn shows_where_the_axis_was(executor: &Executor) {
+    const KEPT_LAST: u16 = 0x8010;
+    const REFERENCE: u32 = 1_234_567;
+    let fall_back = |bench: &mut Bench| {
+        bench.lose(TelegramKind::Mst, 4);
+        bench.run(Nanoseconds::from_millis(3_000));
+    };
+    let kept_last = |bench: &mut Bench| match bench.read(KEPT_LAST) {
+        Value::Bytes(bytes) => {
+            bytes.chunks(4).map(|four| u32::from_le_bytes(four.try_into().unwrap())).collect::<Vec<_>>()
+        }
+        other => panic!("{other}"),
+    };
+    let mut bench = in_cp4(executor.clone(), saved(&Parameters::new(&DICTIONARY)));
+    assert!(kept_last(&mut bench).is_empty(), "never kept");
+    fall_back(&mut bench);
+    // A drive that does not know its zero has kept its error, and no position.
+    let mut bench = in_cp4(executor.clone(), flash_of(&bench));
+    let errors = bench.entries(375);
+    assert!(errors.contains(&MSTS_LOST) && kept_last(&mut bench).is_empty(), "{errors:04X?}");
+    bench.write(52, Value::Long(REFERENCE)).unwrap();
+    assert_eq!(command(&mut bench, 447), Ok(3));
+    fall_back(&mut bench);
+    let mut bench = in_cp4(executor.clone(), flash_of(&bench));
+    let [position, first] = kept_last(&mut bench)[..] else { panic!("it was kept") };
+    assert_eq!(position, REFERENCE, "0 is what an incremental encoder says now: {}", bench.number(51));
+    // The operating time goes on where it was kept last.
+    assert!(first < 2, "{first} s ago");
+    bench.run(Nanoseconds::from_millis(3_000));
+    let [_, first] = kept_last(&mut bench)[..] else { panic!("it was kept") };
+    assert!((3..5).contains(&first), "{first} s ago");
+    assert_eq!((bench.number(51), bench.number(403)), (0, 0), "nothing works with it");
+    // An error of a drive that has not been homed does not take it away.
+    fall_back(&mut bench);
+    let mut bench = in_cp4(executor.clone(), flash_of(&bench));
+    let [position, second] = kept_last(&mut bench)[..] else { panic!("it was kept") };
+    assert_eq!(position, REFERENCE);
+    assert!((first..first + 3).contains(&second), "{first} s, then {second} s ago");
+}
+
+#[test]
+fn where_the_axis_was_when_it_last_knew_is_told_behind_the_supply_with_its_age_and_never_is_told_apart() {
+    shows_where_the_axis_was(&Executor::Host);
+}
+
+#[test]
+#[ignore = "needs QEMU and the ELF: cargo xtask test"]
+fn the_elf_tells_behind_the_supply_where_its_axis_was_when_it_last_knew() {
+    shows_where_the_axis_was(&on_qemu());
+}
+
 #[test]
 fn a_set_of_another_firmware_gives_what_is_known_and_in_range_and_names_the_rest() {
     // The table as it is, but for a data block that exists no more, and one whose range has become smaller.
@@ -252,4 +307,48 @@ fn the_elf_has_the_old_set_or_the_new_one_wherever_its_supply_is_cut() {
         assert!(value == 1_111 || value == 2_222, "cut at word {nth}: {value}");
         assert!(lost || value == 2_222, "cut at word {nth}");
     }
+}
+
+/// S-0-0182 bit 2, and what a locked drive answers.
+fn is_locked(bench: &mut Bench) -> bool {
+    let bit = bench.number(182) & 4 != 0;
+    let refused = bench.write(41, Value::Long(5)).is_err();
+    assert_eq!((bit, bench.text(267) == "***"), (refused, refused));
+    bit
+}
+
+/// A drive that was locked, and told its motor and saved before.
+fn locked(executor: Executor) -> FlashModel {
+    let mut bench = in_cp4(executor, saved(&Parameters::new(&DICTIONARY)));
+    assert!(!is_locked(&mut bench));
+    bench.write(267, Value::text("press 3")).unwrap();
+    assert!(is_locked(&mut bench));
+    bench.run(Nanoseconds::from_millis(2_500));
+    flash_of(&bench)
+}
+
+#[test]
+fn a_lock_outlives_the_supply_and_its_password_opens_it_for_good() {
+    let mut bench = in_cp4(Executor::Host, locked(Executor::Host));
+    assert!(is_locked(&mut bench));
+    assert_eq!(bench.write(267, Value::text("press 4")), Err(0x7008));
+    bench.write(267, Value::text("press 3")).unwrap();
+    assert!(!is_locked(&mut bench));
+    bench.run(Nanoseconds::from_millis(2_500));
+    assert!(!is_locked(&mut in_cp4(Executor::Host, flash_of(&bench))));
+}
+
+#[test]
+#[ignore = "needs QEMU and the ELF: cargo xtask test"]
+fn a_start_of_the_elf_without_a_drive_address_forgets_a_password_that_nobody_knows_and_nothing_else() {
+    let flash = locked(on_qemu());
+    assert!(is_locked(&mut in_cp4(on_qemu(), flash.clone())));
+    let errors = in_cp4(on_qemu(), flash.clone()).entries(375);
+    let setup = DriveSetup { flash, ..DriveSetup::new(0) };
+    let mut bench = Bench::on(on_qemu(), setup, only_communication(false));
+    bench.run(Nanoseconds::from_millis(60));
+    let mut bench = in_cp4(on_qemu(), flash_of(&bench));
+    assert!(!is_locked(&mut bench));
+    assert_eq!(bench.entries(375), errors);
+    assert_eq!(bench.number(41), 5, "written, and not refused");
 }

@@ -56,12 +56,22 @@ fn started() -> Rig {
 #[test]
 #[ignore = "needs QEMU and the ELF: cargo xtask test"]
 fn a_task_of_the_cycle_that_hangs_ends_the_program_within_a_millisecond_and_is_named() {
+    // The current loop runs on top of whoever hangs, for a hundredth of the time or more. Where the watchdog comes just then, the record is that of the current loop:
+    // it is the innermost, and its link says that it has interrupted a handler. The next attempt is at another moment.
+    const ON_TOP: &str = "control stopped in current_loop, pc ";
+    const OF_A_HANDLER: &str = " lr fffffff1";
     for (handler, task) in OF_THE_CYCLE {
-        let mut rig = started();
-        Mistake::Hang.plant(&mut rig.qemu.borrow_mut().guest_mut(), &rig.functions, handler).unwrap();
-        let (whats, line) = bitten(&mut rig, task);
-        assert_eq!(whats, STOPPED, "{task}");
-        assert!(line.contains(&format!("control stopped in {task}, pc 080")), "{task}: {line}");
+        let named = (0..2).any(|attempt| {
+            let mut rig = started();
+            rig.run_ms(attempt);
+            Mistake::Hang.plant(&mut rig.qemu.borrow_mut().guest_mut(), &rig.functions, handler).unwrap();
+            let (whats, line) = bitten(&mut rig, task);
+            assert_eq!(whats, STOPPED, "{task}");
+            let named = line.contains(&format!("control stopped in {task}, pc 080"));
+            assert!(named || line.contains(ON_TOP) && line.contains(OF_A_HANDLER), "{task}: {line}");
+            named
+        });
+        assert!(named, "{task}: twice the current loop was on top");
     }
 }
 

@@ -24,7 +24,7 @@ use crate::identity::Identity;
 use crate::interrupts::RingInterrupts;
 use crate::motion::Motion;
 use crate::remembering::keeping::{Keep, Keeping, MemoryFailure};
-use crate::remembering::log::Log;
+use crate::remembering::log::{KeptPosition, Log, Moment};
 use crate::remembering::set::{self, Recollection};
 use crate::service::access::Access;
 use crate::service::commissioning::Commissioning;
@@ -84,6 +84,8 @@ pub struct Communication<B> {
     errors: ErrorMemory,
     /// Seconds of operation of all starts before this one.
     total_seconds: u32,
+    /// P-0-0016: from before this start.
+    last_position: Option<KeptPosition>,
     keeping: Keeping,
     /// The parameters are those that the memory had at the start.
     has_recalled: bool,
@@ -110,6 +112,7 @@ impl<B: Bus + Clone> Communication<B> {
             access: Access::default(),
             errors: ErrorMemory::new(),
             total_seconds: 0,
+            last_position: None,
             keeping: Keeping::with_memory(),
             has_recalled: false,
             crash: None,
@@ -136,6 +139,7 @@ impl<B: Bus + Clone> Communication<B> {
         };
         self.slave.initialise(&configuration).map_err(StartError::Chip)?;
         self.service.reset();
+        motion.show_lock(self.access.is_locked());
         if !self.has_recalled {
             motion.memory_fault();
         }
@@ -183,17 +187,23 @@ impl<B: Bus + Clone> Communication<B> {
             self.errors.add(ErrorRecord { seconds: log.seconds, ..error });
         }
         self.total_seconds = log.seconds;
+        self.last_position = log.position;
+        self.access = log.access;
         log.crash
     }
 
-    /// The next thing that is to be kept, and the total operating time.
+    /// The next thing that is to be kept, and what is said of the moment.
     pub(crate) fn next_to_keep<H: Hardware>(
         &mut self,
         motion: &mut impl Mutex<T = Motion<B, H>>,
-    ) -> Option<(Keep, u32)> {
+    ) -> Option<(Keep, Moment)> {
         let (now, torque) = motion.lock(|motion| (motion.operating_time(), motion.has_torque()));
         let keep = self.keeping.next(now, torque)?;
-        Some((keep, self.total_seconds.saturating_add(seconds(now))))
+        let seconds = self.total_seconds.saturating_add(seconds(now));
+        // A drive that does not know its zero knows less than the one before.
+        let here = if keep == Keep::Log { motion.lock(Motion::referenced_position) } else { None };
+        let position = here.map(|position| KeptPosition { position, seconds }).or(self.last_position);
+        Some((keep, Moment { seconds, position }))
     }
 
     /// The parameters of S-0-0192, for the memory.
@@ -207,9 +217,9 @@ impl<B: Bus + Clone> Communication<B> {
     }
 
     /// What has happened, for the memory.
-    pub(crate) fn write_log(&self, seconds: u32, buffer: &mut [u8]) -> Option<usize> {
+    pub(crate) fn write_log(&self, moment: &Moment, buffer: &mut [u8]) -> Option<usize> {
         let told = self.crash.as_ref().map(|(record, _)| CrashRecord { told: true, ..*record });
-        Log::write(seconds, &self.errors, told.as_ref(), buffer)
+        Log::write(moment, &self.errors, told.as_ref(), &self.access, buffer)
     }
 
     /// S-0-0263, behind the step that has started it.
@@ -340,6 +350,7 @@ impl<B: Bus + Clone> Communication<B> {
             errors: &self.errors,
             keeping: &mut self.keeping,
             total_seconds: self.total_seconds,
+            last_position: self.last_position,
             crash: self.crash.as_ref(),
             settings_changed: false,
         };

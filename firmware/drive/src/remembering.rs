@@ -11,4 +11,4 @@ mod task;
 pub use keeping::Keep;
 pub use log::MOST_LOG_BYTES;
 pub use set::{MOST_SET_BYTES, Recollection, read_set, write_set};
-pub use task::{keep, recall};
+pub use task::{forget_lock, keep, recall};

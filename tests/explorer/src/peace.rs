@@ -1,5 +1,6 @@
 //! The end of every life: everything is repaired, the control unit is reasonable, and then the axis must come back.
 
+use fault_matrix::Fault;
 use ring::Nanoseconds;
 use ring::ident::Idn;
 use ring::service_client::status;
@@ -28,6 +29,8 @@ const COASTING: Nanoseconds = Nanoseconds::from_millis(20_000);
 /// The diagnosis of an overload, and more than its time constant of 1 s.
 const OVERLOAD: u16 = 0xF100;
 const COOLING: Nanoseconds = Nanoseconds::from_millis(1_200);
+/// That of a heat sink that is too hot.
+const HEAT_SINK: u16 = 0xF101;
 /// The longest that a brake takes to close.
 const BRAKING: Nanoseconds = Nanoseconds::from_millis(1_500);
 /// Where the commutation angle stands, and whether it is known.
@@ -210,8 +213,11 @@ fn diagnose(run: &mut Run) -> Result<(), Stop> {
     run.judge()
 }
 
-/// A motor that was overloaded is left to cool, with the short time constants that such axes have.
+/// A motor that was overloaded is left to cool, with the short time constants that such axes have, and a heat sink until the filter has seen it.
 fn cool_down(run: &mut Run) -> Result<(), Stop> {
+    if run.has_met(HEAT_SINK) {
+        run.rig.run(Fault::HeatSinkHot.aftermath())?;
+    }
     if run.has_met(OVERLOAD) { run.rig.run(COOLING) } else { Ok(()) }
 }
 

@@ -162,6 +162,10 @@ impl Services {
     }
 
     fn note(&mut self, idn: u16, before: Option<i64>) {
+        // Nobody has changed it, whether the answer was heard or not.
+        if DICTIONARY.find(sercos::Idn(idn)).is_some_and(|block| block.attribute.is_read_only()) {
+            return;
+        }
         self.written.push(Written { idn, before });
         self.may_be_locked |= idn == PASSWORD;
     }

@@ -50,6 +50,7 @@ fn the_help_is_as_written_down() {
         &["parameters", "compare", "--help"],
         &["parameters", "print", "--help"],
         &["ring", "--help"],
+        &["identity", "--help"],
         &["flash", "--help"],
     ] {
         let output = xtask().args(arguments).env("COLUMNS", "100").output().unwrap();
@@ -84,6 +85,8 @@ fn bad_arguments_are_refused_in_one_line() {
         (&["test", "--host", "--qemu"], "cannot be used with"),
         (&["fuzz", "--target", "moon"], "invalid value 'moon'"),
         (&["fuzz", "--runs", "0"], "0 is not in 1.."),
+        (&["identity"], "<FILE>"),
+        (&["identity", "x.toml", "--output", "x.bin", "--replace"], "cannot be used with"),
     ] {
         let line = refusal(&xtask().args(arguments).output().unwrap());
         assert!(line.contains(cause), "{cause:?} expected in {line}");
@@ -134,6 +137,92 @@ fn a_missing_target_is_named_with_the_command_that_installs_it() {
     let line = refusal(&xtask_without_tools(empty.path()).arg("build").output().unwrap());
     assert!(line.contains("target thumbv7em-none-eabihf is not installed"), "{line}");
     assert!(line.contains("`rustup target add thumbv7em-none-eabihf`"), "{line}");
+}
+
+/// A board at a probe, as far as `probe-rs` tells of it: a program that keeps the sector in a file beside it.
+struct Board {
+    folder: tempfile::TempDir,
+}
+
+impl Board {
+    fn new() -> Self {
+        use std::os::unix::fs::PermissionsExt;
+        let folder = tempfile::tempdir().unwrap();
+        let program = folder.path().join("probe-rs");
+        // read --chip C --format binary --output FILE b8 ADDRESS BYTES; download --chip C --binary-format bin --base-address A FILE; reset --chip C.
+        let script = "#!/bin/sh\nhere=${0%/*}\necho \"$@\" >> $here/called\ncase $1 in\n  read) cp $here/sector $7 ;;\n  \
+                      download) cp $8 $here/sector ;;\nesac\n";
+        std::fs::write(&program, script).unwrap();
+        std::fs::set_permissions(&program, std::fs::Permissions::from_mode(0o755)).unwrap();
+        std::fs::write(folder.path().join("sector"), [0xFF; 80]).unwrap();
+        Self { folder }
+    }
+
+    fn sector(&self) -> Vec<u8> {
+        std::fs::read(self.folder.path().join("sector")).unwrap()
+    }
+
+    fn called(&self) -> String {
+        std::fs::read_to_string(self.folder.path().join("called")).unwrap_or_default()
+    }
+
+    fn identity(&self, sheet: &Path, more: &[&str]) -> Output {
+        let path = std::env::join_paths([self.folder.path(), Path::new("/usr/bin"), Path::new("/bin")]).unwrap();
+        xtask().arg("identity").arg(sheet).args(more).env("PATH", path).output().unwrap()
+    }
+}
+
+#[test]
+fn an_identity_is_written_once_read_back_and_replaced_only_when_asked_to() {
+    let sheet = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../docs/amplifier.toml");
+    let board = Board::new();
+    let output = board.identity(&sheet, &[]);
+    let told = String::from_utf8_lossy(&output.stdout).into_owned();
+    assert_eq!(told, "written and read back: SD 14-440 number 0001, 7.071 A for ever, 14.142 A at most, 440 V\n");
+    assert!(output.status.success());
+    let written = board.sector();
+    assert_eq!((written.len(), &written[..4]), (80, b"SDPR".as_slice()));
+    assert!(board.called().contains("download --chip STM32F407ZGTx --binary-format bin --base-address 0x080A0000 "));
+    assert!(board.called().ends_with("reset --chip STM32F407ZGTx\n"), "{}", board.called());
+
+    // The same again does nothing; another one is refused before anything is written.
+    assert!(board.identity(&sheet, &[]).status.success());
+    let other = board.folder.path().join("other.toml");
+    let text = std::fs::read_to_string(&sheet).unwrap().replace("\"0001\"", "\"0002\"");
+    std::fs::write(&other, text).unwrap();
+    let line = refusal(&board.identity(&other, &[]));
+    assert_eq!(line, "error: the board is SD 14-440 number 0001 already; --replace makes another one of it\n");
+    assert_eq!(board.called().matches("download").count(), 1);
+    assert_eq!(board.sector(), written);
+    assert!(board.identity(&other, &["--replace"]).status.success());
+    assert_ne!(board.sector(), written);
+
+    // What nobody has written as a record is not overwritten by mistake either.
+    std::fs::write(board.folder.path().join("sector"), [0x55; 80]).unwrap();
+    let line = refusal(&board.identity(&sheet, &[]));
+    assert!(line.contains("there is something else (production record: checksum 55555555H"), "{line}");
+}
+
+#[test]
+fn a_data_sheet_that_is_wrong_is_refused_before_the_board_is_asked_and_leaves_no_file() {
+    let board = Board::new();
+    let sheet = board.folder.path().join("sheet.toml");
+    let good =
+        std::fs::read_to_string(Path::new(env!("CARGO_MANIFEST_DIR")).join("../../docs/amplifier.toml")).unwrap();
+    std::fs::write(&sheet, good.replace("overvoltage = 440", "overvoltage = 800")).unwrap();
+    let output = board.folder.path().join("record.bin");
+    let told = "sheet.toml: voltages.overvoltage is 800 V, expected at most voltages.sensor_range, 500 V";
+    for more in [&[][..], &["--output", output.to_str().unwrap()]] {
+        let line = refusal(&board.identity(&sheet, more));
+        assert!(line.contains(told), "{line}");
+    }
+    assert!(!output.exists() && board.called().is_empty());
+    std::fs::write(&sheet, good).unwrap();
+    assert!(board.identity(&sheet, &["--output", output.to_str().unwrap()]).status.success());
+    assert_eq!(std::fs::read(&output).unwrap().len(), 80);
+    assert!(board.called().is_empty());
+    let line = refusal(&board.identity(&board.folder.path().join("none.toml"), &[]));
+    assert!(line.contains("cannot read") && line.contains("none.toml"), "{line}");
 }
 
 #[test]

@@ -32,6 +32,8 @@ sercos::data_blocks! {
     P 4 "Times of the last errors" ["s"] LONGS/0 written NEVER () = 0 => ErrorTimes;
     /// P-0-0012 for the maker: cause (1 fault, 2 panic, 3 stack, 4 crystal, 5 unbound interrupt, 6 watchdog, 7 control stopped) in bits 6 to 0, exception from bit 16 up; crashes since the supply came on; pc, lr, sp, xPSR, r0 to r12; CFSR, HFSR, MMFAR, BFAR; line of a panic or tasks that did not begin; end of the file's name. Empty without a crash.
     P 13 "Record of the last crash" [""] HEX_LONGS/0 written NEVER () = 0 => CrashRecord;
+    /// A hint only: S-0-0051 as it was kept last before this start while S-0-0403 was 1, in the weight that it had then, and the seconds of P-0-0015 since. It is kept with every error and every hour, without torque. An incremental encoder knows nothing of what the axis has done since, and nothing in the drive works with it. Empty: never kept.
+    P 16 "Position kept last" [""] SIGNED_LONGS/0 written NEVER () = 0 => LastPosition;
     /// How often the phase error had a magnitude of up to 50, 100, 200, 500, 1000, 2000 ns and above, since the loops locked.
     P 152 "Histogram of the phase error" [""] LONGS/0 written NEVER () = 0 => PhaseErrorHistogram;
     /// Points of channel 1 from P-0-0214 on, in order of time, at most 32: the trigger is point P-0-0207. Empty unless P-0-0200 is 4.

@@ -24,7 +24,7 @@ use crate::settings::{CycleSettings, DriveSettings, MotionSettings};
 use crate::signal::bits::BitSettings;
 use crate::signal::command::{Command, CommandValue};
 use crate::signal::control_bits::Enable;
-use crate::signal::feedback::Feedback;
+use crate::signal::feedback::{Feedback, FeedbackValue};
 use crate::signal::record::Records;
 use crate::snapshot::Snapshot;
 use crate::state::DriveState;
@@ -316,6 +316,12 @@ impl<B: Bus + Clone, H: Hardware> Motion<B, H> {
     /// Whether the motor stands (C3D bit 1).
     pub const fn is_standing(&self) -> bool {
         self.output.standstill
+    }
+
+    /// S-0-0051, where it is known what it counts from (S-0-0403 bit 0).
+    pub(crate) fn referenced_position(&mut self) -> Option<i32> {
+        let known = self.reference.is_known();
+        known.then(|| self.feedback(Feedback::Value(FeedbackValue::Position)).cast_signed())
     }
 
     /// S-0-0191.

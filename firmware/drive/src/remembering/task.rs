@@ -6,6 +6,7 @@ use rtic_core::Mutex;
 use sercon816::Bus;
 
 use super::keeping::{Keep, MemoryFailure};
+use super::log;
 use super::set::Recollection;
 use crate::communication::Communication;
 use crate::hardware::Hardware;
@@ -24,6 +25,17 @@ pub async fn recall<'b, F: NorFlash>(memory: &mut Memory<F>, buffer: &'b mut [u8
     }
 }
 
+/// Forgets the lock S-0-0267 of a drive whose password nobody knows any more, and keeps the rest of the past: for a start that takes no part in a ring. Says
+/// whether there was one.
+pub async fn forget_lock<F: NorFlash>(memory: &mut Memory<F>, buffer: &mut [u8]) -> bool {
+    if memory.start(buffer).await.is_err() {
+        return false;
+    }
+    let past = memory.load_log(buffer, Log::Events).await.ok().flatten().and_then(log::Log::parse);
+    let Some(past) = past.filter(|past| past.access.is_locked()) else { return false };
+    memory.save_log(buffer, Log::Events, |out| past.write_unlocked(out)).await.is_ok()
+}
+
 /// Does one thing that waits to be kept, if there is one, and says whether there was.
 ///
 /// For whoever has the lowest priority. It is pending wherever the flash does not permit a word; under lock it holds the background up for the 0.2 ms in
@@ -34,7 +46,7 @@ pub async fn keep<F: NorFlash, B: Bus + Clone, H: Hardware>(
     communication: &mut impl Mutex<T = Communication<B>>,
     motion: &mut impl Mutex<T = Motion<B, H>>,
 ) -> bool {
-    let Some((work, seconds)) = communication.lock(|communication| communication.next_to_keep(motion)) else {
+    let Some((work, moment)) = communication.lock(|communication| communication.next_to_keep(motion)) else {
         return false;
     };
     let result = match work {
@@ -52,7 +64,7 @@ pub async fn keep<F: NorFlash, B: Bus + Clone, H: Hardware>(
             }
         }
         Keep::Log => {
-            let write = |out: &mut [u8]| communication.lock(|communication| communication.write_log(seconds, out));
+            let write = |out: &mut [u8]| communication.lock(|communication| communication.write_log(&moment, out));
             memory.save_log(buffer, Log::Events, write).await.map_err(failure)
         }
         Keep::Load => match memory.load(buffer).await {

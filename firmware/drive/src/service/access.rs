@@ -11,7 +11,8 @@ pub const LONGEST_PASSWORD: usize = 10;
 /// The lock on stored parameters. It protects against slips, not against malice: passwords cross the ring in plain text.
 ///
 /// Unlocked, writing 3 to 10 characters locks with them, an empty text keeps it unlocked. Locked, the password unlocks, and everything
-/// else is refused. It is not saved: without a supply the password is forgotten, which is the way back for a drive that is locked with an unknown one.
+/// else is refused. It outlives the supply. The way back for a drive that is locked with an unknown one is for who stands before it: a start with no drive address on
+/// its switches forgets the password.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct Access {
     password: Option<String<LONGEST_PASSWORD>>,
@@ -28,6 +29,25 @@ impl Access {
     #[must_use]
     pub const fn shown(&self) -> &'static str {
         if self.is_locked() { "***" } else { "" }
+    }
+
+    /// As it is kept: the password, filled up with zeros; nothing but zeros is no lock.
+    pub(crate) fn emit(&self) -> [u8; LONGEST_PASSWORD] {
+        let text = self.password.as_ref().map_or(&[][..], |password| password.as_bytes());
+        let mut bytes = [0; LONGEST_PASSWORD];
+        for (place, byte) in bytes.iter_mut().zip(text) {
+            *place = *byte;
+        }
+        bytes
+    }
+
+    /// From [`Access::emit`]. What can be no password is no lock.
+    pub(crate) fn parse(bytes: &[u8; LONGEST_PASSWORD]) -> Self {
+        let text = bytes.split(|byte| *byte == 0).next().unwrap_or(&[]);
+        let mut access = Self::default();
+        // Refused where it is none.
+        let _ = access.write(text);
+        access
     }
 
     /// Takes a text written to S-0-0267.
@@ -69,6 +89,17 @@ mod tests {
         }
         access.write(b"press").unwrap();
         assert_eq!((access.is_locked(), access.shown()), (false, ""));
+    }
+
+    #[test]
+    fn a_lock_is_kept_with_its_password_and_no_lock_is_zeros() {
+        for text in ["", "abc", "0123456789"] {
+            let mut access = Access::default();
+            access.write(text.as_bytes()).unwrap();
+            assert_eq!(Access::parse(&access.emit()), access, "{text}");
+            assert_eq!(access.emit() == [0; LONGEST_PASSWORD], text.is_empty());
+        }
+        assert!(!Access::parse(&[0xFF; LONGEST_PASSWORD]).is_locked());
     }
 
     #[test]

@@ -21,6 +21,7 @@ use crate::hardware::Hardware;
 use crate::identity::Identity;
 use crate::motion::Motion;
 use crate::remembering::keeping::Keeping;
+use crate::remembering::log::KeptPosition;
 
 /// What the transition checks have found and prepared.
 #[derive(Debug, Default)]
@@ -55,6 +56,8 @@ pub(crate) struct Context<'a, B, M> {
     pub(crate) keeping: &'a mut Keeping,
     /// Of all starts before this one.
     pub(crate) total_seconds: u32,
+    /// P-0-0016.
+    pub(crate) last_position: Option<KeptPosition>,
     /// P-0-0012, P-0-0013.
     pub(crate) crash: Option<&'a LastCrash>,
     /// A parameter of the loops has changed before they have begun to work with it; they get it once the step is released.

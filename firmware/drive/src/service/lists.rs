@@ -6,6 +6,7 @@ use sercon816::Bus;
 use sercos::capacity::{LIVE_LIST_ENTRIES, LIVE_LONG_ENTRIES};
 
 use super::context::Context;
+use crate::diagnosis::error_memory::seconds;
 use crate::dictionary::lists::{Longs, Words};
 use crate::hardware::Hardware;
 use crate::motion::Motion;
@@ -38,6 +39,12 @@ where
         match longs {
             Longs::ErrorTimes => fill(list, self.errors.newest_first().map(|error| error.seconds)),
             Longs::CrashRecord => fill(list, self.crash.iter().flat_map(|(record, _)| record.shown())),
+            Longs::LastPosition => {
+                let now = self.motion.lock(|motion| motion.operating_time());
+                let now = self.total_seconds.saturating_add(seconds(now));
+                let told = self.last_position.into_iter();
+                fill(list, told.flat_map(|kept| [kept.position.cast_unsigned(), now.saturating_sub(kept.seconds)]));
+            }
             Longs::PhaseErrorHistogram => {
                 let histogram = self.motion.lock(|motion| motion.phase_error_histogram());
                 fill(list, histogram.into_iter());

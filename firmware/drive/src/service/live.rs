@@ -67,6 +67,7 @@ where
         self.access.write(text)?;
         let locked = self.access.is_locked();
         self.motion.lock(|motion| motion.show_lock(locked));
+        self.keeping.note_event();
         Ok(())
     }
 

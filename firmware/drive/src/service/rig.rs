@@ -281,6 +281,7 @@ impl Rig {
             errors: &self.errors,
             keeping: &mut self.keeping,
             total_seconds: 0,
+            last_position: None,
             crash: self.crash.as_ref(),
             settings_changed: false,
         };

@@ -105,16 +105,18 @@ impl Writer<'_> {
         self.recover();
     }
 
-    /// A heat sink or a motor that gets hot, and thresholds that it reaches soon.
+    /// A motor that gets hot, and thresholds that it reaches soon; or a heat sink, whose thresholds nobody can change.
     fn heat(&mut self) {
-        let (fault, warning, shut_down) = self
-            .dice
-            .pick(&[(Fault::MotorHot, 201, 204), (Fault::HeatSinkHot, 200, 203)])
-            .unwrap_or((Fault::MotorHot, 201, 204));
-        self.event(Action::Write(warning, 250));
-        self.write_between(shut_down, 280, 330);
-        self.event(Action::Break(fault));
-        self.wait(200.0);
+        if self.dice.chance(50) {
+            self.event(Action::Write(201, 250));
+            self.write_between(204, 280, 330);
+            self.event(Action::Break(Fault::MotorHot));
+            self.wait(200.0);
+        } else {
+            self.event(Action::Break(Fault::HeatSinkHot));
+            // 90 degrees of 110, with a filter of two seconds.
+            self.wait(2_700.0);
+        }
         self.event(Action::Repair);
         self.pause();
         self.recover();

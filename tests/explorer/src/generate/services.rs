@@ -1,6 +1,7 @@
 //! What a control asks of the service channel: every data block that can be written, with values that it takes and values that it refuses.
 
 use drive::DICTIONARY;
+use drive::dictionary::is_rating;
 use plant::ReferenceAxis;
 use sercos::Phase;
 use sercos::attribute::{Format, Length};
@@ -11,19 +12,14 @@ use crate::life::{Action, Axis};
 use crate::services::{KEY, PASSWORD};
 use crate::units::{default_of, setting, writes};
 
-/// Data of motor, amplifier and encoder: another value is a lie about the machine, and no fault of the drive if it swings. They are written with
+/// Data of motor and encoder: another value is a lie about the machine, and no fault of the drive if it swings. They are written with
 /// values that the drive refuses, and with their own again.
-const MACHINE: [u16; 19] = [
+const MACHINE: [u16; 14] = [
     109,
-    110,
     111,
-    112,
     113,
     116,
     277,
-    0x8000 | 100,
-    0x8000 | 101,
-    0x8000 | 106,
     0x8000 | 110,
     0x8000 | 111,
     0x8000 | 112,
@@ -111,8 +107,14 @@ impl Writer<'_> {
         self.event(Action::Write(idn, value));
     }
 
-    /// A write of any data block that is not read-only in every phase.
+    /// A write of any data block that is not read-only in every phase, and seldom of one that is.
     fn any_write(&mut self, phase: Phase) -> Action {
+        if self.dice.chance(2) {
+            let ratings: Vec<&DataBlock> = DICTIONARY.blocks().iter().filter(|block| is_rating(block)).collect();
+            if let Some(rating) = self.dice.pick(&ratings) {
+                return Action::Write(rating.idn.0, self.dice.between(0, 0xFFFF));
+            }
+        }
         // Seldom what the phase protects anyway.
         let protected = self.dice.chance(12);
         let choices: Vec<&DataBlock> = DICTIONARY

@@ -69,8 +69,10 @@ impl TorqueGoes {
         let least = settings.unsigned(Idn(0x8000 | 104))? as f64 * LINK;
         let just_gone = !sight.main_power && scene.within(scene.pins_changed, OUTAGE);
         let (volts, rpm) = (sight.machine.bus_voltage, sight.rpm());
-        // A shaft that swings through its standstill has been stopped.
-        let turns_on = self.then * scene.sight.machine.velocity > 0.0;
+        // A shaft that swings through its standstill has been stopped, and one that stood when main power went had no stop before it: a command of just
+        // before moves a light one a little before the filtered velocity shows it.
+        let turned = self.then.abs() * 60.0 / core::f64::consts::TAU > TURNS;
+        let turns_on = turned && self.then * scene.sight.machine.velocity > 0.0;
         (just_gone && sound && asked && ramp && turns_on && rpm.abs() > TURNS && volts > least)
             .then(|| format!("without main power the torque went at {rpm:.0} rpm, and the DC link has {volts:.0} V"))
     }

@@ -2,9 +2,10 @@
 
 use crate::flash::CHIP;
 use crate::{Verdict, process};
-use anyhow::{Context, Result, bail};
+use anyhow::{Context, Result, anyhow, bail};
 use drive::production::{Production, ProductionRecord, RECORD_BYTES};
 use std::process::Command;
+use tempfile::TempDir;
 
 /// Sector 9, as memory.x has it.
 const ADDRESS: &str = "0x080A0000";
@@ -28,7 +29,7 @@ pub(super) fn write(record: &ProductionRecord, probe: Option<&str>, replace: boo
         }
         Production::Record(_) | Production::Unreadable(_) => {}
     }
-    let folder = tempfile::tempdir().context("no temporary folder (TMPDIR names where it shall be)")?;
+    let folder = temporary_folder()?;
     let image = folder.path().join("record.bin");
     std::fs::write(&image, bytes).with_context(|| format!("cannot write {}", image.display()))?;
     let mut download = with_probe("download", probe);
@@ -45,16 +46,22 @@ pub(super) fn write(record: &ProductionRecord, probe: Option<&str>, replace: boo
 
 /// What stands in the sector.
 fn read(probe: Option<&str>) -> Result<[u8; RECORD_BYTES]> {
+    let folder = temporary_folder()?;
+    let image = folder.path().join("read.bin");
     let mut command = with_probe("read", probe);
-    command.args(["b8", ADDRESS, &RECORD_BYTES.to_string()]);
+    // To a file: what it prints has changed from version to version.
+    command.args(["--format", "binary", "--output"]).arg(&image).args(["b8", ADDRESS, &RECORD_BYTES.to_string()]);
     let words = process::words(&command);
-    let answer = process::ask(&mut command).with_context(|| {
+    process::ask(&mut command).with_context(|| {
         format!("`{words}` failed; run it by hand to see why (is the board on, and the probe connected?)")
     })?;
-    let bytes: Option<Vec<u8>> = answer.split_whitespace().map(|byte| u8::from_str_radix(byte, 16).ok()).collect();
-    bytes
-        .and_then(|bytes| bytes.try_into().ok())
-        .with_context(|| format!("`{words}` has answered with something else than {RECORD_BYTES} bytes"))
+    let bytes = std::fs::read(&image).with_context(|| format!("`{words}` has written nothing"))?;
+    let length = bytes.len();
+    bytes.try_into().map_err(|_| anyhow!("`{words}` has read {length} bytes, expected {RECORD_BYTES}"))
+}
+
+fn temporary_folder() -> Result<TempDir> {
+    tempfile::tempdir().context("no temporary folder (TMPDIR names where it shall be)")
 }
 
 fn with_probe(what: &str, probe: Option<&str>) -> Command {
