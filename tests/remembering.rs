@@ -321,7 +321,7 @@ fn is_locked(bench: &mut Bench) -> bool {
 fn locked(executor: Executor) -> FlashModel {
     let mut bench = in_cp4(executor, saved(&Parameters::new(&DICTIONARY)));
     assert!(!is_locked(&mut bench));
-    bench.write(267, Value::text("press 3")).unwrap();
+    bench.write(267, Value::Bytes(b"press 3".to_vec())).unwrap();
     assert!(is_locked(&mut bench));
     bench.run(Nanoseconds::from_millis(2_500));
     flash_of(&bench)
@@ -331,8 +331,8 @@ fn locked(executor: Executor) -> FlashModel {
 fn a_lock_outlives_the_supply_and_its_password_opens_it_for_good() {
     let mut bench = in_cp4(Executor::Host, locked(Executor::Host));
     assert!(is_locked(&mut bench));
-    assert_eq!(bench.write(267, Value::text("press 4")), Err(0x7008));
-    bench.write(267, Value::text("press 3")).unwrap();
+    assert_eq!(bench.write(267, Value::Bytes(b"press 4".to_vec())), Err(0x7008));
+    bench.write(267, Value::Bytes(b"press 3".to_vec())).unwrap();
     assert!(!is_locked(&mut bench));
     bench.run(Nanoseconds::from_millis(2_500));
     assert!(!is_locked(&mut in_cp4(Executor::Host, flash_of(&bench))));
@@ -350,5 +350,4 @@ fn a_start_of_the_elf_without_a_drive_address_forgets_a_password_that_nobody_kno
     let mut bench = in_cp4(on_qemu(), flash_of(&bench));
     assert!(!is_locked(&mut bench));
     assert_eq!(bench.entries(375), errors);
-    assert_eq!(bench.number(41), 5, "written, and not refused");
 }

@@ -108,13 +108,16 @@ mod app {
             defmt::error!("{=u8} crashes in a row: out of the ring until the next reset", MOST_CRASHES_IN_A_ROW);
             remain_a_repeater()
         }
-        let Some(identity) = identity(&settings) else {
-            defmt::error!("{=u8} on the address switches is no drive address", settings.address);
-            remain_a_repeater()
-        };
         PERMIT.always();
         let buffer = context.local.page;
         let mut memory = Memory::new(parameter_flash);
+        let Some(identity) = identity(&settings) else {
+            defmt::error!("{=u8} on the address switches is no drive address", settings.address);
+            if block_on(remembering::forget_lock(&mut memory, buffer)) {
+                defmt::warn!("the password S-0-0267 is forgotten");
+            }
+            remain_a_repeater()
+        };
         let recollection = block_on(remembering::recall(&mut memory, buffer));
         if let Some(trouble) = told_of_memory(&recollection) {
             defmt::warn!("parameters: {=str}", trouble);

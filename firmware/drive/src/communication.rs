@@ -139,10 +139,10 @@ impl<B: Bus + Clone> Communication<B> {
         };
         self.slave.initialise(&configuration).map_err(StartError::Chip)?;
         self.service.reset();
-        motion.show_lock(self.access.is_locked());
         if !self.has_recalled {
             motion.memory_fault();
         }
+        motion.show_lock(self.access.is_locked());
         motion.enter_phase(Phase::Cp0);
         interrupts.enable();
         Ok(())

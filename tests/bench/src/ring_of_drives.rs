@@ -29,7 +29,7 @@ use crate::world::{Inhabited, World};
 /// One drive of a ring.
 #[derive(Clone, Debug)]
 pub struct DriveSetup {
-    /// Its address, 1 to 254.
+    /// Its address, 1 to 254; an ELF may also be shown another one.
     pub address: u8,
     /// How its chip behaves where the public record stops.
     pub alternatives: Alternatives,
@@ -173,13 +173,13 @@ pub fn ring_of_drives_on<M: Master>(
     let mut stations = Vec::new();
     for setup in setups {
         let (chip, motor_side) = station(setup, bit_rate, &clock);
-        let identity = identity(setup, bit_rate)?;
         let measurements = SharedMeasurements::default();
         let flash = Rc::new(RefCell::new(setup.flash.clone()));
         let mut elf = None;
         let processor: Box<dyn Processor> = match executor(setup.address) {
             Executor::Host => {
                 let parts = (&chip, &motor_side, &flash);
+                let identity = identity(setup, bit_rate)?;
                 Box::new(HostDrive::start(parts, &clock, identity, setup.latency, measurements.clone())?)
             }
             Executor::Qemu(elves) => {
