@@ -4,7 +4,7 @@
 //! processor stands is shown with the ELF.
 
 use bench::{DriveSetup, Executor, parameters_of, product, saved};
-use drive::DICTIONARY;
+use drive::{DICTIONARY, NO_SAVED_PARAMETERS};
 use flash::FlashModel;
 use ring::Nanoseconds;
 use ring::fibre::TelegramKind;
@@ -24,8 +24,6 @@ const FINDING: u16 = 0x8003;
 const NOT_RESTORED: u16 = 0x800E;
 /// Two MSTs in a row, in S-0-0375.
 const MSTS_LOST: u16 = 0xF003;
-/// F11DH.
-const NO_SAVED_PARAMETERS: u64 = 0xF11D;
 
 /// Why a drive that remembers this is refused CP4.
 fn refused(flash: FlashModel, script: MasterScript) -> String {
@@ -50,7 +48,7 @@ fn turns(bench: &mut Bench) -> bool {
 
 fn saves_and_turns_after_the_supply_was_cut(executor: &Executor) {
     let mut bench = told(executor.clone());
-    assert_eq!(bench.number(DIAGNOSTIC), NO_SAVED_PARAMETERS);
+    assert_eq!(bench.number(DIAGNOSTIC), u64::from(NO_SAVED_PARAMETERS));
     assert_eq!(command(&mut bench, SAVE), Ok(3), "{}", bench.text(FINDING));
     let mut bench = started(executor.clone(), flash_of(&bench), true);
     assert!(turns(&mut bench), "{} rpm, {}", bench.rpm(), bench.world.ring().master().state());
@@ -94,11 +92,11 @@ fn a_drive_with_nothing_saved_has_no_torque_until_its_user_has_acknowledged_that
     let setup = DriveSetup { axis: axis(), flash: FlashModel::new(), ..DriveSetup::new(ADDRESS) };
     let mut bench = Bench::on(Executor::Host, setup, script);
     assert!(!turns(&mut bench) && !bench.has_torque());
-    assert_eq!(bench.number(DIAGNOSTIC), NO_SAVED_PARAMETERS);
+    assert_eq!(bench.number(DIAGNOSTIC), u64::from(NO_SAVED_PARAMETERS));
     assert_eq!(bench.status() & 0x2000, 0x2000, "C1D in the status word");
-    assert!(bench.entries(375).contains(&(NO_SAVED_PARAMETERS as u16)));
+    assert!(bench.entries(375).contains(&NO_SAVED_PARAMETERS));
     bench.clear_errors();
-    assert_ne!(bench.number(DIAGNOSTIC), NO_SAVED_PARAMETERS);
+    assert_ne!(bench.number(DIAGNOSTIC), u64::from(NO_SAVED_PARAMETERS));
 }
 
 #[test]

@@ -53,7 +53,7 @@ mod tasks;
 pub use amplifier::Amplifier;
 pub use communication::{Communication, PhaseReport, StartError};
 pub use diagnosis::error_memory::{ERRORS, ErrorMemory, ErrorRecord};
-pub use diagnosis::table::{DIAGNOSES, Diagnosis, Severity, diagnose, of_phase_error};
+pub use diagnosis::table::{DIAGNOSES, Diagnosis, NO_SAVED_PARAMETERS, Severity, diagnose, of_phase_error};
 pub use diagnosis::words::{Circumstances, Manufacturer1, Manufacturer2, Manufacturer3};
 pub use dictionary::DICTIONARY;
 pub use hardware::{Hardware, Inputs, InterruptLine, LOOP_PERIOD_MICROSECONDS, ProbeInput, ResetCause};

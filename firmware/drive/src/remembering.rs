@@ -8,7 +8,5 @@ pub(crate) mod log;
 pub(crate) mod set;
 mod task;
 
-pub use keeping::Keep;
-pub use log::MOST_LOG_BYTES;
-pub use set::{MOST_SET_BYTES, Recollection, read_set, write_set};
+pub use set::{Recollection, read_set, write_set};
 pub use task::{forget_lock, keep, recall};

@@ -1,8 +1,6 @@
 //! The values of all data blocks with [`Location::Parameter`](crate::data_block::Location::Parameter), in RAM.
 
-use crate::capacity::{
-    DATA_BLOCKS, IDN_LISTS, LIST_ENTRIES, LONG_ENTRIES, LONG_LISTS, TEXT_BYTES, TEXTS, VALUES, WORD_LISTS,
-};
+use crate::capacity::{IDN_LISTS, LIST_ENTRIES, LONG_ENTRIES, LONG_LISTS, TEXT_BYTES, TEXTS, VALUES, WORD_LISTS};
 use crate::data_block::{DataBlock, Place, Selection};
 use crate::dictionary::Dictionary;
 use crate::error::ServiceError;
@@ -10,7 +8,10 @@ use crate::idn::Idn;
 use crate::telegram_type::TelegramType;
 use heapless::{String, Vec};
 
+mod block_set;
 mod record;
+
+use block_set::BlockSet;
 
 pub use record::MOST_BYTES;
 
@@ -26,8 +27,8 @@ pub struct Parameters {
     words: [Vec<u16, LIST_ENTRIES>; WORD_LISTS],
     longs: [Vec<u32, LONG_ENTRIES>; LONG_LISTS],
     texts: [String<TEXT_BYTES>; TEXTS],
-    written: [u32; DATA_BLOCKS.div_ceil(32)],
-    told: [u32; DATA_BLOCKS.div_ceil(32)],
+    written: BlockSet,
+    told: BlockSet,
 }
 
 impl Parameters {
@@ -40,8 +41,8 @@ impl Parameters {
             words: [const { Vec::new() }; WORD_LISTS],
             longs: [const { Vec::new() }; LONG_LISTS],
             texts: [const { String::new() }; TEXTS],
-            written: [0; DATA_BLOCKS.div_ceil(32)],
-            told: [0; DATA_BLOCKS.div_ceil(32)],
+            written: BlockSet::new(),
+            told: BlockSet::new(),
         };
         for block in dictionary.blocks() {
             if let Place::Value(index) = block.place
@@ -286,30 +287,22 @@ impl Parameters {
 
     /// True if the master has written the data block since [`Parameters::forget_written`].
     pub fn is_written(&self, idn: Idn) -> bool {
-        self.written_bit(idn).is_some_and(|(word, mask)| self.written.get(word).is_some_and(|bits| bits & mask != 0))
+        self.dictionary.find(idn).is_some_and(|block| self.written.contains(block))
     }
 
     /// True if somebody has told the drive this value since its start, or the memory has: it is not just the table's default.
     pub fn is_told(&self, idn: Idn) -> bool {
-        self.written_bit(idn).is_some_and(|(word, mask)| self.told.get(word).is_some_and(|bits| bits & mask != 0))
+        self.dictionary.find(idn).is_some_and(|block| self.told.contains(block))
     }
 
     /// From here on nobody has told anything, whatever the values are.
     pub fn forget_told(&mut self) {
-        self.told.fill(0);
-    }
-
-    fn tell(&mut self, idn: Idn) {
-        if let Some((word, mask)) = self.written_bit(idn)
-            && let Some(bits) = self.told.get_mut(word)
-        {
-            *bits |= mask;
-        }
+        self.told = BlockSet::new();
     }
 
     /// To be called on entering CP2: S-0-0127 wants certain data to be written anew.
     pub fn forget_written(&mut self) {
-        self.written.fill(0);
+        self.written = BlockSet::new();
         self.follow_cycle();
     }
 
@@ -327,12 +320,6 @@ impl Parameters {
         if block.is_in(selection) { Ok(()) } else { Err(ServiceError::InvalidData) }
     }
 
-    fn written_bit(&self, idn: Idn) -> Option<(usize, u32)> {
-        let index = self.dictionary.find(idn)?.row();
-        let bit = u32::try_from(index & 31).ok()?;
-        Some((index >> 5, 1u32.checked_shl(bit)?))
-    }
-
     /// S-0-0001 is S-0-0002 as long as the master has not written it.
     fn follow_cycle(&mut self) {
         if !self.is_written(Idn::CONTROL_UNIT_CYCLE) {
@@ -343,20 +330,16 @@ impl Parameters {
 
     /// One data block is no longer written by the master.
     pub fn forget(&mut self, idn: Idn) {
-        if let Some((word, mask)) = self.written_bit(idn)
-            && let Some(bits) = self.written.get_mut(word)
-        {
-            *bits &= !mask;
+        if let Some(block) = self.dictionary.find(idn) {
+            self.written.set(block, false);
         }
     }
 
     /// The master has written the data block.
     pub fn mark_written(&mut self, idn: Idn) {
-        self.tell(idn);
-        if let Some((word, mask)) = self.written_bit(idn)
-            && let Some(bits) = self.written.get_mut(word)
-        {
-            *bits |= mask;
+        if let Some(block) = self.dictionary.find(idn) {
+            self.told.set(block, true);
+            self.written.set(block, true);
         }
     }
 

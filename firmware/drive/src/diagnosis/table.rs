@@ -293,6 +293,9 @@ static OWN_ERRORS: [(Manufacturer1, &Diagnosis); 16] = [
     (Manufacturer1::MEMORY, &MEMORY),
 ];
 
+/// S-0-0390 of a drive with nothing saved, for its tools.
+pub const NO_SAVED_PARAMETERS: u16 = MEMORY.number;
+
 /// The diagnosis to show: an error before a warning before a state, the cause of a communication error before the fact.
 #[must_use]
 pub fn diagnose(now: &Circumstances) -> &'static Diagnosis {

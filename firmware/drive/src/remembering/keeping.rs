@@ -8,7 +8,7 @@ use crate::dictionary::procedures::Procedure;
 /// Work for the memory.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
-pub enum Keep {
+pub(crate) enum Keep {
     /// The parameters.
     Save,
     /// Of the parameters those that S-0-0270 names.

@@ -16,7 +16,9 @@ const WITH_LOCK: u8 = 1 << 1;
 
 /// Bytes of the log at most: a head (version, number of errors, 1 with a crash, what else there is, seconds of operation), the errors (number, seconds), the
 /// crash, the position (S-0-0051, seconds), the password of the lock.
-pub const MOST_LOG_BYTES: usize = HEAD_BYTES + ERRORS * RECORD_BYTES + CRASH_BYTES + POSITION_BYTES + LONGEST_PASSWORD;
+const MOST_LOG_BYTES: usize = HEAD_BYTES + ERRORS * RECORD_BYTES + CRASH_BYTES + POSITION_BYTES + LONGEST_PASSWORD;
+
+const _: () = assert!(MOST_LOG_BYTES <= memory::MOST_BYTES, "the log does not fit into the memory");
 
 /// Where the axis was, and when.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

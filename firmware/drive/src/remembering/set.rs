@@ -27,7 +27,7 @@ const RECORD_BYTES: usize = 4;
 pub(crate) const MOST_DROPPED: usize = 64;
 
 /// Bytes of the set of this drive.
-pub const MOST_SET_BYTES: usize = set_bytes(&DICTIONARY);
+const MOST_SET_BYTES: usize = set_bytes(&DICTIONARY);
 
 /// The memory takes it, with some room for what comes.
 const _: () = assert!(MOST_SET_BYTES + 256 <= memory::MOST_BYTES, "the set does not fit into the memory");

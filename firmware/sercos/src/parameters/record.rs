@@ -63,7 +63,7 @@ impl Parameters {
     /// another length than the parameter has today. Nothing is changed then.
     pub fn set_bytes(&mut self, block: &DataBlock, bytes: &[u8]) -> Result<(), ServiceError> {
         self.put_bytes(block, bytes)?;
-        self.tell(block.idn);
+        self.told.set(block, true);
         Ok(())
     }
 

@@ -7,14 +7,13 @@ use super::file::{Entry, ParameterFile};
 use super::link::{Described, Drive, Failed, Link, Refusal};
 use super::value::Readable;
 use anyhow::Result;
+use drive::NO_SAVED_PARAMETERS;
 use ring::ident::Value;
 use sercos::Idn;
 use sercos::attribute::Attribute;
 use std::collections::BTreeSet;
 
 const DIAGNOSTIC: Idn = Idn::standard(390);
-/// Of S-0-0390.
-const NO_SAVED_PARAMETERS: u64 = 0xF11D;
 /// P-0-0014.
 const NOT_RESTORED: Idn = Idn::product(14);
 const LOAD_DEFAULTS: Idn = Idn::standard(262);
@@ -93,7 +92,7 @@ pub(crate) fn load<L: Link>(
 
 /// Data blocks whose value nobody has told the drive: a default that is equal is written all the same, or S-0-0128 asks for it.
 fn untold<L: Link>(drive: &mut Drive<L>, kept: &BTreeSet<Idn>) -> Result<BTreeSet<Idn>> {
-    if drive.value(DIAGNOSTIC)?.as_number() == Some(NO_SAVED_PARAMETERS) {
+    if drive.value(DIAGNOSTIC)?.as_number() == Some(NO_SAVED_PARAMETERS.into()) {
         return Ok(kept.clone());
     }
     let Value::Bytes(bytes) = drive.value(NOT_RESTORED)? else { return Ok(BTreeSet::new()) };
