@@ -5,7 +5,7 @@
 //! | [`app::current_loop`] | ADC | 5 | the currents are converted, every 62.5 us | 28 us |
 //! | [`app::chip_interrupt_0`] | EXTI3 | 4 | an edge on INT0 of the SERCON816 | 8 us |
 //! | [`app::chip_interrupt_1`] | EXTI2 | 4 | an edge on INT1 of the SERCON816 | 8 us |
-//! | [`app::command_valid`] | CAN1_TX | 4 | started by the two above at t3 | 15 us |
+//! | [`app::command_valid`] | CAN1_TX | 4 | started by the two above at t3 | 16 us |
 //! | [`app::capture_feedback`] | CAN1_RX0 | 4 | started by the two above at t4 | 30 us |
 //! | [`app::control_loop`] | CAN2_TX | 4 | started by every second current loop, every 125 us | 60 us |
 //! | [`app::supervision`] | CAN2_RX0 | 4 | one half of it, started by every second control loop, every 250 us | 125 us |
@@ -238,7 +238,7 @@ mod app {
 
     /// t3: the command values of this cycle come into force; in CP1 and CP2 the AT that was asked for is armed.
     ///
-    /// Contract: 15 us from the chip's interrupt to the command in force with the slowest bus timing; 5 to 8 bus accesses.
+    /// Contract: 16 us from the chip's interrupt to the command in force with the slowest bus timing; 5 to 8 bus accesses.
     #[task(binds = CAN1_TX, priority = 4, shared = [motion])]
     fn command_valid(mut context: command_valid::Context) {
         CHECK_IN.begun(Tasks::COMMAND_VALID.bits());
