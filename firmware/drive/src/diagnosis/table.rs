@@ -168,7 +168,7 @@ diagnoses! {
         "The search for the commutation angle failed, does not fit the index, or the brake forbids it.",
         "Read S-0-0129; check motor phases, P-0-0110, P-0-0115 and P-0-0116; for an axis with brake P-0-0120 and P-0-0118.";
     OVERCURRENT = 0xF107 "Overcurrent", "Ueberstrom",
-        "A phase current passed 168 % of S-0-0109, or P-0-0106 if that is less.",
+        "A phase current passed 168 % of the smaller of S-0-0109 and S-0-0110, or P-0-0106 if that is less.",
         "Check motor cable and winding for a short circuit, then the gains S-0-0106, S-0-0107 and the motor data P-0-0111 to 0114.";
     OVERVOLTAGE = 0xF108 "Overvoltage", "Ueberspannung",
         "The bus voltage passed P-0-0105: mains too high, a hanging load lowered for longer than the link takes it, or magnets that charge the link by themselves.",
