@@ -230,4 +230,7 @@ fn a_drive_that_does_not_know_its_amplifier_switches_no_brake_resistor() {
     bytes[40] ^= 1;
     assert_eq!(load(Works::Bytes(bytes)), 0);
     assert!(load(Works::Blank) > 0, "it takes itself for the board: nobody can tell");
+    // E00BH, from the start on.
+    let warned = |works| shown_in_cp2(works, axis, bench::saved(&parameters), 560.0, Idn(181)) & 1 << 8;
+    assert_eq!([Works::Bytes(bytes), Works::OfItsAxis].map(warned), [1 << 8, 0]);
 }

@@ -143,6 +143,7 @@ impl<B: Bus + Clone> Communication<B> {
             motion.memory_fault();
         }
         motion.show_lock(self.access.is_locked());
+        motion.show_amplifier_unknown(self.amplifier(&H::AMPLIFIER).is_none());
         motion.enter_phase(Phase::Cp0);
         interrupts.enable();
         Ok(())
@@ -255,12 +256,16 @@ impl<B: Bus + Clone> Communication<B> {
         let now = motion.lock(|motion| motion.operating_time());
         let command = self.keeping.done(now, result.is_ok());
         let unsaved = self.keeping.has_unsaved();
-        motion.lock(|motion| motion.show_unsaved(unsaved));
         if command == Some(Procedure::SaveParameters) && result.is_ok() {
             // Somebody has looked at it, and says that this is the amplifier.
             self.keeping.dropped.retain(|idn| !is_rating_of(*idn));
             self.keeping.is_disputed = false;
         }
+        let unknown = self.amplifier(&H::AMPLIFIER).is_none();
+        motion.lock(|motion| {
+            motion.show_unsaved(unsaved);
+            motion.show_amplifier_unknown(unknown);
+        });
         if let Some(procedure) = command {
             // Nobody has asked for the rest, and S-0-0182 bit 3 tells of it.
             if let Err(failure) = result {

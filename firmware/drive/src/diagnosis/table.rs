@@ -120,6 +120,9 @@ diagnoses! {
     SAVE_CUT = 0xE00A "Last save cut, set before it loaded", "Speichern abgebrochen, alter Satz gilt",
         "The supply went while parameters were being saved; the control was not told that it was done. The set before is in force.",
         "Check the parameters and save them again (S-0-0264).";
+    AMPLIFIER_UNKNOWN = 0xE00B "Amplifier unknown, no CP4", "Leistungsteil unbekannt, kein CP4",
+        "The production record cannot be read or cannot be true, or the parameters were saved of another amplifier (P-0-0014). The brake resistor is off.",
+        "Give S-0-0128 and read P-0-0003. Write the record (cargo xtask identity), or say by S-0-0264 that the ratings shown are right.";
     OVERLOAD_WARNING = 0xE010 "Overload, current reduced", "Ueberlast, Strom begrenzt",
         "The thermal model of motor or amplifier has passed 90 % (P-0-0132, P-0-0133); the current is folded back.",
         "Reduce load or cycle; check friction, brake, S-0-0111, P-0-0130, and the amplifier's size S-0-0112.";
@@ -348,7 +351,8 @@ fn communication_error(interface: InterfaceStatus) -> Option<&'static Diagnosis>
 
 fn warning(now: &Circumstances) -> Option<&'static Diagnosis> {
     let own = now.manufacturer_2;
-    let warnings: [(bool, &'static Diagnosis); 13] = [
+    let warnings: [(bool, &'static Diagnosis); 14] = [
+        (own.contains(Manufacturer2::AMPLIFIER_UNKNOWN), &AMPLIFIER_UNKNOWN),
         (own.contains(Manufacturer2::AMPLIFIER_NOT_READY), &AMPLIFIER_NOT_READY),
         (own.contains(Manufacturer2::NOT_CALIBRATED), &NOT_CALIBRATED),
         (now.class_2.contains(Class2::OVERLOAD), &OVERLOAD_WARNING),
