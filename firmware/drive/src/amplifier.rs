@@ -92,13 +92,14 @@ mod tests {
     #[test]
     fn each_rating_has_a_range_and_one_beyond_it_is_named() {
         assert_eq!(AMPLIFIER.check(), Ok(()));
-        let refused = |change: fn(&mut Amplifier)| {
+        type Change = fn(&mut Amplifier);
+        let refused = |change: Change| {
             let mut amplifier = AMPLIFIER;
             change(&mut amplifier);
             amplifier.check().err().map(|setting| setting.idn)
         };
         let [standard, product]: [fn(u16) -> Idn; 2] = [Idn::standard, Idn::product];
-        let changes: [(Idn, fn(&mut Amplifier)); 16] = [
+        let changes: [(Idn, Change); 16] = [
             (standard(110), |amplifier| amplifier.peak_current = 0),
             (standard(110), |amplifier| amplifier.peak_current = 500_001),
             (standard(112), |amplifier| amplifier.continuous_current = 14_143),
