@@ -76,6 +76,9 @@ pub(crate) struct Keeping {
     in_work: Option<(u64, u64)>,
     /// Something has happened that is not kept yet.
     happened: bool,
+    /// Of it the lock S-0-0267: not kept yet, and just being kept.
+    lock: bool,
+    lock_in_work: bool,
     /// When it was kept last; `None`: not since the start, and what a start finds is kept at once.
     logged: Option<u64>,
     /// P-0-0014.
@@ -126,9 +129,14 @@ impl Keeping {
         self.happened = true;
     }
 
+    /// The lock S-0-0267 has changed: of what has happened the one thing that a master has asked for.
+    pub(crate) const fn note_lock(&mut self) {
+        (self.happened, self.lock) = (true, true);
+    }
+
     /// Something was written that is not kept yet.
     pub(crate) const fn has_unsaved(&self) -> bool {
-        self.written.is_some()
+        self.written.is_some() || self.lock
     }
 
     /// The next thing to be kept; `torque`: nothing is begun then.
@@ -160,7 +168,10 @@ impl Keeping {
             Keep::Save | Keep::Load => self.in_work = self.written.take(),
             // What else was written still waits.
             Keep::Selected => {}
-            Keep::Log => (self.happened, self.logged) = (false, Some(now)),
+            Keep::Log => {
+                (self.happened, self.logged) = (false, Some(now));
+                self.lock_in_work = core::mem::take(&mut self.lock);
+            }
         }
         Some(keep)
     }
@@ -169,6 +180,7 @@ impl Keeping {
     pub(crate) fn done(&mut self, now: u64, kept: bool) -> Option<Procedure> {
         let keep = self.running.take()?;
         let in_work = self.in_work.take();
+        let lock = core::mem::take(&mut self.lock_in_work);
         if !kept {
             match keep {
                 // Once more, and not at once.
@@ -178,7 +190,7 @@ impl Keeping {
                     }
                 }
                 Keep::Selected => {}
-                Keep::Log => self.happened = true,
+                Keep::Log => (self.happened, self.lock) = (true, self.lock || lock),
             }
         }
         // One that was given since then has its own turn.
@@ -301,6 +313,32 @@ mod tests {
             saved
         });
         assert_eq!(saves.count(), 4);
+    }
+
+    #[test]
+    fn a_lock_is_unsaved_until_a_log_is_kept_that_has_it() {
+        let mut keeping = Keeping::with_memory();
+        keeping.note_event();
+        assert!(!keeping.has_unsaved(), "nobody waits for an error to be kept");
+        assert_eq!(keeping.next(0, false), Some(Keep::Log));
+        // Of this one nobody knows whether it is in the log that is being written.
+        keeping.note_lock();
+        assert_eq!(keeping.done(1_000, true), None);
+        assert!(keeping.has_unsaved());
+        assert_eq!(keeping.next(2_000_000, true), None, "not with torque");
+        for kept in [false, true] {
+            let now = keeping.logged.unwrap() + LOG_INTERVAL;
+            assert!(keeping.has_unsaved());
+            assert_eq!(keeping.next(now, false), Some(Keep::Log));
+            assert_eq!(keeping.done(now, kept), None);
+        }
+        assert!(!keeping.has_unsaved());
+        // To keep the parameters does not keep the lock.
+        keeping.note_lock();
+        keeping.start(Procedure::SaveParameters).unwrap();
+        assert_eq!(keeping.next(4_000_000, false), Some(Keep::Save));
+        assert_eq!(keeping.done(4_000_000, true), Some(Procedure::SaveParameters));
+        assert!(keeping.has_unsaved());
     }
 
     #[test]
