@@ -190,20 +190,51 @@ fn errors_their_times_and_the_operating_time_outlive_the_supply() {
     assert!((first..first + 4).contains(&now), "{now} s after {first} s");
 }
 
-/// S-0-0447 tells where the axis is; the two MSTs that are lost are an error, with which it is kept.
-fn shows_where_the_axis_was(executor: &Executor) {
-    const KEPT_LAST: u16 = 0x8010;
-    const REFERENCE: u32 = 1_234_567;
-    let fall_back = |bench: &mut Bench| {
-        bench.lose(TelegramKind::Mst, 4);
+/// P-0-0016: the position and how many seconds ago it was kept; nothing where none was.
+fn kept_last(bench: &mut Bench) -> Vec<u32> {
+    match bench.read(0x8010) {
+        Value::Bytes(bytes) => bytes.chunks(4).map(|four| u32::from_le_bytes(four.try_into().unwrap())).collect(),
+        other => panic!("{other}"),
+    }
+}
+
+/// Two MSTs that are lost are an error, with which the past is kept.
+fn fall_back(bench: &mut Bench) {
+    bench.lose(TelegramKind::Mst, 4);
+    bench.run(Nanoseconds::from_millis(3_000));
+}
+
+/// Each error is one that is kept: the control runs the ring up again behind it.
+#[test]
+fn a_position_that_was_kept_in_this_start_is_still_told_behind_the_next_when_the_zero_is_lost_meanwhile() {
+    const CANCEL_REFERENCE: u16 = 191;
+    const BEFORE: u32 = 77;
+    const IN_THIS_START: u32 = 1_234_567;
+    let homed = |bench: &mut Bench, position: u32| {
+        bench.write(52, Value::Long(position)).unwrap();
+        assert_eq!(command(bench, 447), Ok(3));
+        fall_back(bench);
+        bench.world.ring_mut().master_mut().restart(only_communication(false));
         bench.run(Nanoseconds::from_millis(3_000));
     };
-    let kept_last = |bench: &mut Bench| match bench.read(KEPT_LAST) {
-        Value::Bytes(bytes) => {
-            bytes.chunks(4).map(|four| u32::from_le_bytes(four.try_into().unwrap())).collect::<Vec<_>>()
-        }
-        other => panic!("{other}"),
-    };
+    let mut bench = in_cp4(Executor::Host, saved(&Parameters::new(&DICTIONARY)));
+    homed(&mut bench, BEFORE);
+    let mut bench = in_cp4(Executor::Host, flash_of(&bench));
+    homed(&mut bench, IN_THIS_START);
+    assert_eq!(kept_last(&mut bench)[0], BEFORE, "P-0-0016 is of before this start");
+    assert_eq!(kept_last(&mut in_cp4(Executor::Host, flash_of(&bench)))[0], IN_THIS_START);
+    assert_eq!(command(&mut bench, CANCEL_REFERENCE), Ok(3));
+    assert_eq!(bench.number(403), 0);
+    let errors = bench.entries(375).len();
+    fall_back(&mut bench);
+    let mut behind = in_cp4(Executor::Host, flash_of(&bench));
+    assert_eq!(behind.entries(375).len(), errors + 1, "the log behind the loss was kept");
+    assert_eq!(kept_last(&mut behind)[0], IN_THIS_START);
+}
+
+/// S-0-0447 tells where the axis is; the two MSTs that are lost are an error, with which it is kept.
+fn shows_where_the_axis_was(executor: &Executor) {
+    const REFERENCE: u32 = 1_234_567;
     let mut bench = in_cp4(executor.clone(), saved(&Parameters::new(&DICTIONARY)));
     assert!(kept_last(&mut bench).is_empty(), "never kept");
     fall_back(&mut bench);
@@ -322,6 +353,7 @@ fn locked(executor: Executor) -> FlashModel {
     bench.write(267, Value::Bytes(b"press 3".to_vec())).unwrap();
     assert!(is_locked(&mut bench));
     bench.run(Nanoseconds::from_millis(2_500));
+    assert_eq!(bench.number(182) & 8, 0, "the lock is kept");
     flash_of(&bench)
 }
 
@@ -334,6 +366,22 @@ fn a_lock_outlives_the_supply_and_its_password_opens_it_for_good() {
     assert!(!is_locked(&mut bench));
     bench.run(Nanoseconds::from_millis(2_500));
     assert!(!is_locked(&mut in_cp4(Executor::Host, flash_of(&bench))));
+}
+
+#[test]
+fn a_lock_that_waits_for_the_torque_to_go_is_shown_as_unsaved_until_it_is_kept() {
+    let mut bench = Bench::running();
+    let unsaved = |bench: &mut Bench| bench.number(182) & 8 != 0;
+    assert!(!unsaved(&mut bench));
+    bench.write(267, Value::Bytes(b"press 3".to_vec())).unwrap();
+    bench.run(Nanoseconds::from_millis(3_000));
+    assert!(unsaved(&mut bench));
+    assert_eq!(bench.drive.flash.borrow().operations(), 0);
+    bench.world.ring_mut().master_mut().restart(only_communication(false));
+    bench.run(Nanoseconds::from_millis(3_000));
+    assert!(!unsaved(&mut bench));
+    assert!(bench.drive.flash.borrow().operations() > 0);
+    assert!(is_locked(&mut in_cp4(Executor::Host, flash_of(&bench))));
 }
 
 #[test]

@@ -86,6 +86,8 @@ pub struct Communication<B> {
     total_seconds: u32,
     /// P-0-0016: from before this start.
     last_position: Option<KeptPosition>,
+    /// What the next log keeps where the drive does not know its zero: that of the last one, of this start or before.
+    newest_position: Option<KeptPosition>,
     keeping: Keeping,
     /// The parameters are those that the memory had at the start.
     has_recalled: bool,
@@ -113,6 +115,7 @@ impl<B: Bus + Clone> Communication<B> {
             errors: ErrorMemory::new(),
             total_seconds: 0,
             last_position: None,
+            newest_position: None,
             keeping: Keeping::with_memory(),
             has_recalled: false,
             crash: None,
@@ -187,7 +190,7 @@ impl<B: Bus + Clone> Communication<B> {
             self.errors.add(ErrorRecord { seconds: log.seconds, ..error });
         }
         self.total_seconds = log.seconds;
-        self.last_position = log.position;
+        (self.last_position, self.newest_position) = (log.position, log.position);
         self.access = log.access;
         log.crash
     }
@@ -200,10 +203,13 @@ impl<B: Bus + Clone> Communication<B> {
         let (now, torque) = motion.lock(|motion| (motion.operating_time(), motion.has_torque()));
         let keep = self.keeping.next(now, torque)?;
         let seconds = self.total_seconds.saturating_add(seconds(now));
-        // A drive that does not know its zero knows less than the one before.
-        let here = if keep == Keep::Log { motion.lock(Motion::referenced_position) } else { None };
-        let position = here.map(|position| KeptPosition { position, seconds }).or(self.last_position);
-        Some((keep, Moment { seconds, position }))
+        // A drive that does not know its zero knows less than it did before.
+        if keep == Keep::Log
+            && let Some(position) = motion.lock(Motion::referenced_position)
+        {
+            self.newest_position = Some(KeptPosition { position, seconds });
+        }
+        Some((keep, Moment { seconds, position: self.newest_position }))
     }
 
     /// The parameters of S-0-0192, for the memory.
