@@ -346,9 +346,9 @@ fn is_locked(bench: &mut Bench) -> bool {
     bit
 }
 
-/// A drive that was locked, and told its motor and saved before.
-fn locked(executor: Executor) -> FlashModel {
-    let mut bench = in_cp4(executor, saved(&Parameters::new(&DICTIONARY)));
+/// This drive, locked.
+fn locked(executor: Executor, flash: FlashModel) -> FlashModel {
+    let mut bench = in_cp4(executor, flash);
     assert!(!is_locked(&mut bench));
     bench.write(267, Value::Bytes(b"press 3".to_vec())).unwrap();
     assert!(is_locked(&mut bench));
@@ -359,7 +359,7 @@ fn locked(executor: Executor) -> FlashModel {
 
 #[test]
 fn a_lock_outlives_the_supply_and_its_password_opens_it_for_good() {
-    let mut bench = in_cp4(Executor::Host, locked(Executor::Host));
+    let mut bench = in_cp4(Executor::Host, locked(Executor::Host, saved(&Parameters::new(&DICTIONARY))));
     assert!(is_locked(&mut bench));
     assert_eq!(bench.write(267, Value::Bytes(b"press 4".to_vec())), Err(0x7008));
     bench.write(267, Value::Bytes(b"press 3".to_vec())).unwrap();
@@ -387,13 +387,27 @@ fn a_lock_that_waits_for_the_torque_to_go_is_shown_as_unsaved_until_it_is_kept()
 #[test]
 #[ignore = "needs QEMU and the ELF: cargo xtask test"]
 fn a_start_of_the_elf_without_a_drive_address_forgets_a_password_that_nobody_knows_and_nothing_else() {
-    let flash = locked(on_qemu());
-    assert!(is_locked(&mut in_cp4(on_qemu(), flash.clone())));
-    let errors = in_cp4(on_qemu(), flash.clone()).entries(375);
+    // Errors, operating time, position and a parameter.
+    let remembered = |bench: &mut Bench| {
+        let [position, _] = kept_last(bench)[..] else { panic!("it was kept") };
+        (bench.entries(375), bench.number(0x800F), position, bench.number(52))
+    };
+    let mut bench = in_cp4(on_qemu(), saved(&Parameters::new(&DICTIONARY)));
+    bench.write(52, Value::Long(1_234_567)).unwrap();
+    assert_eq!(command(&mut bench, SAVE), Ok(3));
+    assert_eq!(command(&mut bench, 447), Ok(3));
+    bench.run(Nanoseconds::from_millis(3_000));
+    fall_back(&mut bench);
+    let flash = locked(on_qemu(), flash_of(&bench));
+    let mut bench = in_cp4(on_qemu(), flash.clone());
+    assert!(is_locked(&mut bench));
+    let before = remembered(&mut bench);
+    assert!(before.0.contains(&MSTS_LOST) && before.1 > 2, "{before:04X?}");
+    assert_eq!((before.2, before.3), (1_234_567, 1_234_567));
     let setup = DriveSetup { flash, ..DriveSetup::new(0) };
     let mut bench = Bench::on(on_qemu(), setup, only_communication(false));
     bench.run(Nanoseconds::from_millis(60));
     let mut bench = in_cp4(on_qemu(), flash_of(&bench));
     assert!(!is_locked(&mut bench));
-    assert_eq!(bench.entries(375), errors);
+    assert_eq!(remembered(&mut bench), before);
 }
