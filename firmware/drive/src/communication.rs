@@ -23,7 +23,7 @@ use crate::hardware::Hardware;
 use crate::identity::Identity;
 use crate::interrupts::RingInterrupts;
 use crate::motion::Motion;
-use crate::remembering::keeping::{Keep, Keeping, MemoryFailure};
+use crate::remembering::keeping::{Keep, Keeping, MemoryFailure, Selected};
 use crate::remembering::log::{KeptPosition, Log, Moment};
 use crate::remembering::set::{self, Recollection};
 use crate::service::access::Access;
@@ -217,9 +217,14 @@ impl<B: Bus + Clone> Communication<B> {
         set::write_set(&self.parameters, buffer)
     }
 
-    /// Gives a set what S-0-0270 names as it is now; the number of bytes it has then.
-    pub(crate) fn amend_set(&self, set: &mut [u8], length: usize) -> Option<usize> {
-        set::amend_set(&self.parameters, self.parameters.list(Idn::SELECTED_BACKUP), set, length)
+    /// What S-0-0293 is to save.
+    pub(crate) fn selected(&self) -> Selected {
+        self.keeping.selected.clone()
+    }
+
+    /// Gives a set what is selected as it is now; the number of bytes it has then.
+    pub(crate) fn amend_set(&self, selected: &[Idn], set: &mut [u8], length: usize) -> Option<usize> {
+        set::amend_set(&self.parameters, selected, set, length)
     }
 
     /// What has happened, for the memory.

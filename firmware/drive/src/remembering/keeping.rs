@@ -1,5 +1,8 @@
 //! What is to be kept, and when.
 
+use heapless::Vec;
+use sercos::Idn;
+use sercos::capacity::LIST_ENTRIES;
 use sercos::error::ServiceError;
 
 use super::set::Dropped;
@@ -11,7 +14,7 @@ use crate::dictionary::procedures::Procedure;
 pub(crate) enum Keep {
     /// The parameters.
     Save,
-    /// Of the parameters those that S-0-0270 names.
+    /// Of the parameters those that S-0-0270 named.
     Selected,
     /// The parameters are to be what was saved.
     Load,
@@ -29,6 +32,8 @@ pub(crate) enum MemoryFailure {
     Flash,
     /// There is no set, or none that can be read.
     NoSet,
+    /// Of the set that there is S-0-0293 cannot make another one.
+    Refused,
     /// The drive has no memory.
     NoMemory,
     /// S-0-0263 was overtaken by CP4.
@@ -44,6 +49,7 @@ impl MemoryFailure {
                 "the flash does not keep what is written; once more, and if it stays, have the board replaced"
             }
             Self::NoSet => "nothing was saved, or it cannot be read any more: write the parameters, then S-0-0264",
+            Self::Refused => "what was saved has another form, or no room for S-0-0270: save everything with S-0-0264",
             Self::InOperation => "S-0-0262 and S-0-0263 change what is protected in CP4",
             Self::NoMemory => "this drive has no memory for parameters",
         }
@@ -59,6 +65,9 @@ const LOG_INTERVAL: u64 = 2_000_000;
 /// The operating time is kept so often, in us.
 const TIME_INTERVAL: u64 = 3_600_000_000;
 
+/// What S-0-0270 names.
+pub(crate) type Selected = Vec<Idn, LIST_ENTRIES>;
+
 /// What waits to be kept.
 #[derive(Debug, Default)]
 pub(crate) struct Keeping {
@@ -68,6 +77,8 @@ pub(crate) struct Keeping {
     command: Option<Procedure>,
     /// It has not been begun yet.
     due: bool,
+    /// S-0-0270 as S-0-0293 has found it.
+    pub(crate) selected: Selected,
     /// What is being done.
     running: Option<Keep>,
     /// When the first and the last parameter was written that is not kept yet (S-0-0269 = 0).

@@ -71,8 +71,11 @@ pub async fn keep<F: NorFlash, B: Bus + Clone, H: Hardware>(
             memory.save(buffer, write).await.map_err(failure)
         }
         Keep::Selected => {
-            let edit =
-                |set: &mut [u8], length| communication.lock(|communication| communication.amend_set(set, length));
+            // Of a command that is given meanwhile it is the next turn.
+            let selected = communication.lock(|communication| communication.selected());
+            let edit = |set: &mut [u8], length| {
+                communication.lock(|communication| communication.amend_set(&selected, set, length))
+            };
             match memory.amend(buffer, edit).await {
                 Ok(true) => Ok(()),
                 Ok(false) => Err(MemoryFailure::NoSet),
@@ -96,6 +99,7 @@ pub async fn keep<F: NorFlash, B: Bus + Clone, H: Hardware>(
 fn failure<E>(error: Error<E>) -> MemoryFailure {
     match error {
         Error::Full { .. } => MemoryFailure::Full,
+        Error::Refused => MemoryFailure::Refused,
         _ => MemoryFailure::Flash,
     }
 }

@@ -137,6 +137,20 @@ fn only_a_lock_that_has_changed_is_kept_and_shown_as_unsaved() {
 }
 
 #[test]
+fn what_is_selected_is_what_s_0_0270_names_when_s_0_0293_is_started() {
+    let mut rig = Rig::in_cp4(&[]);
+    rig.write(S(270), &[4, 4, 41, 142]).unwrap();
+    rig.write(S(293), &[3]).unwrap();
+    for later in [&[2, 2, 125][..], &[0, 0]] {
+        rig.write(S(270), later).unwrap();
+        assert_eq!(rig.keeping.selected, [S(41), S(142)]);
+    }
+    assert_eq!(rig.write(S(293), &[0]), Ok(()));
+    assert_eq!(rig.write(S(293), &[3]), Err(0x7013), "nothing is selected now");
+    assert_eq!(rig.keeping.next(0, false), None);
+}
+
+#[test]
 fn a_write_that_the_loops_cannot_take_leaves_the_way_free_for_the_next() {
     let mut rig = Rig::in_cp4(&[]);
     for (idn, words, culprit) in [
