@@ -190,20 +190,51 @@ fn errors_their_times_and_the_operating_time_outlive_the_supply() {
     assert!((first..first + 4).contains(&now), "{now} s after {first} s");
 }
 
-/// S-0-0447 tells where the axis is; the two MSTs that are lost are an error, with which it is kept.
-fn shows_where_the_axis_was(executor: &Executor) {
-    const KEPT_LAST: u16 = 0x8010;
-    const REFERENCE: u32 = 1_234_567;
-    let fall_back = |bench: &mut Bench| {
-        bench.lose(TelegramKind::Mst, 4);
+/// P-0-0016: the position and how many seconds ago it was kept; nothing where none was.
+fn kept_last(bench: &mut Bench) -> Vec<u32> {
+    match bench.read(0x8010) {
+        Value::Bytes(bytes) => bytes.chunks(4).map(|four| u32::from_le_bytes(four.try_into().unwrap())).collect(),
+        other => panic!("{other}"),
+    }
+}
+
+/// Two MSTs that are lost are an error, with which the past is kept.
+fn fall_back(bench: &mut Bench) {
+    bench.lose(TelegramKind::Mst, 4);
+    bench.run(Nanoseconds::from_millis(3_000));
+}
+
+/// Each error is one that is kept: the control runs the ring up again behind it.
+#[test]
+fn a_position_that_was_kept_in_this_start_is_still_told_behind_the_next_when_the_zero_is_lost_meanwhile() {
+    const CANCEL_REFERENCE: u16 = 191;
+    const BEFORE: u32 = 77;
+    const IN_THIS_START: u32 = 1_234_567;
+    let homed = |bench: &mut Bench, position: u32| {
+        bench.write(52, Value::Long(position)).unwrap();
+        assert_eq!(command(bench, 447), Ok(3));
+        fall_back(bench);
+        bench.world.ring_mut().master_mut().restart(only_communication(false));
         bench.run(Nanoseconds::from_millis(3_000));
     };
-    let kept_last = |bench: &mut Bench| match bench.read(KEPT_LAST) {
-        Value::Bytes(bytes) => {
-            bytes.chunks(4).map(|four| u32::from_le_bytes(four.try_into().unwrap())).collect::<Vec<_>>()
-        }
-        other => panic!("{other}"),
-    };
+    let mut bench = in_cp4(Executor::Host, saved(&Parameters::new(&DICTIONARY)));
+    homed(&mut bench, BEFORE);
+    let mut bench = in_cp4(Executor::Host, flash_of(&bench));
+    homed(&mut bench, IN_THIS_START);
+    assert_eq!(kept_last(&mut bench)[0], BEFORE, "P-0-0016 is of before this start");
+    assert_eq!(kept_last(&mut in_cp4(Executor::Host, flash_of(&bench)))[0], IN_THIS_START);
+    assert_eq!(command(&mut bench, CANCEL_REFERENCE), Ok(3));
+    assert_eq!(bench.number(403), 0);
+    let errors = bench.entries(375).len();
+    fall_back(&mut bench);
+    let mut behind = in_cp4(Executor::Host, flash_of(&bench));
+    assert_eq!(behind.entries(375).len(), errors + 1, "the log behind the loss was kept");
+    assert_eq!(kept_last(&mut behind)[0], IN_THIS_START);
+}
+
+/// S-0-0447 tells where the axis is; the two MSTs that are lost are an error, with which it is kept.
+fn shows_where_the_axis_was(executor: &Executor) {
+    const REFERENCE: u32 = 1_234_567;
     let mut bench = in_cp4(executor.clone(), saved(&Parameters::new(&DICTIONARY)));
     assert!(kept_last(&mut bench).is_empty(), "never kept");
     fall_back(&mut bench);
@@ -315,19 +346,20 @@ fn is_locked(bench: &mut Bench) -> bool {
     bit
 }
 
-/// A drive that was locked, and told its motor and saved before.
-fn locked(executor: Executor) -> FlashModel {
-    let mut bench = in_cp4(executor, saved(&Parameters::new(&DICTIONARY)));
+/// This drive, locked.
+fn locked(executor: Executor, flash: FlashModel) -> FlashModel {
+    let mut bench = in_cp4(executor, flash);
     assert!(!is_locked(&mut bench));
     bench.write(267, Value::Bytes(b"press 3".to_vec())).unwrap();
     assert!(is_locked(&mut bench));
     bench.run(Nanoseconds::from_millis(2_500));
+    assert_eq!(bench.number(182) & 8, 0, "the lock is kept");
     flash_of(&bench)
 }
 
 #[test]
 fn a_lock_outlives_the_supply_and_its_password_opens_it_for_good() {
-    let mut bench = in_cp4(Executor::Host, locked(Executor::Host));
+    let mut bench = in_cp4(Executor::Host, locked(Executor::Host, saved(&Parameters::new(&DICTIONARY))));
     assert!(is_locked(&mut bench));
     assert_eq!(bench.write(267, Value::Bytes(b"press 4".to_vec())), Err(0x7008));
     bench.write(267, Value::Bytes(b"press 3".to_vec())).unwrap();
@@ -337,15 +369,45 @@ fn a_lock_outlives_the_supply_and_its_password_opens_it_for_good() {
 }
 
 #[test]
+fn a_lock_that_waits_for_the_torque_to_go_is_shown_as_unsaved_until_it_is_kept() {
+    let mut bench = Bench::running();
+    let unsaved = |bench: &mut Bench| bench.number(182) & 8 != 0;
+    assert!(!unsaved(&mut bench));
+    bench.write(267, Value::Bytes(b"press 3".to_vec())).unwrap();
+    bench.run(Nanoseconds::from_millis(3_000));
+    assert!(unsaved(&mut bench));
+    assert_eq!(bench.drive.flash.borrow().operations(), 0);
+    bench.world.ring_mut().master_mut().restart(only_communication(false));
+    bench.run(Nanoseconds::from_millis(3_000));
+    assert!(!unsaved(&mut bench));
+    assert!(bench.drive.flash.borrow().operations() > 0);
+    assert!(is_locked(&mut in_cp4(Executor::Host, flash_of(&bench))));
+}
+
+#[test]
 #[ignore = "needs QEMU and the ELF: cargo xtask test"]
 fn a_start_of_the_elf_without_a_drive_address_forgets_a_password_that_nobody_knows_and_nothing_else() {
-    let flash = locked(on_qemu());
-    assert!(is_locked(&mut in_cp4(on_qemu(), flash.clone())));
-    let errors = in_cp4(on_qemu(), flash.clone()).entries(375);
+    // Errors, operating time, position and a parameter.
+    let remembered = |bench: &mut Bench| {
+        let [position, _] = kept_last(bench)[..] else { panic!("it was kept") };
+        (bench.entries(375), bench.number(0x800F), position, bench.number(52))
+    };
+    let mut bench = in_cp4(on_qemu(), saved(&Parameters::new(&DICTIONARY)));
+    bench.write(52, Value::Long(1_234_567)).unwrap();
+    assert_eq!(command(&mut bench, SAVE), Ok(3));
+    assert_eq!(command(&mut bench, 447), Ok(3));
+    bench.run(Nanoseconds::from_millis(3_000));
+    fall_back(&mut bench);
+    let flash = locked(on_qemu(), flash_of(&bench));
+    let mut bench = in_cp4(on_qemu(), flash.clone());
+    assert!(is_locked(&mut bench));
+    let before = remembered(&mut bench);
+    assert!(before.0.contains(&MSTS_LOST) && before.1 > 2, "{before:04X?}");
+    assert_eq!((before.2, before.3), (1_234_567, 1_234_567));
     let setup = DriveSetup { flash, ..DriveSetup::new(0) };
     let mut bench = Bench::on(on_qemu(), setup, only_communication(false));
     bench.run(Nanoseconds::from_millis(60));
     let mut bench = in_cp4(on_qemu(), flash_of(&bench));
     assert!(!is_locked(&mut bench));
-    assert_eq!(bench.entries(375), errors);
+    assert_eq!(remembered(&mut bench), before);
 }

@@ -9,7 +9,7 @@ use ring::service_client::Request;
 use sercos::parameters::Parameters;
 
 use crate::elf::on_qemu;
-use crate::kept::{command, flash_of, in_cp4, only_communication, run_up, told};
+use crate::kept::{command, flash_of, in_cp4, only_communication, run_up, told, told_over};
 use crate::running::Bench;
 
 const SELECTION: u16 = 270;
@@ -105,6 +105,51 @@ fn where_nothing_was_saved_a_selection_is_not_kept_either_until_s_0_0264_has_sav
     bench.write(41, Value::Long(4_444)).unwrap();
     assert_eq!(command(&mut bench, SAVE_SELECTED), Ok(3));
     assert_eq!(in_cp4(Executor::Host, flash_of(&bench)).number(41), 4_444);
+}
+
+/// A set that is none of today's form, and one in which another firmware has left no room; what a start finds of them is as it was.
+#[test]
+fn a_set_that_cannot_be_changed_is_left_as_it_is_with_the_reason_and_no_save_was_cut() {
+    let mut page = vec![0; 4_096];
+    let parameters = bench::told(&Parameters::new(&DICTIONARY));
+    let length = drive::remembering::write_set(&parameters, &mut page).unwrap();
+    page.truncate(length);
+    let mut other_form = page.clone();
+    other_form[0] = 2;
+    // S-0-0273 is none of it any more, and everything behind it is of data blocks that this firmware does not know.
+    let mut full = page;
+    let mut at = 4;
+    while full[at..at + 2] != 273_u16.to_le_bytes() {
+        at += 4 + usize::from(full[at + 3]);
+    }
+    full.drain(at..at + 6);
+    let mut records = u16::from_le_bytes([full[2], full[3]]) - 1;
+    while full.len() < 3_096 {
+        let room = (3_096 - full.len() - 4).min(200);
+        full.extend([0xFF, 0xFF, room as u8, room as u8]);
+        full.extend(vec![0; room]);
+        records += 1;
+    }
+    full[2..4].copy_from_slice(&records.to_le_bytes());
+    for set in [other_form, full] {
+        let mut bench = told_over(Executor::Host, bench::saved_set(&set));
+        select(&mut bench, &[273]).unwrap();
+        bench.write(273, Value::Word(55)).unwrap();
+        bench.run(Nanoseconds::from_millis(3_000));
+        let before = bench.drive.flash.borrow().operations();
+        assert_eq!(command(&mut bench, SAVE_SELECTED), Ok(0xF));
+        assert_eq!(
+            bench.text(FINDING),
+            "what was saved has another form, or no room for S-0-0270: save everything with S-0-0264"
+        );
+        assert_eq!(bench.drive.flash.borrow().operations(), before);
+        let flash = flash_of(&bench);
+        assert_eq!(bench::set_in(&flash), Some(set));
+        assert!(!told_over(Executor::Host, flash).entries(375).contains(&UNFINISHED));
+        assert_eq!(command(&mut bench, SAVE), Ok(3), "that is the way out");
+        assert_eq!(command(&mut bench, SAVE_SELECTED), Ok(3));
+        assert_eq!(in_cp4(Executor::Host, flash_of(&bench)).number(273), 55);
+    }
 }
 
 /// With S-0-0269 = 0 the rest is still kept afterwards, as every write is.

@@ -46,11 +46,16 @@ pub(crate) fn run_up(mut bench: Bench) -> Bench {
 
 /// A drive whose user has told it its motor and has saved nothing yet; in CP4, without torque.
 pub(crate) fn told(executor: Executor) -> Bench {
+    told_over(executor, FlashModel::new())
+}
+
+/// The same over this flash.
+pub(crate) fn told_over(executor: Executor, flash: FlashModel) -> Bench {
     let drive = DriveScript::new(ADDRESS, Telegram::standard(2).unwrap())
         .with(Idn::OPERATION_MODE, Value::Word(2))
         .with_all(parameters_of(&axis()));
     let script = MasterScript { stops_at_refusals: false, reset_diagnostics: false, ..MasterScript::new(vec![drive]) };
-    let setup = DriveSetup { axis: axis(), flash: FlashModel::new(), ..DriveSetup::new(ADDRESS) };
+    let setup = DriveSetup { axis: axis(), flash, ..DriveSetup::new(ADDRESS) };
     run_up(Bench::on(executor, setup, script))
 }
 

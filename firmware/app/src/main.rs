@@ -46,7 +46,7 @@ mod app {
     use core::task::{Context, Waker};
     use drive::crash::{CrashRecord, MOST_CRASHES_IN_A_ROW};
     use drive::production::Production;
-    use drive::remembering::{self, Recollection};
+    use drive::remembering::{self, Forgetting, Recollection};
     use drive::{Communication, CurrentControl, CurrentLink, Drive, DriveAddress};
     use drive::{Identity, Motion, RingInterrupts, Scope, Tasks};
     use embassy_futures::{block_on, yield_now};
@@ -113,8 +113,12 @@ mod app {
         let mut memory = Memory::new(parameter_flash);
         let Some(identity) = identity(&settings) else {
             defmt::error!("{=u8} on the address switches is no drive address", settings.address);
-            if block_on(remembering::forget_lock(&mut memory, buffer)) {
-                defmt::warn!("the password S-0-0267 is forgotten");
+            match block_on(remembering::forget_lock(&mut memory, buffer)) {
+                Forgetting::NoLock => defmt::info!("no password S-0-0267 was to be forgotten"),
+                Forgetting::Forgotten => defmt::warn!("the password S-0-0267 is forgotten"),
+                Forgetting::Failed => defmt::error!(
+                    "the password S-0-0267 could not be forgotten: once more, and if it stays, have the board replaced"
+                ),
             }
             remain_a_repeater()
         };

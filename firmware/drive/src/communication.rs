@@ -23,7 +23,7 @@ use crate::hardware::Hardware;
 use crate::identity::Identity;
 use crate::interrupts::RingInterrupts;
 use crate::motion::Motion;
-use crate::remembering::keeping::{Keep, Keeping, MemoryFailure};
+use crate::remembering::keeping::{Keep, Keeping, MemoryFailure, Selected};
 use crate::remembering::log::{KeptPosition, Log, Moment};
 use crate::remembering::set::{self, Recollection};
 use crate::service::access::Access;
@@ -86,6 +86,8 @@ pub struct Communication<B> {
     total_seconds: u32,
     /// P-0-0016: from before this start.
     last_position: Option<KeptPosition>,
+    /// What the next log keeps where the drive does not know its zero: that of the last one, of this start or before.
+    newest_position: Option<KeptPosition>,
     keeping: Keeping,
     /// The parameters are those that the memory had at the start.
     has_recalled: bool,
@@ -113,6 +115,7 @@ impl<B: Bus + Clone> Communication<B> {
             errors: ErrorMemory::new(),
             total_seconds: 0,
             last_position: None,
+            newest_position: None,
             keeping: Keeping::with_memory(),
             has_recalled: false,
             crash: None,
@@ -189,7 +192,7 @@ impl<B: Bus + Clone> Communication<B> {
             self.errors.add(ErrorRecord { seconds: log.seconds, ..error });
         }
         self.total_seconds = log.seconds;
-        self.last_position = log.position;
+        (self.last_position, self.newest_position) = (log.position, log.position);
         self.access = log.access;
         log.crash
     }
@@ -202,10 +205,13 @@ impl<B: Bus + Clone> Communication<B> {
         let (now, torque) = motion.lock(|motion| (motion.operating_time(), motion.has_torque()));
         let keep = self.keeping.next(now, torque)?;
         let seconds = self.total_seconds.saturating_add(seconds(now));
-        // A drive that does not know its zero knows less than the one before.
-        let here = if keep == Keep::Log { motion.lock(Motion::referenced_position) } else { None };
-        let position = here.map(|position| KeptPosition { position, seconds }).or(self.last_position);
-        Some((keep, Moment { seconds, position }))
+        // A drive that does not know its zero knows less than it did before.
+        if keep == Keep::Log
+            && let Some(position) = motion.lock(Motion::referenced_position)
+        {
+            self.newest_position = Some(KeptPosition { position, seconds });
+        }
+        Some((keep, Moment { seconds, position: self.newest_position }))
     }
 
     /// The parameters of S-0-0192, for the memory.
@@ -213,9 +219,14 @@ impl<B: Bus + Clone> Communication<B> {
         set::write_set(&self.parameters, buffer)
     }
 
-    /// Gives a set what S-0-0270 names as it is now; the number of bytes it has then.
-    pub(crate) fn amend_set(&self, set: &mut [u8], length: usize) -> Option<usize> {
-        set::amend_set(&self.parameters, self.parameters.list(Idn::SELECTED_BACKUP), set, length)
+    /// What S-0-0293 is to save.
+    pub(crate) fn selected(&self) -> Selected {
+        self.keeping.selected.clone()
+    }
+
+    /// Gives a set what is selected as it is now; the number of bytes it has then.
+    pub(crate) fn amend_set(&self, selected: &[Idn], set: &mut [u8], length: usize) -> Option<usize> {
+        set::amend_set(&self.parameters, selected, set, length)
     }
 
     /// What has happened, for the memory.

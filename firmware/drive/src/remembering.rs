@@ -9,4 +9,4 @@ pub(crate) mod set;
 mod task;
 
 pub use set::{Recollection, read_set, write_set};
-pub use task::{forget_lock, keep, recall};
+pub use task::{Forgetting, forget_lock, keep, recall};

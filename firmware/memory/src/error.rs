@@ -19,6 +19,8 @@ pub enum Error<E> {
     },
     /// More than [`MOST_BYTES`](crate::MOST_BYTES), or than the buffer takes.
     TooLong,
+    /// The set that is there cannot be changed as it was to be.
+    Refused,
     /// What lies in the flash makes no sense, and could not be repaired.
     Damaged,
 }
@@ -31,6 +33,9 @@ impl<E: fmt::Display> fmt::Display for Error<E> {
                 write!(formatter, "{left} bytes are left of the page, and {needed} are needed; start the drive anew")
             }
             Self::TooLong => formatter.write_str("there is more to be kept than there is room for"),
+            Self::Refused => formatter.write_str(
+                "what was saved cannot be changed like this: it has another form, or there is no room in it; save all of it anew",
+            ),
             Self::Damaged => formatter.write_str("the contents of the flash make no sense"),
         }
     }

@@ -2,7 +2,7 @@
 
 use embedded_storage_async::nor_flash::NorFlash;
 use sequential_storage::cache::{Cache, Uncached};
-use sequential_storage::map::{MapConfig, MapStorage};
+use sequential_storage::map::{MapConfig, MapStorage, SerializationError, Value};
 
 use crate::error::Error;
 use crate::set::{Condition, Saves, Written, numbered};
@@ -20,6 +20,8 @@ const FINISHED: u8 = 2;
 /// Fills a page up, so that it turns.
 const PADDING: u8 = 3;
 const FIRST_LOG: u8 = 16;
+/// Of a key; the value lies behind it, in the flash and in a buffer.
+const KEY_BYTES: u32 = 1;
 
 /// Of a page, in bytes.
 const SMALLEST_PAGE: u32 = 16 * 1024;
@@ -161,35 +163,45 @@ impl<F: NorFlash> Memory<F> {
     }
 
     /// Keeps the set once more, changed: `edit` finds it at the beginning of what it is given, so many bytes long, and says how long it is afterwards, or that
-    /// it does not fit. It may be asked twice, then with what it has made before. `false`: there is no set, and nothing has happened.
+    /// it cannot. It is asked once to know that it can, before anything is written, and then once more with the set, or twice, then with what it has made
+    /// before. `false`: there is no set, and nothing has happened.
     ///
     /// Scans a page twice more than [`Memory::save`].
     ///
     /// # Errors
-    /// Those of [`Memory::save`]; the set before is in force then, whole, or, where only the last word was refused, the changed one.
+    /// [`Error::Refused`] where `edit` cannot: nothing was written. Those of [`Memory::save`]; the set before is in force then, whole, or, where only the last word was refused, the changed one.
     pub async fn amend(
         &mut self,
         buffer: &mut [u8],
         mut edit: impl FnMut(&mut [u8], usize) -> Option<usize>,
     ) -> Result<bool, Error<F::Error>> {
         self.has_room(SAVE)?;
-        if self.load(buffer).await?.is_none() {
-            return Ok(false);
+        let Some(length) = self.last_set(buffer).await? else { return Ok(false) };
+        let (before, number) = (self.saves.set, self.saves.next());
+        let room = buffer.get_mut(KEY_BYTES as usize..).ok_or(Error::TooLong)?;
+        match Written::over(before, number, &mut amending(&mut edit, length)).serialize_into(room) {
+            Ok(_) => {}
+            Err(SerializationError::BufferTooSmall) => return Err(Error::Refused),
+            Err(_) => return Err(Error::Damaged),
         }
-        let number = self.saves.next();
         self.number(buffer, BEGUN, number).await?;
         // It comes to lie where it is put together: a second buffer would be as long as this one.
-        let found = self.map.fetch_item::<&[u8]>(buffer, &SET).await?.and_then(numbered);
-        let before = self.saves.set;
-        let Some(mut length) = found.filter(|(found, _)| *found == before).map(|(_, set)| set.len()) else {
-            return Err(Error::Damaged);
-        };
-        let mut write = |set: &mut [u8]| {
-            length = edit(set, length)?;
-            Some(length)
-        };
-        self.replace(buffer, number, &Written::over(before, number, &mut write)).await?;
+        let length = self.last_set(buffer).await?.ok_or(Error::Damaged)?;
+        self.replace(buffer, number, &Written::over(before, number, &mut amending(&mut edit, length))).await?;
         Ok(true)
+    }
+
+    /// Bytes of the set, which lies in the buffer then; `None` as with [`Memory::load`].
+    async fn last_set(&mut self, buffer: &mut [u8]) -> Result<Option<usize>, Error<F::Error>> {
+        if self.condition == Condition::Damaged {
+            return Ok(None);
+        }
+        match self.map.fetch_item::<&[u8]>(buffer, &SET).await?.and_then(numbered) {
+            Some((number, set)) if number == self.saves.set => Ok(Some(set.len())),
+            // The last one can be read no more since the start.
+            Some(_) => Err(Error::Damaged),
+            None => Ok(None),
+        }
     }
 
     /// The second and the third item of a save.
@@ -285,14 +297,13 @@ impl<F: NorFlash> Memory<F> {
     }
 
     async fn store(&mut self, buffer: &mut [u8], key: u8, value: &Written<'_>) -> Result<(), Error<F::Error>> {
-        const KEY: u32 = 1;
         /// A word that does not become what it should is passed over.
         const ATTEMPTS: usize = 3;
         let mut last = Error::Damaged;
         for _ in 0..ATTEMPTS {
             let stored = self.map.store_item_generic(buffer, &key, value).await;
             // As much as was to be stored: what was cut lies there too.
-            let data = value.length().saturating_add(KEY).next_multiple_of(Self::WORD);
+            let data = value.length().saturating_add(KEY_BYTES).next_multiple_of(Self::WORD);
             self.room = self.room.saturating_sub(data.saturating_add(Self::OVERHEAD));
             match stored.map_err(Error::from) {
                 Ok(()) => return Ok(()),
@@ -359,6 +370,17 @@ impl<F: NorFlash> Memory<F> {
             erased = erased.saturating_add(CHUNK);
         }
         Ok(limit)
+    }
+}
+
+/// What puts a set of `length` bytes into its place that lies there already.
+fn amending(
+    edit: &mut impl FnMut(&mut [u8], usize) -> Option<usize>,
+    mut length: usize,
+) -> impl FnMut(&mut [u8]) -> Option<usize> {
+    move |set| {
+        length = edit(set, length)?;
+        Some(length)
     }
 }
 

@@ -83,7 +83,7 @@ bitflags! {
         const PARKED = 1 << 1;
         /// The password S-0-0267 locks the stored parameters.
         const PASSWORD = 1 << 2;
-        /// Parameters were written that are to be kept (S-0-0269 = 0) and are not yet.
+        /// Parameters were written that are to be kept (S-0-0269 = 0), or the lock S-0-0267 has changed, and it is not kept yet.
         const UNSAVED = 1 << 3;
     }
 }

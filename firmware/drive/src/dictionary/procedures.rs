@@ -28,7 +28,7 @@ sercos::data_blocks! {
     S 263 "Load working memory procedure command" [""] COMMAND/0 written ALWAYS () = 0 => LoadParameters;
     /// Saves everything in S-0-0192 for the next start, old or new and never a mix. Not while torque is on (700CH). In CP3 and CP4 it takes a word in each pause that t3 and t4 leave, and waits while torque is on: the set is that of its beginning. A step of the service channel that comes meanwhile is held (BUSY) for 1 ms at most.
     S 264 "Backup working memory procedure command" [""] COMMAND/0 written ALWAYS () = 0 => SaveParameters;
-    /// Saves what S-0-0270 names for the next start; everything else stays as it was saved last, whatever it is now. Old or new and never a mix, and with the conditions of S-0-0264. Refused where S-0-0270 is empty (7013H), ends with an error where nothing was saved yet; P-0-0003 says which.
+    /// Saves what S-0-0270 names when it is started, with the values of its beginning, for the next start; everything else stays as it was saved last, whatever it is now. Old or new and never a mix, and with the conditions of S-0-0264. Refused where S-0-0270 is empty (7013H), ends with an error where nothing was saved yet, or what was saved has another form or no room; P-0-0003 says which.
     S 293 "Selectively backup working memory procedure command" [""] COMMAND/0 written ALWAYS () = 0 => SaveSelected;
     /// Makes the place where the motor stands the position S-0-0052. Not while torque is on.
     S 447 "Set absolute position procedure command" [""] COMMAND/0 written ALWAYS () = 0 => SetAbsolutePosition;

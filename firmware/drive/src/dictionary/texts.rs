@@ -12,7 +12,7 @@ sercos::data_blocks! {
     S 140 "Controller type" [""] TEXT/0 written NEVER () = 0 => ControllerType;
     /// Version of the SERCOS specification.
     S 143 "System interface version" [""] TEXT/0 written NEVER () = 0 => SystemInterface;
-    /// Locks S-0-0279: 3 to 10 characters lock with them as password, the password unlocks. Reads *** while locked, also after the supply was off. Forgotten by a start with no drive address on the switches (0 or 255).
+    /// Locks S-0-0279: 3 to 10 characters lock with them as password, the password unlocks. Reads *** while locked, also after the supply was off: it is kept within 2 s and not while torque is on, and bit 3 of S-0-0182 is set until then. Forgotten by a start with no drive address on the switches (0 or 255).
     S 267 "Password" [""] TEXT/0 written ALWAYS () = 0 => Password, restricted;
     /// What the last transition check or homing that failed has found, or why the last write was refused with 7008H, in plain words; empty after a success.
     P 3 "Finding of the last check or write" [""] TEXT/0 written NEVER () = 0 => CheckFinding;

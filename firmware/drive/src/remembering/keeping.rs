@@ -1,5 +1,8 @@
 //! What is to be kept, and when.
 
+use heapless::Vec;
+use sercos::Idn;
+use sercos::capacity::LIST_ENTRIES;
 use sercos::error::ServiceError;
 
 use super::set::Dropped;
@@ -11,7 +14,7 @@ use crate::dictionary::procedures::Procedure;
 pub(crate) enum Keep {
     /// The parameters.
     Save,
-    /// Of the parameters those that S-0-0270 names.
+    /// Of the parameters those that S-0-0270 named.
     Selected,
     /// The parameters are to be what was saved.
     Load,
@@ -29,6 +32,8 @@ pub(crate) enum MemoryFailure {
     Flash,
     /// There is no set, or none that can be read.
     NoSet,
+    /// Of the set that there is S-0-0293 cannot make another one.
+    Refused,
     /// The drive has no memory.
     NoMemory,
     /// S-0-0263 was overtaken by CP4.
@@ -44,6 +49,7 @@ impl MemoryFailure {
                 "the flash does not keep what is written; once more, and if it stays, have the board replaced"
             }
             Self::NoSet => "nothing was saved, or it cannot be read any more: write the parameters, then S-0-0264",
+            Self::Refused => "what was saved has another form, or no room for S-0-0270: save everything with S-0-0264",
             Self::InOperation => "S-0-0262 and S-0-0263 change what is protected in CP4",
             Self::NoMemory => "this drive has no memory for parameters",
         }
@@ -59,6 +65,9 @@ const LOG_INTERVAL: u64 = 2_000_000;
 /// The operating time is kept so often, in us.
 const TIME_INTERVAL: u64 = 3_600_000_000;
 
+/// What S-0-0270 names.
+pub(crate) type Selected = Vec<Idn, LIST_ENTRIES>;
+
 /// What waits to be kept.
 #[derive(Debug, Default)]
 pub(crate) struct Keeping {
@@ -68,6 +77,8 @@ pub(crate) struct Keeping {
     command: Option<Procedure>,
     /// It has not been begun yet.
     due: bool,
+    /// S-0-0270 as S-0-0293 has found it.
+    pub(crate) selected: Selected,
     /// What is being done.
     running: Option<Keep>,
     /// When the first and the last parameter was written that is not kept yet (S-0-0269 = 0).
@@ -76,6 +87,9 @@ pub(crate) struct Keeping {
     in_work: Option<(u64, u64)>,
     /// Something has happened that is not kept yet.
     happened: bool,
+    /// Of it the lock S-0-0267: not kept yet, and just being kept.
+    lock: bool,
+    lock_in_work: bool,
     /// When it was kept last; `None`: not since the start, and what a start finds is kept at once.
     logged: Option<u64>,
     /// P-0-0014.
@@ -128,9 +142,14 @@ impl Keeping {
         self.happened = true;
     }
 
+    /// The lock S-0-0267 has changed: of what has happened the one thing that a master has asked for.
+    pub(crate) const fn note_lock(&mut self) {
+        (self.happened, self.lock) = (true, true);
+    }
+
     /// Something was written that is not kept yet.
     pub(crate) const fn has_unsaved(&self) -> bool {
-        self.written.is_some()
+        self.written.is_some() || self.lock
     }
 
     /// The next thing to be kept; `torque`: nothing is begun then.
@@ -163,7 +182,10 @@ impl Keeping {
             Keep::Save | Keep::Load => self.in_work = self.written.take(),
             // What else was written still waits.
             Keep::Selected => {}
-            Keep::Log => (self.happened, self.logged) = (false, Some(now)),
+            Keep::Log => {
+                (self.happened, self.logged) = (false, Some(now));
+                self.lock_in_work = core::mem::take(&mut self.lock);
+            }
         }
         Some(keep)
     }
@@ -172,6 +194,7 @@ impl Keeping {
     pub(crate) fn done(&mut self, now: u64, kept: bool) -> Option<Procedure> {
         let keep = self.running.take()?;
         let in_work = self.in_work.take();
+        let lock = core::mem::take(&mut self.lock_in_work);
         if !kept {
             match keep {
                 // Once more, and not at once.
@@ -181,7 +204,7 @@ impl Keeping {
                     }
                 }
                 Keep::Selected => {}
-                Keep::Log => self.happened = true,
+                Keep::Log => (self.happened, self.lock) = (true, self.lock || lock),
             }
         }
         // One that was given since then has its own turn.
@@ -304,6 +327,32 @@ mod tests {
             saved
         });
         assert_eq!(saves.count(), 4);
+    }
+
+    #[test]
+    fn a_lock_is_unsaved_until_a_log_is_kept_that_has_it() {
+        let mut keeping = Keeping::with_memory();
+        keeping.note_event();
+        assert!(!keeping.has_unsaved(), "nobody waits for an error to be kept");
+        assert_eq!(keeping.next(0, false), Some(Keep::Log));
+        // Of this one nobody knows whether it is in the log that is being written.
+        keeping.note_lock();
+        assert_eq!(keeping.done(1_000, true), None);
+        assert!(keeping.has_unsaved());
+        assert_eq!(keeping.next(2_000_000, true), None, "not with torque");
+        for kept in [false, true] {
+            let now = keeping.logged.unwrap() + LOG_INTERVAL;
+            assert!(keeping.has_unsaved());
+            assert_eq!(keeping.next(now, false), Some(Keep::Log));
+            assert_eq!(keeping.done(now, kept), None);
+        }
+        assert!(!keeping.has_unsaved());
+        // To keep the parameters does not keep the lock.
+        keeping.note_lock();
+        keeping.start(Procedure::SaveParameters).unwrap();
+        assert_eq!(keeping.next(4_000_000, false), Some(Keep::Save));
+        assert_eq!(keeping.done(4_000_000, true), Some(Procedure::SaveParameters));
+        assert!(keeping.has_unsaved());
     }
 
     #[test]

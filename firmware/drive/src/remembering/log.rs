@@ -180,6 +180,10 @@ mod tests {
             let numbers: Vec<u16> = log.errors.newest_first().map(|error| error.number).collect();
             assert_eq!(numbers, (0..errors as u16).rev().map(|number| 0xF100 + number).collect::<Vec<_>>());
             assert!(log.errors.newest_first().next().is_none_or(|error| error.seconds == (errors as u32 - 1) * 70_000));
+            let mut unlocked = [0; MOST_LOG_BYTES];
+            let length = log.write_unlocked(&mut unlocked).unwrap();
+            assert_eq!(unlocked[..length], written(errors, crash, position, &Access::default()));
+            assert_eq!(log.write_unlocked(&mut unlocked[..length - 1]), None);
             for length in 0..bytes.len() {
                 assert!(Log::parse(&bytes[..length]).is_none(), "{length} of {} bytes", bytes.len());
                 let moment = Moment { seconds: log.seconds, position };

@@ -50,12 +50,17 @@ impl Access {
         access
     }
 
-    /// Takes a text written to S-0-0267.
+    /// Takes a text written to S-0-0267. Zeros behind it do not count: a control may fill a text up with them.
     ///
     /// # Errors
-    /// [`ServiceError::TooLong`], [`ServiceError::InvalidData`] for one that is too short, no text, or not the password. Nothing has
+    /// [`ServiceError::TooLong`], [`ServiceError::InvalidData`] for one that is too short, no text, has a zero within, or is not the password. Nothing has
     /// changed then.
     pub fn write(&mut self, text: &[u8]) -> Result<(), ServiceError> {
+        let end = text.iter().rposition(|byte| *byte != 0).map_or(0, |last| last.saturating_add(1));
+        let text = text.get(..end).unwrap_or(text);
+        if text.contains(&0) {
+            return Err(ServiceError::InvalidData);
+        }
         let text = core::str::from_utf8(text).map_err(|_| ServiceError::InvalidData)?;
         match &self.password {
             Some(password) if password.as_str() == text => self.password = None,
@@ -100,6 +105,34 @@ mod tests {
             assert_eq!(access.emit() == [0; LONGEST_PASSWORD], text.is_empty());
         }
         assert!(!Access::parse(&[0xFF; LONGEST_PASSWORD]).is_locked());
+    }
+
+    #[test]
+    fn zeros_behind_a_password_do_not_count_and_zeros_within_one_are_refused() {
+        for (text, taken) in [
+            (b"abc\0\0\0\0\0\0\0".as_slice(), true),
+            (b"abc\0\0\0\0\0\0\0\0\0\0", true),
+            (b"ab\0\0", false),
+            (b"abc\0d", false),
+            (b"\0abc", false),
+        ] {
+            let mut access = Access::default();
+            assert_eq!(access.write(text), if taken { Ok(()) } else { Err(ServiceError::InvalidData) }, "{text:?}");
+            assert_eq!(access.is_locked(), taken);
+            let mut behind_the_supply = Access::parse(&access.emit());
+            assert_eq!(behind_the_supply, access, "{text:?}");
+            if taken {
+                for wrong in [b"abc\0d".as_slice(), b"\0\0"] {
+                    assert_eq!(behind_the_supply.write(wrong), Err(ServiceError::InvalidData));
+                }
+                behind_the_supply.write(b"abc\0").unwrap();
+                access.write(b"abc").unwrap();
+                assert!(!behind_the_supply.is_locked() && !access.is_locked());
+            }
+        }
+        let mut access = Access::default();
+        access.write(&[0; LONGEST_PASSWORD]).unwrap();
+        assert!(!access.is_locked(), "no text at all");
     }
 
     #[test]

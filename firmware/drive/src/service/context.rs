@@ -94,6 +94,14 @@ where
         }
     }
 
+    /// The lock S-0-0267 has changed: it is kept as soon as it can be.
+    pub(crate) fn note_lock(&mut self) {
+        if self.keeping.has_memory() {
+            self.keeping.note_lock();
+            self.motion.lock(|motion| motion.show_unsaved(true));
+        }
+    }
+
     /// The loops work with the parameters as they are: S-0-0128 has passed, and nothing that it looked at was written since. Before that a
     /// master writes in any order, and S-0-0128 finds what does not go together.
     pub(super) fn loops_work(&self) -> bool {

@@ -64,10 +64,13 @@ where
         if access_of(block) != Access::Text(Text::Password) {
             return Err(ServiceError::IdnNotAvailable);
         }
+        let before = self.access.is_locked();
         self.access.write(text)?;
         let locked = self.access.is_locked();
-        self.motion.lock(|motion| motion.show_lock(locked));
-        self.keeping.note_event();
+        if locked != before {
+            self.motion.lock(|motion| motion.show_lock(locked));
+            self.note_lock();
+        }
         Ok(())
     }
 

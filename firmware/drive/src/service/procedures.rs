@@ -16,7 +16,7 @@ use super::loops;
 use crate::dictionary::procedures::Procedure;
 use crate::hardware::Hardware;
 use crate::motion::Motion;
-use crate::remembering::keeping::MemoryFailure;
+use crate::remembering::keeping::{MemoryFailure, Selected};
 use crate::settings::homing;
 
 /// S-0-0147.
@@ -84,11 +84,16 @@ where
             Procedure::LoadParameters => self.load_parameters(),
             Procedure::SaveParameters => self.save_parameters(procedure),
             Procedure::SaveSelected => {
-                if parameters.list(Idn::SELECTED_BACKUP).is_empty() {
+                let list = parameters.list(Idn::SELECTED_BACKUP);
+                if list.is_empty() {
                     self.checks.finding = Some(Finding::NothingSelected);
                     return Err(ServiceError::CommandInvalidParameters);
                 }
-                self.save_parameters(procedure)
+                let selected = Selected::from_slice(list).map_err(|_| ServiceError::CommandInvalidParameters)?;
+                let state = self.save_parameters(procedure)?;
+                // It may be written anew before the flash takes it.
+                self.keeping.selected = selected;
+                Ok(state)
             }
             Procedure::SetAbsolutePosition => self.set_absolute_position(parameters),
         }

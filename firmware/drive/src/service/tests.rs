@@ -19,6 +19,7 @@ use super::loops;
 use super::rig::{FACTS, Rig, Still, words_of};
 use crate::dictionary::DICTIONARY;
 use crate::production::{Production, RecordError};
+use crate::remembering::keeping::Keep;
 use crate::settings::invalid::InvalidSetting;
 use crate::settings::{CycleSettings, DriveSettings};
 
@@ -114,6 +115,39 @@ fn a_value_that_a_data_block_cannot_have_is_told_until_a_write_succeeds() {
     }
     rig.write(S(92), &[200]).unwrap();
     assert_eq!(rig.finding(), "");
+}
+
+#[test]
+fn only_a_lock_that_has_changed_is_kept_and_shown_as_unsaved() {
+    let mut rig = Rig::in_cp4(&[]);
+    let mut now = 0;
+    let mut write = |characters: &[u8]| {
+        // As often as a log may be kept, and not so late that the operating time is.
+        now += 3_000_000;
+        let pairs = characters.chunks(2).map(|pair| u16::from_le_bytes([pair[0], pair.get(1).copied().unwrap_or(0)]));
+        let length = characters.len() as u16;
+        let answer = rig.write(S(267), &[length, length].into_iter().chain(pairs).collect::<Vec<u16>>());
+        (answer, rig.keeping.has_unsaved(), rig.keeping.next(now, false))
+    };
+    assert_eq!(write(b""), (Ok(()), false, None), "there is no lock");
+    assert_eq!(write(b"ab"), (Err(0x7008), false, None));
+    assert_eq!(write(b"press 3"), (Ok(()), true, Some(Keep::Log)));
+    assert_eq!(write(b"press 4"), (Err(0x7008), false, None));
+    assert_eq!(write(b""), (Err(0x7008), false, None));
+}
+
+#[test]
+fn what_is_selected_is_what_s_0_0270_names_when_s_0_0293_is_started() {
+    let mut rig = Rig::in_cp4(&[]);
+    rig.write(S(270), &[4, 4, 41, 142]).unwrap();
+    rig.write(S(293), &[3]).unwrap();
+    for later in [&[2, 2, 125][..], &[0, 0]] {
+        rig.write(S(270), later).unwrap();
+        assert_eq!(rig.keeping.selected, [S(41), S(142)]);
+    }
+    assert_eq!(rig.write(S(293), &[0]), Ok(()));
+    assert_eq!(rig.write(S(293), &[3]), Err(0x7013), "nothing is selected now");
+    assert_eq!(rig.keeping.next(0, false), None);
 }
 
 #[test]

@@ -50,8 +50,11 @@ fn a_change_that_does_not_fit_or_has_nothing_to_change_leaves_what_there_is() {
     assert_eq!(amend(&mut memory, &[], &set(1, 100)), Ok(false));
     assert_eq!(memory.flash().operations(), 0);
     save(&mut memory, &set(1, 100)).unwrap();
-    assert_eq!(amend(&mut memory, &set(1, 100), &set(2, BUFFER)), Err(Error::TooLong));
-    assert_eq!(load(&mut memory), Some(set(1, 100)));
+    let before = memory.flash().operations();
+    assert_eq!(amend(&mut memory, &set(1, 100), &set(2, BUFFER)), Err(Error::Refused));
+    assert_eq!((load(&mut memory), memory.flash().operations()), (Some(set(1, 100)), before));
+    let (_, condition) = started(memory.flash().clone()).unwrap();
+    assert_eq!(condition, Condition::Whole, "nothing was begun, and nothing is cut");
     assert_eq!(amend(&mut memory, &set(1, 100), &set(2, 90)), Ok(true), "and the next one is done");
     let (mut after, _) = started(memory.flash().clone()).unwrap();
     assert_eq!(load(&mut after), Some(set(2, 90)));
