@@ -4,10 +4,12 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicI16, Ordering};
 
 use bench::{DriveSetup, Executor, Works, amplifier_of, parameters_of, record_of};
+use flash::FlashModel;
 use plant::ReferenceAxis;
 use ring::Nanoseconds;
 use ring::ident::{Idn, Value};
 use ring::master::{CommandValues, DriveScript, MasterScript, Motion, Telegram};
+use ring::service_client::{Reply, Request};
 
 use crate::elf::on_qemu;
 use crate::running::{ADDRESS, Bench};
@@ -188,4 +190,47 @@ fn the_backup_of_a_bigger_amplifier_raises_no_limit() {
     }
     let last = current(&mut bench);
     assert!(bench.has_torque() && (0.48 * peak..0.53 * peak).contains(&last), "{last} A of {peak} A");
+}
+
+/// What a drive shows in CP2, before anybody has told it a motor, 1.5 s after its DC link was brought to so many volts.
+fn shown_in_cp2(works: Works, axis: ReferenceAxis, flash: FlashModel, volts: f64, idn: Idn) -> u64 {
+    let drive = DriveScript::new(ADDRESS, Telegram::standard(2).unwrap());
+    let script = MasterScript { stops_at_refusals: false, ..MasterScript::new(vec![drive]) };
+    let mut bench = Bench::new(DriveSetup { axis, works, flash, ..DriveSetup::new(ADDRESS) }, script);
+    bench.drive.motor_side.borrow_mut().machine().set_supply(volts, 0);
+    while bench.world.ring().master().phase() != 2 {
+        bench.run(Nanoseconds::from_millis(1));
+    }
+    bench.world.ring_mut().master_mut().service(0).request(Request::Read(idn));
+    bench.run(Nanoseconds::from_millis(1_500));
+    let services = &bench.world.ring().master().report().drives[0].services;
+    let read = services.iter().find(|service| service.request == Request::Read(idn)).unwrap();
+    let Ok(Reply::Data { value, .. }) = &read.result else { panic!("{:?}", read.result) };
+    value.as_number().unwrap()
+}
+
+#[test]
+fn a_drive_that_knows_its_amplifier_and_no_motor_yet_measures_on_the_amplifiers_scale() {
+    // With currents of 42 A the motor of the defaults goes together with nothing.
+    let volts = shown_in_cp2(Works::OfItsAxis, ReferenceAxis::press(), FlashModel::new(), 560.0, Idn(380));
+    assert!((557..=563).contains(&volts), "{volts} V");
+}
+
+/// On the scale of the board 900 V are 450, and its chopper would begin at 418.
+#[test]
+fn a_drive_that_does_not_know_its_amplifier_switches_no_brake_resistor() {
+    let axis = ReferenceAxis::press().with_resistor(40.0);
+    let mut parameters = sercos::parameters::Parameters::new(&drive::DICTIONARY);
+    for (number, value) in [(235, 400), (236, 1_000)] {
+        parameters.set(sercos::Idn::product(number), value).unwrap();
+    }
+    let load = |works| shown_in_cp2(works, axis, bench::saved(&parameters), 900.0, Idn(P | 238));
+    let mut bytes = record_of(&axis).emit();
+    assert!(load(Works::Bytes(bytes)) > 0, "above 745 V it is on");
+    bytes[40] ^= 1;
+    assert_eq!(load(Works::Bytes(bytes)), 0);
+    assert!(load(Works::Blank) > 0, "it takes itself for the board: nobody can tell");
+    // E00BH, from the start on.
+    let warned = |works| shown_in_cp2(works, axis, bench::saved(&parameters), 560.0, Idn(181)) & 1 << 8;
+    assert_eq!([Works::Bytes(bytes), Works::OfItsAxis].map(warned), [1 << 8, 0]);
 }

@@ -2,13 +2,15 @@
 
 use std::path::{Path, PathBuf};
 
-use bench::{DriveSetup, Executor, commissioned, parameters_of, product, saved_set, set_in};
+use bench::{DriveSetup, Executor, Works, commissioned, parameters_of, product, saved_set, set_in};
 use drive::DICTIONARY;
+use drive::dictionary::is_rating;
 use flash::FlashModel;
 use plant::ReferenceAxis;
 use ring::Nanoseconds;
 use ring::ident::{Idn, Value};
 use ring::master::{CommandValues, DriveScript, MasterScript, Motion, Telegram};
+use ring::service_client::Request;
 use sercos::data_block::{DataBlock, Selection};
 use sercos::parameters::Parameters;
 
@@ -83,7 +85,8 @@ fn loads_and_turns(set: &[u8], name: &str) -> Vec<Idn> {
     let records = records(set);
     let known = |idn: &Idn| DICTIONARY.select(Selection::Backup).any(|block| block.idn.0 == idn.0);
     let (kept, gone): (Vec<_>, Vec<_>) = records.into_iter().partition(|(idn, _)| known(idn));
-    let gone: Vec<Idn> = gone.into_iter().map(|(idn, _)| idn).collect();
+    // Firmware that was told them has saved the ratings of this very amplifier.
+    let gone: Vec<Idn> = gone.into_iter().map(|(idn, _)| idn).filter(|idn| !is_rating_of(*idn)).collect();
 
     let setup = DriveSetup { axis: axis(), flash: saved_set(set), ..DriveSetup::new(ADDRESS) };
     let mut bench = Bench::on(Executor::Host, setup, script(Vec::new(), true));
@@ -108,6 +111,10 @@ fn loads_and_turns(set: &[u8], name: &str) -> Vec<Idn> {
     }
     assert_eq!(bench.text(APPLICATION_TYPE), "printing unit 3", "{name}");
     gone
+}
+
+fn is_rating_of(idn: Idn) -> bool {
+    DICTIONARY.blocks().iter().any(|block| block.idn.0 == idn.0 && is_rating(block))
 }
 
 fn folder() -> PathBuf {
@@ -140,4 +147,60 @@ fn what_an_earlier_release_has_saved_is_taken_as_far_as_it_still_exists_and_the_
         let names: Vec<String> = gone.iter().map(Idn::to_string).collect();
         println!("{name}: not restored: {}", if names.is_empty() { "nothing".to_owned() } else { names.join(", ") });
     }
+}
+
+/// An update in the field: the drive was told its amplifier by its control and had saved that; nobody has written a record. Without field weakening nothing
+/// else would stand in the way of torque with a third of the currents and half of the voltage.
+#[test]
+fn a_set_that_names_another_amplifier_gives_no_cp4_until_somebody_has_saved_what_is_right() {
+    let mut set = std::fs::read(folder().join("0.1.0-before-identity.set")).unwrap();
+    // P-0-0107 = 0.
+    let mut at = 4;
+    while set[at..at + 2] != product(107).0.to_le_bytes() {
+        at += 4 + usize::from(set[at + 3]);
+    }
+    set[at + 4..at + 6].fill(0);
+    let refused = |flash: FlashModel| {
+        let script = MasterScript { stops_at_refusals: true, ..script(Vec::new(), true) };
+        let setup = DriveSetup { axis: axis(), works: Works::Blank, flash, ..DriveSetup::new(ADDRESS) };
+        let mut bench = Bench::on(Executor::Host, setup, script);
+        for _ in 0..300 {
+            bench.run(Nanoseconds::from_millis(10));
+            assert!(!bench.has_torque());
+        }
+        bench.world.ring().master().report().error.as_ref().map(ToString::to_string)
+    };
+    let error = refused(saved_set(&set)).unwrap();
+    for idn in [Idn(110), product(100), product(101), product(105)] {
+        assert!(error.contains(&idn.to_string()), "{error}");
+    }
+
+    // In CP2, where the control can look at it: S-0-0264 says that this is the amplifier. A write that keeps itself does not.
+    let in_cp2 = |flash: FlashModel, request: Option<Request>| {
+        let setup = DriveSetup { axis: axis(), works: Works::Blank, flash, ..DriveSetup::new(ADDRESS) };
+        let script = script(vec![(Idn(269), Value::Word(0)), (Idn(41), Value::Long(77))], false);
+        let mut bench = Bench::on(Executor::Host, setup, script);
+        let is_written = |bench: &Bench| {
+            let services = &bench.world.ring().master().report().drives[0].services;
+            services.iter().any(|service| service.request.idn() == Idn(41))
+        };
+        while !is_written(&bench) {
+            bench.run(Nanoseconds::from_millis(1));
+        }
+        if let Some(request) = request {
+            bench.world.ring_mut().master_mut().service(0).request(request);
+        }
+        bench.run(Nanoseconds::from_millis(3_000));
+        flash_of(&bench)
+    };
+    let kept = in_cp2(saved_set(&set), None);
+    assert!(refused(kept.clone()).unwrap().contains("P-0-0101"), "nobody has said anything");
+    let save = Request::Command { idn: Idn(SAVE), polls: 1_000 };
+    let confirmed = in_cp2(kept, Some(save));
+    let names: Vec<Idn> = records(&set_in(&confirmed).unwrap()).into_iter().map(|(idn, _)| idn).collect();
+    assert!(!names.contains(&Idn(110)) && names.contains(&Idn(109)));
+    // It is believed now, whether it is true or not.
+    let setup = DriveSetup { axis: axis(), works: Works::Blank, flash: confirmed, ..DriveSetup::new(ADDRESS) };
+    let mut bench = run_up(Bench::on(Executor::Host, setup, script(Vec::new(), false)));
+    assert_eq!((bench.world.ring().master().phase(), bench.number(181) & 1 << 8), (4, 0));
 }

@@ -18,7 +18,7 @@ use crate::diagnosis::error_memory::{ErrorMemory, ErrorRecord, seconds};
 use crate::diagnosis::news::Announcement;
 use crate::diagnosis::table::{SAVE_CUT, of_phase_error};
 use crate::dictionary::procedures::Procedure;
-use crate::dictionary::{DICTIONARY, parameters_on};
+use crate::dictionary::{DICTIONARY, is_rating_of, parameters_on};
 use crate::hardware::Hardware;
 use crate::identity::Identity;
 use crate::interrupts::RingInterrupts;
@@ -146,6 +146,7 @@ impl<B: Bus + Clone> Communication<B> {
             motion.memory_fault();
         }
         motion.show_lock(self.access.is_locked());
+        motion.show_amplifier_unknown(self.amplifier(&H::AMPLIFIER).is_none());
         motion.enter_phase(Phase::Cp0);
         interrupts.enable();
         Ok(())
@@ -174,6 +175,7 @@ impl<B: Bus + Clone> Communication<B> {
 
     fn take_set(&mut self, set: &[u8]) -> bool {
         let Some(dropped) = set::take_set(set, &mut self.parameters) else { return false };
+        self.keeping.is_disputed = dropped.iter().any(|idn| is_rating_of(*idn));
         self.keeping.dropped = dropped;
         self.rescaling = Rescaling::new(&self.parameters);
         // What was written before counts no more.
@@ -265,7 +267,16 @@ impl<B: Bus + Clone> Communication<B> {
         let now = motion.lock(|motion| motion.operating_time());
         let command = self.keeping.done(now, result.is_ok());
         let unsaved = self.keeping.has_unsaved();
-        motion.lock(|motion| motion.show_unsaved(unsaved));
+        if command == Some(Procedure::SaveParameters) && result.is_ok() {
+            // Somebody has looked at it, and says that this is the amplifier.
+            self.keeping.dropped.retain(|idn| !is_rating_of(*idn));
+            self.keeping.is_disputed = false;
+        }
+        let unknown = self.amplifier(&H::AMPLIFIER).is_none();
+        motion.lock(|motion| {
+            motion.show_unsaved(unsaved);
+            motion.show_amplifier_unknown(unknown);
+        });
         if let Some(procedure) = command {
             // Nobody has asked for the rest, and S-0-0182 bit 3 tells of it.
             if let Err(failure) = result {
@@ -287,9 +298,11 @@ impl<B: Bus + Clone> Communication<B> {
         self.identity.address.get()
     }
 
-    /// The amplifier; `of_board` is the one without a production record.
-    pub(crate) const fn amplifier<'a>(&'a self, of_board: &'a Amplifier) -> &'a Amplifier {
-        self.identity.production.amplifier(of_board)
+    /// The amplifier; `of_board` is the one without a production record. `None`: nobody knows it.
+    pub(crate) fn amplifier<'a>(&'a self, of_board: &'a Amplifier) -> Option<&'a Amplifier> {
+        let amplifier = self.identity.production.amplifier(of_board);
+        let known = self.identity.production.error().is_none() && !self.keeping.is_disputed;
+        (known && amplifier.check().is_ok()).then_some(amplifier)
     }
 
     /// The parameters, for tests and tools beside the ring.

@@ -76,6 +76,11 @@ pub fn is_rating(block: &DataBlock) -> bool {
     matches!(access_of(block), Access::Rating(_))
 }
 
+/// The same of an IDN.
+pub(crate) fn is_rating_of(idn: Idn) -> bool {
+    DICTIONARY.find(idn).is_some_and(is_rating)
+}
+
 /// What bits can do with the data block of an IDN; `None`: nothing.
 pub fn source(idn: Idn) -> Option<Source> {
     access_of(DICTIONARY.find(idn)?).source()

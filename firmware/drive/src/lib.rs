@@ -62,6 +62,7 @@ pub use interrupts::RingInterrupts;
 pub use motion::Motion;
 pub use operation_mode::{OperationMode, Polarity, Reaction};
 pub use service::access::{Access, LONGEST_PASSWORD, SHORTEST_PASSWORD};
+pub use service::loops::without_motor;
 pub use settings::invalid::InvalidSetting;
 pub use settings::{CycleSettings, DriveSettings, MotionSettings};
 pub use signal::bits::{BitSettings, SIGNAL_BITS};
@@ -116,15 +117,18 @@ pub fn new<B: Bus + Clone, H: Hardware, P: PowerStage<Board = H::Board>>(
     Ok(Drive { current, interrupts: RingInterrupts::new(bus), motion })
 }
 
-/// A set that another program has saved may not go together here: then the loops begin with the defaults, and S-0-0128 finds it. So may the defaults, with an
-/// amplifier of another size: then they begin with that of the board.
+/// A set that another program has saved may not go together here: then the loops begin without a motor, and S-0-0128 finds it. So they do, and without a brake
+/// resistor, where nobody knows the amplifier: on the scale of another one it would be switched at any voltage.
 #[inline(never)]
 fn settings_at_start<H: Hardware>(
     communication: &Communication<impl Bus + Clone>,
 ) -> Result<DriveSettings, InvalidSetting> {
     let settings = service::loops::settings::<H>;
-    let defaults = |amplifier: &Amplifier| settings(&dictionary::parameters_on(amplifier, &<H::Board>::FACTS));
-    settings(communication.parameters())
-        .or_else(|_| defaults(communication.amplifier(&H::AMPLIFIER)))
-        .or_else(|_| defaults(&H::AMPLIFIER))
+    let Some(amplifier) = communication.amplifier(&H::AMPLIFIER) else {
+        return settings(&service::loops::without_motor(&H::AMPLIFIER, &<H::Board>::FACTS, None));
+    };
+    let parameters = communication.parameters();
+    settings(parameters)
+        .or_else(|_| settings(&service::loops::without_motor(amplifier, &<H::Board>::FACTS, Some(parameters))))
+        .or_else(|_| settings(&service::loops::without_motor(&H::AMPLIFIER, &<H::Board>::FACTS, None)))
 }

@@ -79,7 +79,7 @@ pub enum RecordError {
     Form {
         /// The version that this program knows.
         expected: u16,
-        /// That of the record.
+        /// That of the record; 0 without its mark.
         actual: u16,
     },
     /// A text has other characters than printable ASCII.
@@ -95,10 +95,13 @@ impl fmt::Display for RecordError {
         match self {
             Self::Length { expected, actual } => write!(formatter, "{actual} bytes, expected {expected}"),
             Self::Checksum { expected, actual } => {
-                write!(formatter, "checksum {actual:08X}H, expected {expected:08X}H; have the board replaced")
+                write!(formatter, "checksum {actual:08X}H, expected {expected:08X}H; have it written again")
             }
             Self::Form { expected, actual } => {
-                write!(formatter, "version {actual}, expected {expected}; have the firmware brought up to date")
+                write!(
+                    formatter,
+                    "form {actual:04X}H, expected {expected:04X}H; have it written again, or newer firmware"
+                )
             }
             Self::Text { actual } => write!(formatter, "character {actual:02X}H in a text; have it written again"),
         }
@@ -167,7 +170,8 @@ impl ProductionRecord {
         }
         let mut fields = Fields(contents);
         let (mark, actual, _) = (fields.take(), fields.word(), fields.word());
-        if mark != MARK || actual != VERSION {
+        let actual = if mark == MARK { actual } else { 0 };
+        if actual != VERSION {
             return Err(RecordError::Form { expected: VERSION, actual });
         }
         Ok(Self {
@@ -337,7 +341,7 @@ mod tests {
             ProductionRecord::parse(&changed).unwrap_err()
         };
         assert_eq!(with(4, 2), RecordError::Form { expected: 1, actual: 2 });
-        assert_eq!(with(0, b'X'), RecordError::Form { expected: 1, actual: 1 });
+        assert_eq!(with(0, b'X'), RecordError::Form { expected: 1, actual: 0 });
         assert_eq!(with(24, 7), RecordError::Text { actual: 7 });
     }
 }

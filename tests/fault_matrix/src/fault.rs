@@ -6,7 +6,7 @@ use ring::fibre::{Effect, TelegramKind};
 use ring::ident::{Idn, Value};
 use std::fmt;
 
-use crate::{MatrixError, Mode, Target};
+use crate::{MatrixError, Mode, State, Target};
 
 /// Largest sample of the converters.
 const FULL_SCALE: u16 = 4_095;
@@ -127,8 +127,12 @@ impl Fault {
     /// When it is found depends on where the shaft is (the next index pulse, up to 100 ms away), or on when the noise of a standing axis makes the loops
     /// ask for current. Such a time lies within the bounds of its row, and says no more.
     #[must_use]
-    pub const fn is_found_by_chance(self) -> bool {
-        matches!(self, Self::EncoderSlip | Self::ConvertersStuck | Self::MotorPhaseOpen)
+    pub const fn is_found_by_chance(self, state: State) -> bool {
+        matches!(
+            (self, state),
+            (Self::EncoderSlip | Self::ConvertersStuck | Self::MotorPhaseOpen, _)
+                | (Self::EncoderFrozen, State::Halted)
+        )
     }
 
     /// Friction comes with the fault.

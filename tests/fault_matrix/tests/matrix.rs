@@ -48,7 +48,7 @@ fn the_flashed_elf_does_about_a_fault_of_every_kind_of_hardware_what_the_portabl
     let (on_host, on_elf) = (run_all(&sample, &Executor::Host).unwrap(), run_all(&sample, &elf).unwrap());
     let compared = sample.iter().zip(on_host.iter().zip(&on_elf));
     let different: Vec<String> = compared
-        .filter_map(|(cell, (host, elf))| Some(format!("{cell}: {}", difference(cell.fault, host, elf)?)))
+        .filter_map(|(cell, (host, elf))| Some(format!("{cell}: {}", difference(cell.fault, cell.state, host, elf)?)))
         .collect();
     assert!(different.is_empty(), "{}", different.join("\n"));
 }

@@ -57,7 +57,7 @@ pub(crate) fn compare(installing: Installing) -> Result<Verdict> {
         for (cell, (expected, (host, elf))) in cells.iter().zip(expected.iter().zip(host.iter().zip(&elf))) {
             if let Some(line) = expected
                 .contradiction_on_the_elf(elf)
-                .or_else(|| Some(format!("{cell}: {}", difference(cell.fault, host, elf)?)))
+                .or_else(|| Some(format!("{cell}: {}", difference(cell.fault, cell.state, host, elf)?)))
             {
                 different += 1;
                 println!("{line}");

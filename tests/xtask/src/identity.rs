@@ -6,6 +6,7 @@ mod sheet;
 use crate::{Verdict, workspace};
 use anyhow::{Context, Result};
 use drive::production::ProductionRecord;
+use probe::Written;
 use std::path::{Path, PathBuf};
 
 /// What is done with the record of a data sheet.
@@ -27,11 +28,13 @@ pub(crate) fn run(path: &Path, action: &Action) -> Result<Verdict> {
             Ok(Verdict::Passed)
         }
         Action::Board { probe, replace } => {
-            let verdict = probe::write(&record, probe.as_deref(), *replace)?;
-            if verdict == Verdict::Passed {
-                println!("written and read back: {}", told(&record));
-            }
-            Ok(verdict)
+            let done = match probe::write(&record, probe.as_deref(), *replace)? {
+                Written::WasThere => "there already",
+                Written::AndReadBack => "written and read back",
+                Written::Failed => return Ok(Verdict::Failed),
+            };
+            println!("{done}: {}", told(&record));
+            Ok(Verdict::Passed)
         }
     }
 }

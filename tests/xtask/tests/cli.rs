@@ -186,7 +186,8 @@ fn an_identity_is_written_once_read_back_and_replaced_only_when_asked_to() {
     assert!(board.called().ends_with("reset --chip STM32F407ZGTx\n"), "{}", board.called());
 
     // The same again does nothing; another one is refused before anything is written.
-    assert!(board.identity(&sheet, &[]).status.success());
+    let again = board.identity(&sheet, &[]);
+    assert!(again.status.success() && again.stdout.starts_with(b"there already: "));
     let other = board.folder.path().join("other.toml");
     let text = std::fs::read_to_string(&sheet).unwrap().replace("\"0001\"", "\"0002\"");
     std::fs::write(&other, text).unwrap();
@@ -211,7 +212,7 @@ fn a_data_sheet_that_is_wrong_is_refused_before_the_board_is_asked_and_leaves_no
         std::fs::read_to_string(Path::new(env!("CARGO_MANIFEST_DIR")).join("../../docs/amplifier.toml")).unwrap();
     std::fs::write(&sheet, good.replace("overvoltage = 440", "overvoltage = 800")).unwrap();
     let output = board.folder.path().join("record.bin");
-    let told = "sheet.toml: voltages.overvoltage is 800 V, expected at most voltages.sensor_range, 500 V";
+    let told = "sheet.toml: the firmware does not take it: P-0-0105: overvoltage in V of 800, expected 1 to 490";
     for more in [&[][..], &["--output", output.to_str().unwrap()]] {
         let line = refusal(&board.identity(&sheet, more));
         assert!(line.contains(told), "{line}");

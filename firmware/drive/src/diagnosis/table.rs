@@ -120,6 +120,9 @@ diagnoses! {
     SAVE_CUT = 0xE00A "Last save cut, set before it loaded", "Speichern abgebrochen, alter Satz gilt",
         "The supply went while parameters were being saved; the control was not told that it was done. The set before is in force.",
         "Check the parameters and save them again (S-0-0264).";
+    AMPLIFIER_UNKNOWN = 0xE00B "Amplifier unknown, no CP4", "Leistungsteil unbekannt, kein CP4",
+        "The production record cannot be read or cannot be true, or the parameters were saved of another amplifier (P-0-0014). The brake resistor is off.",
+        "Give S-0-0128 and read P-0-0003. Write the record (cargo xtask identity), or say by S-0-0264 that the ratings shown are right.";
     OVERLOAD_WARNING = 0xE010 "Overload, current reduced", "Ueberlast, Strom begrenzt",
         "The thermal model of motor or amplifier has passed 90 % (P-0-0132, P-0-0133); the current is folded back.",
         "Reduce load or cycle; check friction, brake, S-0-0111, P-0-0130, and the amplifier's size S-0-0112.";
@@ -168,7 +171,7 @@ diagnoses! {
         "The search for the commutation angle failed, does not fit the index, or the brake forbids it.",
         "Read S-0-0129; check motor phases, P-0-0110, P-0-0115 and P-0-0116; for an axis with brake P-0-0120 and P-0-0118.";
     OVERCURRENT = 0xF107 "Overcurrent", "Ueberstrom",
-        "A phase current passed 168 % of S-0-0109, or P-0-0106 if that is less.",
+        "A phase current passed 168 % of the smaller of S-0-0109 and S-0-0110, or P-0-0106 if that is less.",
         "Check motor cable and winding for a short circuit, then the gains S-0-0106, S-0-0107 and the motor data P-0-0111 to 0114.";
     OVERVOLTAGE = 0xF108 "Overvoltage", "Ueberspannung",
         "The bus voltage passed P-0-0105: mains too high, a hanging load lowered for longer than the link takes it, or magnets that charge the link by themselves.",
@@ -348,7 +351,8 @@ fn communication_error(interface: InterfaceStatus) -> Option<&'static Diagnosis>
 
 fn warning(now: &Circumstances) -> Option<&'static Diagnosis> {
     let own = now.manufacturer_2;
-    let warnings: [(bool, &'static Diagnosis); 13] = [
+    let warnings: [(bool, &'static Diagnosis); 14] = [
+        (own.contains(Manufacturer2::AMPLIFIER_UNKNOWN), &AMPLIFIER_UNKNOWN),
         (own.contains(Manufacturer2::AMPLIFIER_NOT_READY), &AMPLIFIER_NOT_READY),
         (own.contains(Manufacturer2::NOT_CALIBRATED), &NOT_CALIBRATED),
         (now.class_2.contains(Class2::OVERLOAD), &OVERLOAD_WARNING),

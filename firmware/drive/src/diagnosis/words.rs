@@ -68,6 +68,8 @@ bitflags! {
         const CHOPPER_HOT = 1 << 6;
         /// The resistor of the brake chopper was too hot and is off until it has cooled down.
         const CHOPPER_OFF = 1 << 7;
+        /// Nobody knows the amplifier: its record cannot be read or be true, or what was saved is of another one.
+        const AMPLIFIER_UNKNOWN = 1 << 8;
     }
 }
 

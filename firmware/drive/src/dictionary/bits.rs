@@ -24,7 +24,7 @@ sercos::data_blocks! {
     S 135 "Drive status word" [""] BITS/0 written NEVER () = 0 => Word(Status);
     /// Bits 0 to 3: positive and negative edge of probe 1 and of probe 2 taken since they were armed.
     S 179 "Probe status" [""] BITS/0 written NEVER () = 0 => Word(ProbeStatus);
-    /// The warnings behind C2D bit 15: bit 0 loops not locked to the ring in CP4, 1 telegram lost within the last second, 2 amplifier fault without torque, 3 zero of the current sensors not known, 4 limit of the MDT out of range, 5 DC link full and braking limited, 6 chopper resistor at 90 %, 7 chopper off because its resistor is too hot.
+    /// The warnings behind C2D bit 15: bit 0 loops not locked to the ring in CP4, 1 telegram lost within the last second, 2 amplifier fault without torque, 3 zero of the current sensors not known, 4 limit of the MDT out of range, 5 DC link full and braking limited, 6 chopper resistor at 90 %, 7 chopper off because its resistor is too hot, 8 amplifier unknown and no CP4.
     S 181 "Manufacturer class 2 diagnostic" [""] BITS/0 written NEVER () = 0 => Word(Manufacturer2);
     /// The states behind C3D bit 15: bit 0 loops locked to the ring, 1 axis parked, 2 parameters locked by the password.
     S 182 "Manufacturer class 3 diagnostic" [""] BITS/0 written NEVER () = 0 => Word(Manufacturer3);

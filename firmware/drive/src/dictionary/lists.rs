@@ -20,7 +20,7 @@ sercos::data_blocks! {
     P 1 "Reasons of S-0-0021" [""] HEXES/0 written NEVER () = 0 => ReasonsForCp3;
     /// Why S-0-0128 blames each IDN of S-0-0022, in the same order; the codes are in the manual.
     P 2 "Reasons of S-0-0022" [""] HEXES/0 written NEVER () = 0 => ReasonsForCp4;
-    /// Data blocks that were saved and could not be taken over at the start or by S-0-0263: unknown to this firmware, of another length, or out of today's range. They are the default, and S-0-0127 or S-0-0128 asks for those that it needs.
+    /// Data blocks that were saved and could not be taken over at the start or by S-0-0263: unknown to this firmware, of another length, or out of today's range, which are the default then, and S-0-0127 or S-0-0128 asks for those that it needs; and ratings of another amplifier than this one, for which S-0-0128 refuses CP4 until S-0-0264 says that this one is right.
     P 14 "Data that were not restored" [""] IDNS/0 written NEVER () = 0 => NotRestored;
 }
 

@@ -29,7 +29,7 @@ sercos::data_blocks! {
     P 104 "Undervoltage threshold" ["V"] U16/0 written NEVER () = 0 => Undervoltage;
     /// Bus voltage above which the bridge is switched off (C1D bit 8).
     P 105 "Overvoltage threshold" ["V"] U16/0 written NEVER () = 0 => Overvoltage;
-    /// Phase current at which the current loop switches the bridge off (C1D bit 7) at the latest, at the crest of a sine with this RMS value; before that at 168 % of S-0-0109, which is 125 % of it with the largest P-0-0107 across.
+    /// Phase current at which the current loop switches the bridge off (C1D bit 7) at the latest, at the crest of a sine with this RMS value; before that at 168 % of the smaller of S-0-0109 and S-0-0110, which is 125 % of it with the largest P-0-0107 across.
     P 106 "Trip level of the phase currents" ["A"] U32/3 written NEVER () = 0 => TripCurrent;
     /// Of the bridge.
     P 131 "Thermal time constant of the amplifier" ["s"] U32/3 written NEVER () = 0 => ThermalTimeConstant;

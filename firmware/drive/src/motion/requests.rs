@@ -173,6 +173,11 @@ impl<B: Bus + Clone, H: Hardware> Motion<B, H> {
         self.fail(findings);
     }
 
+    /// Nobody knows the amplifier, or somebody does again.
+    pub(crate) fn show_amplifier_unknown(&mut self, unknown: bool) {
+        self.status.show_amplifier_unknown(unknown);
+    }
+
     /// Parameters were written that are to be kept and are not yet.
     pub(crate) fn show_unsaved(&mut self, unsaved: bool) {
         self.status.show_unsaved(unsaved);

@@ -41,6 +41,7 @@ pub(super) struct Status {
     manufacturer_1: Manufacturer1,
     manufacturer_2: Manufacturer2,
     manufacturer_3: Manufacturer3,
+    amplifier_unknown: bool,
     class_2_change: bool,
     class_3_change: bool,
     /// An error forbids a controlled stop.
@@ -131,6 +132,7 @@ impl Status {
         own.set(Manufacturer2::LINK_FULL, look.torque && look.watched.link_full);
         own.set(Manufacturer2::CHOPPER_HOT, look.watched.chopper_warning);
         own.set(Manufacturer2::CHOPPER_OFF, look.watched.chopper_off);
+        own.set(Manufacturer2::AMPLIFIER_UNKNOWN, self.amplifier_unknown);
         self.manufacturer_2 = own;
 
         let mut class_2 = Class2::empty();
@@ -197,6 +199,11 @@ impl Status {
     /// The password locks the parameters.
     pub(super) fn show_lock(&mut self, locked: bool) {
         self.manufacturer_3.set(Manufacturer3::PASSWORD, locked);
+    }
+
+    /// Nobody knows the amplifier.
+    pub(super) fn show_amplifier_unknown(&mut self, unknown: bool) {
+        self.amplifier_unknown = unknown;
     }
 
     /// Parameters are not kept yet.

@@ -94,6 +94,8 @@ pub(crate) struct Keeping {
     logged: Option<u64>,
     /// P-0-0014.
     pub(crate) dropped: Dropped,
+    /// Some of it are ratings of another amplifier: nothing is kept by itself then, which would be as if somebody had looked at it.
+    pub(crate) is_disputed: bool,
 }
 
 impl Keeping {
@@ -161,9 +163,10 @@ impl Keeping {
                 Some(Procedure::SaveSelected) => Keep::Selected,
                 _ => Keep::Save,
             }
-        } else if self
-            .written
-            .is_some_and(|(first, last)| now.saturating_sub(last) >= QUIET || now.saturating_sub(first) >= PATIENCE)
+        } else if !self.is_disputed
+            && self
+                .written
+                .is_some_and(|(first, last)| now.saturating_sub(last) >= QUIET || now.saturating_sub(first) >= PATIENCE)
         {
             Keep::Save
         } else if self.happened && self.logged.is_none_or(|then| now.saturating_sub(then) >= LOG_INTERVAL)

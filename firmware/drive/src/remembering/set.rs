@@ -18,7 +18,7 @@ use sercos::data_block::{DataBlock, Selection};
 use sercos::dictionary::Dictionary;
 use sercos::parameters::Parameters;
 
-use crate::dictionary::DICTIONARY;
+use crate::dictionary::{DICTIONARY, is_rating};
 
 const VERSION: u8 = 1;
 const HEAD_BYTES: usize = 4;
@@ -150,8 +150,11 @@ pub(crate) fn take_set(bytes: &[u8], parameters: &mut Parameters) -> Option<Drop
     parameters.load_defaults();
     let mut dropped = Dropped::new();
     for record in all()?.flatten() {
-        let block = parameters.dictionary().find(record.idn).filter(|block| block.is_in(Selection::Backup));
-        let taken = block.is_some_and(|block| take(record.data, block, parameters));
+        let taken = match parameters.dictionary().find(record.idn) {
+            Some(block) if block.is_in(Selection::Backup) => take(record.data, block, parameters),
+            Some(block) if is_rating(block) => is_no_other(record.data, block, parameters),
+            _ => false,
+        };
         if !taken {
             // More than that are not told of.
             let _ = dropped.push(record.idn);
@@ -165,6 +168,17 @@ pub fn read_set(bytes: &[u8]) -> Option<Parameters> {
     let mut parameters = Parameters::new(&DICTIONARY);
     take_set(bytes, &mut parameters)?;
     Some(parameters)
+}
+
+/// Firmware up to 0.1.0 was told the ratings by its control. That a set was saved of this very amplifier is nothing to tell; that it was saved of another
+/// one, or that a wrong record was written since, somebody has to look at.
+fn is_no_other(data: &[u8], block: &DataBlock, parameters: &Parameters) -> bool {
+    const FOLLOWS_THE_MOTOR: (Idn, &[u8]) = (Idn::product(106), &[0, 0, 0, 0]);
+    const WITHSTAND_VOLTAGE: Idn = Idn::product(239);
+    // P-0-0106 = 0 claimed nothing, and P-0-0239 was no voltage but a yes or no.
+    let claims =
+        (block.idn, data) != FOLLOWS_THE_MOTOR && !(block.idn == WITHSTAND_VOLTAGE && matches!(data, [0 | 1, 0]));
+    !claims || parameters.bytes(block).as_slice() == data
 }
 
 fn take(data: &[u8], block: &DataBlock, parameters: &mut Parameters) -> bool {

@@ -13,7 +13,7 @@ use super::finding::{Finding, reason_of};
 use super::loops;
 use servo::motor::BoardKind;
 
-use crate::dictionary::records;
+use crate::dictionary::{is_rating_of, records};
 use crate::hardware::Hardware;
 use crate::motion::Motion;
 use crate::operation_mode::OperationMode;
@@ -89,7 +89,7 @@ where
         let Some(cyclic) = &self.checks.cyclic else { return CommandState::Failed };
         let misfits = self.rescaling.misfits(parameters);
         let untold = self.untold(parameters);
-        let unknown = self.identity.production.error();
+        let unknown = self.amplifier_is_unknown();
         let synchronised = self.motion.lock(|motion| motion.is_synchronised());
         let settings = loops::settings::<H>(parameters);
         let mut invalid = match (transition::check_cp4(parameters, &capabilities, cyclic, synchronised), settings) {
@@ -104,8 +104,11 @@ where
             (Ok(_), _) => InvalidData::default(),
             (Err(invalid), _) => invalid,
         };
-        if unknown.is_some() {
-            invalid.add(HARDWARE, Reason::NotSupported);
+        if let Some((idn, _)) = unknown {
+            invalid.add(idn, Reason::NotSupported);
+        }
+        for idn in self.keeping.dropped.iter().filter(|idn| is_rating_of(**idn)) {
+            invalid.add(*idn, Reason::NotSupported);
         }
         for idn in &misfits {
             invalid.add(*idn, Reason::OldScaling);
@@ -121,7 +124,7 @@ where
             return CommandState::Executing;
         }
         self.checks.finding = Some(match (invalid.findings().first().copied(), settings) {
-            _ if let Some(error) = unknown => Finding::Production(error),
+            _ if let Some((_, finding)) = unknown => finding,
             (Some(first), Err(setting)) if first.idn == setting.idn && first.reason == Reason::NotTogether => {
                 Finding::Settings(setting)
             }
@@ -130,6 +133,19 @@ where
         });
         self.checks.invalid_for_cp4 = invalid;
         CommandState::Failed
+    }
+
+    /// Which data block shows that nobody knows the amplifier, and why; `None`: it is known.
+    fn amplifier_is_unknown(&self) -> Option<(Idn, Finding)> {
+        let production = &self.identity.production;
+        if let Some(error) = production.error() {
+            return Some((HARDWARE, Finding::Production(error)));
+        }
+        if let Err(setting) = production.amplifier(&H::AMPLIFIER).check() {
+            return Some((setting.idn, Finding::Settings(setting)));
+        }
+        let other = self.keeping.dropped.iter().find(|idn| is_rating_of(**idn))?;
+        Some((*other, Finding::AnotherAmplifier(*other)))
     }
 
     /// What no default can be right for, and nobody has told; and what was saved and could not be taken over.

@@ -43,6 +43,8 @@ pub(crate) enum Finding {
     Memory(MemoryFailure),
     /// Nobody knows the amplifier.
     Production(RecordError),
+    /// What was saved names another rating than the drive has.
+    AnotherAmplifier(Idn),
     /// S-0-0149 has failed: the torque went.
     PositiveStop,
 }
@@ -71,6 +73,12 @@ impl fmt::Display for Finding {
             Self::Homing(HomingFailure::Torque) => formatter.write_str("the torque went while homing"),
             Self::PositiveStop => formatter.write_str("the torque went before the stop was reached"),
             Self::Production(error) => error.fmt(formatter),
+            Self::AnotherAmplifier(idn) => {
+                write!(
+                    formatter,
+                    "{idn}: saved of another amplifier; write this one's record, or say by S-0-0264 that it is right"
+                )
+            }
             Self::Controller => formatter.write_str("the ring controller refuses the configuration"),
         }
     }

@@ -209,7 +209,7 @@ fn a_drive_that_cannot_read_its_production_record_is_refused_cp4_with_the_reason
     let mut rig = Rig::in_cp3(&[]);
     rig.identity.production = Production::Unreadable(RecordError::Checksum { expected: 0x12, actual: 0xABCD });
     rig.write(Idn::CP4_TRANSITION_CHECK, &[3]).unwrap();
-    assert_eq!(rig.finding(), "production record: checksum 0000ABCDH, expected 00000012H; have the board replaced");
+    assert_eq!(rig.finding(), "production record: checksum 0000ABCDH, expected 00000012H; have it written again");
     assert_eq!(rig.checks.invalid_for_cp4.findings()[0].idn, P(21));
     assert!(!rig.is_in_cp4());
 }

@@ -214,10 +214,14 @@ fn check_encoder_rate(speed: u32, increments: u32, maximum: u32) -> Result<(), S
 
 /// Whether the switch of the chopper bears this resistor, both in 0.1 Ohm; 0: there is no resistor, or no switch.
 fn check_chopper(resistance: u16, least: u16) -> Result<(), SettingsError> {
-    let bears = resistance == 0 || least != 0 && resistance >= least;
-    let (actual, minimum) = (resistance.into(), least.into());
-    let parameter = "brake resistor P-0-0235 against P-0-0234, which is 0 without a chopper";
-    if bears { Ok(()) } else { Err(SettingsError::OutOfRange { parameter, actual, minimum, maximum: u16::MAX.into() }) }
+    if resistance == 0 || least != 0 && resistance >= least {
+        return Ok(());
+    }
+    let (parameter, minimum, maximum) = match least {
+        0 => ("brake resistor of a drive without a chopper", 0, 0),
+        _ => ("brake resistor in 0.1 Ohm", least.into(), u16::MAX.into()),
+    };
+    Err(SettingsError::OutOfRange { parameter, actual: resistance.into(), minimum, maximum })
 }
 
 /// Whether the DC link bears what the magnets induce at S-0-0113: `flux` in uVs a phase, peak value.

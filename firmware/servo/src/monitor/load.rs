@@ -3,7 +3,7 @@
 //! The load follows `(i / continuous current)^2` with one time constant: 100 % is the final temperature of the continuous current.
 //! Below the warning level the whole peak current is allowed. From there on the allowed current falls along a straight line, down
 //! to the continuous current at 100 %. At that current the load settles at 100 %, so a drive that keeps to the allowed current never
-//! passes it. What passes it all the same (an amplifier that does not follow its command) is shut down at S-0-0114.
+//! passes it. What passes it all the same (an amplifier that does not follow its command) is shut down at its load limit: S-0-0114 of the motor, 110 % of the amplifier.
 //!
 //! One type serves motor (S-0-0111, S-0-0109) and amplifier (S-0-0112, S-0-0110), each with a time constant of its own.
 
@@ -24,7 +24,7 @@ pub struct LoadParameters {
     pub time_constant: u32,
     /// Level in 0.1 % from which warning and foldback start, 100 ..= 990.
     pub warning_level: u16,
-    /// Load limit S-0-0114 in 0.1 %, above the warning level.
+    /// Load limit in 0.1 %, S-0-0114 of the motor, above the warning level.
     pub shutdown_level: u16,
 }
 
@@ -73,7 +73,7 @@ impl LoadSettings {
         let peak = parameters.peak_current.min(amplifier_peak);
         let warning = in_range("warning level of the load", parameters.warning_level.into(), 100, 990)?;
         let above_warning = warning.saturating_add(1);
-        in_range("load limit S-0-0114", parameters.shutdown_level.into(), above_warning, u16::MAX.into())?;
+        in_range("load limit", parameters.shutdown_level.into(), above_warning, u16::MAX.into())?;
 
         // Peak heating falls by 2 r (r - 1) over the span of the foldback; a quarter of the span in a tick of 1/2 ms.
         let (peak_wide, continuous_wide) = (u128::from(peak), u128::from(continuous));
@@ -131,7 +131,7 @@ pub struct LoadOutput {
     pub folded_back: bool,
     /// The load has reached the warning level (C2D bit 0).
     pub warning: bool,
-    /// The load has passed S-0-0114 (C1D bit 0).
+    /// The load has passed its limit (C1D bit 0).
     pub shutdown: bool,
 }
 
@@ -311,7 +311,7 @@ mod tests {
         assert_eq!(refused(|p| p.time_constant = 479), ("thermal time constant", 480));
         assert_eq!(refused(|p| p.time_constant = HOUR + 1), ("thermal time constant", 480));
         assert_eq!(refused(|p| p.warning_level = 991), ("warning level of the load", 100));
-        assert_eq!(refused(|p| p.shutdown_level = 900), ("load limit S-0-0114", 901));
+        assert_eq!(refused(|p| p.shutdown_level = 900), ("load limit", 901));
     }
 
     /// The parameters with the shortest time constant that they allow, times a factor.

@@ -10,15 +10,25 @@ use tempfile::TempDir;
 /// Sector 9, as memory.x has it.
 const ADDRESS: &str = "0x080A0000";
 
+/// What has become of a record.
+pub(super) enum Written {
+    /// It was there already.
+    WasThere,
+    /// It is there now.
+    AndReadBack,
+    /// probe-rs has said why not.
+    Failed,
+}
+
 /// Writes the record where nothing is yet, or another one with `replace`, and reads it back.
-pub(super) fn write(record: &ProductionRecord, probe: Option<&str>, replace: bool) -> Result<Verdict> {
+pub(super) fn write(record: &ProductionRecord, probe: Option<&str>, replace: bool) -> Result<Written> {
     if process::find("probe-rs").is_none() {
         bail!("probe-rs is not installed; install it with: cargo install probe-rs-tools --locked");
     }
     let bytes = record.emit();
     match Production::read(&read(probe)?) {
         Production::Blank => {}
-        Production::Record(there) if there == *record => return Ok(Verdict::Passed),
+        Production::Record(there) if there == *record => return Ok(Written::WasThere),
         Production::Record(there) if !replace => bail!(
             "the board is {} number {} already; --replace makes another one of it",
             there.hardware,
@@ -35,13 +45,16 @@ pub(super) fn write(record: &ProductionRecord, probe: Option<&str>, replace: boo
     let mut download = with_probe("download", probe);
     download.args(["--binary-format", "bin", "--base-address", ADDRESS]).arg(&image);
     if process::watch(&mut download)? == Verdict::Failed {
-        return Ok(Verdict::Failed);
+        return Ok(Written::Failed);
     }
     if read(probe)? != bytes {
         bail!("the board does not read back what was written; write it again, and if it stays, have it replaced");
     }
     // The program looks for it at its start.
-    process::watch(&mut with_probe("reset", probe))
+    Ok(match process::watch(&mut with_probe("reset", probe))? {
+        Verdict::Passed => Written::AndReadBack,
+        Verdict::Failed => Written::Failed,
+    })
 }
 
 /// What stands in the sector.

@@ -1,12 +1,11 @@
 //! The data sheet of an amplifier: TOML, in the units that people use.
 
-use anyhow::{Context, Result, bail, ensure};
+use anyhow::{Context, Result, anyhow, ensure};
 use bench::motor_side::HostBoard;
-use drive::dictionary::{is_rating, parameters_on, source};
+use drive::dictionary::source;
 use drive::production::{ProductionRecord, TEXT_BYTES, Text};
-use drive::{Amplifier, BoardKind, DriveSettings, InvalidSetting};
+use drive::{Amplifier, BoardKind, DriveSettings, InvalidSetting, without_motor};
 use serde::Deserialize;
-use std::f64::consts::SQRT_2;
 
 #[derive(Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
@@ -74,15 +73,18 @@ pub(super) fn record(text: &str) -> Result<ProductionRecord> {
         overvoltage: word("voltages.overvoltage", voltages.overvoltage, 1.0)?,
         withstand_voltage: word("voltages.withstand", voltages.withstand, 1.0)?,
         least_resistance: match &sheet.chopper {
-            Some(chopper) => word("chopper.least_resistance", chopper.least_resistance, 10.0)?,
+            Some(Chopper { least_resistance: ohms }) => {
+                let scaled = word("chopper.least_resistance", *ohms, 10.0)?;
+                ensure!(scaled > 0, "chopper.least_resistance is {ohms} Ohm; without a chopper leave the table out");
+                scaled
+            }
             None => 0,
         },
         warning_temperature: word("heat_sink.warning", heat_sink.warning, 10.0)?,
         shutdown_temperature: word("heat_sink.shutdown", heat_sink.shutdown, 10.0)?,
         thermal_time_constant: long("heat_sink.time_constant", heat_sink.time_constant, 1_000.0)?,
     };
-    check(&sheet)?;
-    check_with_the_loops(&amplifier)?;
+    check(&amplifier)?;
     Ok(ProductionRecord {
         hardware: text_of("hardware", &sheet.hardware)?,
         serial_number: text_of("serial_number", &sheet.serial_number)?,
@@ -90,55 +92,12 @@ pub(super) fn record(text: &str) -> Result<ProductionRecord> {
     })
 }
 
-/// What must go together.
-fn check(sheet: &Sheet) -> Result<()> {
-    let Sheet { currents, voltages, heat_sink, chopper, .. } = sheet;
-    let Currents { peak, continuous, trip, sensor_range, .. } = *currents;
-    ensure!(
-        0.0 < continuous && continuous <= peak,
-        "currents.continuous is {continuous} A, expected at most currents.peak, {peak} A"
-    );
-    ensure!(
-        (1.0..=8.0).contains(&(sensor_range / (peak * SQRT_2))),
-        "currents.sensor_range is {sensor_range} A, expected 1 to 8 times {:.3} A, the amplitude of currents.peak",
-        peak * SQRT_2
-    );
-    ensure!(
-        peak <= trip && trip * SQRT_2 <= sensor_range + 1e-3,
-        "currents.trip is {trip} A, expected {peak} A, currents.peak, to {:.3} A, where currents.sensor_range ends",
-        sensor_range / SQRT_2
-    );
-    let Voltages { sensor_range, undervoltage, overvoltage, withstand } = *voltages;
-    ensure!(
-        overvoltage <= sensor_range && overvoltage <= withstand,
-        "voltages.overvoltage is {overvoltage} V, expected at most voltages.sensor_range, {sensor_range} V, and voltages.withstand, {withstand} V"
-    );
-    ensure!(
-        0.0 < undervoltage && undervoltage * 1.125 < overvoltage,
-        "voltages.undervoltage is {undervoltage} V, expected to leave an eighth of it to voltages.overvoltage, {overvoltage} V"
-    );
-    ensure!(
-        heat_sink.warning < heat_sink.shutdown,
-        "heat_sink.warning is {} C, expected below heat_sink.shutdown, {} C",
-        heat_sink.warning,
-        heat_sink.shutdown
-    );
-    ensure!(
-        chopper.as_ref().is_none_or(|chopper| chopper.least_resistance >= 0.1),
-        "chopper.least_resistance is 0 Ohm; without a chopper leave the table out"
-    );
-    Ok(())
-}
-
-/// What the firmware says of it, with the motor of its defaults: what it says of that does not matter.
-fn check_with_the_loops(amplifier: &Amplifier) -> Result<()> {
-    let parameters = parameters_on(amplifier, &HostBoard::FACTS);
-    match DriveSettings::new(&parameters, &HostBoard::FACTS, source) {
-        Err(invalid @ InvalidSetting { idn, .. }) if parameters.dictionary().find(idn).is_some_and(is_rating) => {
-            bail!("the firmware does not take it: {invalid}")
-        }
-        _ => Ok(()),
-    }
+/// What the firmware says of it, with the increments of the record: that is what S-0-0128 will look at.
+fn check(amplifier: &Amplifier) -> Result<()> {
+    let told = |invalid: InvalidSetting| anyhow!("the firmware does not take it: {invalid}");
+    amplifier.check().map_err(told)?;
+    let parameters = without_motor(amplifier, &HostBoard::FACTS, None);
+    DriveSettings::new(&parameters, &HostBoard::FACTS, source).map(|_| ()).map_err(told)
 }
 
 /// A number in its unit, and how many increments of the record one is.
@@ -187,18 +146,23 @@ mod tests {
     #[test]
     fn what_does_not_go_together_is_refused_in_the_words_of_the_sheet() {
         for (from, to, told) in [
-            ("peak = 14.142", "peak = 0.0", "currents.continuous is 7.071 A, expected at most currents.peak, 0 A"),
+            ("peak = 14.142", "peak = 0.0", "S-0-0110: peak current in mA of 0, expected 1 to 500000"),
             ("peak = 14.142", "peak = -1.0", "currents.peak is -1, expected 0 to 4294967.295"),
-            ("peak = 14.142", "peak = 18.0", "currents.sensor_range is 25 A, expected 1 to 8 times 25.456 A"),
-            ("peak = 14.142", "peak = 2.0", "currents.continuous is 7.071 A"),
-            ("trip = 17.677", "trip = 17.7", "currents.trip is 17.7 A, expected 14.142 A, currents.peak, to 17.678 A"),
-            ("trip = 17.677", "trip = 14.0", "currents.trip is 14 A"),
-            ("overvoltage = 440", "overvoltage = 501", "voltages.overvoltage is 501 V"),
-            ("withstand = 600", "withstand = 430", "voltages.overvoltage is 440 V"),
-            ("undervoltage = 150", "undervoltage = 400", "voltages.undervoltage is 400 V"),
-            ("warning = 80.0", "warning = 90.0", "heat_sink.warning is 90 C"),
-            ("shutdown = 90.0", "shutdown = 400.0", "the firmware does not take it: S-0-0203"),
-            ("time_constant = 5.0", "time_constant = 5000.0", "the firmware does not take it: P-0-0131"),
+            (
+                "peak = 14.142",
+                "peak = 18.0",
+                "P-0-0100: range of the current sensors in mA of 25000, expected 25456 to 203648",
+            ),
+            ("peak = 14.142", "peak = 2.0", "S-0-0112: continuous current in mA of 7071, expected 1 to 2000"),
+            ("trip = 17.677", "trip = 17.7", "P-0-0106: trip current in mA of 17700, expected 14142 to 17679"),
+            ("trip = 17.677", "trip = 14.0", "P-0-0106"),
+            ("overvoltage = 440", "overvoltage = 500", "P-0-0105: overvoltage in V of 500, expected 1 to 490"),
+            ("withstand = 600", "withstand = 430", "P-0-0105"),
+            ("undervoltage = 150", "undervoltage = 400", "P-0-0104: undervoltage in V of 400, expected 1 to 391"),
+            ("undervoltage = 150", "undervoltage = 0.4", "P-0-0104"),
+            ("warning = 80.0", "warning = 90.0", "S-0-0200"),
+            ("shutdown = 90.0", "shutdown = 400.0", "S-0-0203"),
+            ("time_constant = 5.0", "time_constant = 5000.0", "P-0-0131"),
             ("least_resistance = 22.0", "least_resistance = 0.0", "chopper.least_resistance is 0 Ohm"),
             ("hardware = \"", "hardware = \"\u{e4}", "hardware is '"),
             ("serial_number = \"", "serial_number = \"0123456789abcdef", "serial_number is '"),
@@ -207,6 +171,28 @@ mod tests {
         ] {
             let answer = refused(from, to);
             assert!(answer.contains(told), "{to}: {answer}");
+        }
+    }
+
+    /// The motor of the defaults goes with none of them: their own faults are found all the same.
+    #[test]
+    fn amplifiers_that_the_default_motor_does_not_fit_are_looked_at_as_well() {
+        let sheet = |[peak, trip, range]: [f64; 3], [sensors, over, under]: [u16; 3], shutdown: f64| {
+            let numbers =
+                [("14.142", peak), ("17.677", trip), ("25.0", range), ("7.071", peak / 2.0), ("90.0", shutdown)];
+            let text =
+                numbers.iter().fold(SHEET.to_owned(), |text, (from, to)| text.replacen(from, &to.to_string(), 1));
+            let volts = [("= 500 ", sensors), ("= 440", over), ("= 150", under), ("= 600", over)];
+            volts.iter().fold(text, |text, (from, to)| text.replacen(from, &format!("= {to} "), 1))
+        };
+        for (currents, volts) in [
+            ([14.142, 17.677, 25.0], [100, 75, 30]),
+            ([45.0, 50.0, 80.0], [500, 440, 150]),
+            ([2.0, 2.5, 4.0], [1_000, 800, 300]),
+        ] {
+            assert!(record(&sheet(currents, volts, 90.0)).is_ok(), "{currents:?} {volts:?}");
+            let told = format!("{:#}", record(&sheet(currents, volts, 400.0)).unwrap_err());
+            assert!(told.contains("S-0-0203"), "{told}");
         }
     }
 
