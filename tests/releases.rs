@@ -4,7 +4,7 @@ use std::path::{Path, PathBuf};
 
 use bench::{DriveSetup, Executor, Works, commissioned, parameters_of, product, saved_set, set_in};
 use drive::DICTIONARY;
-use drive::dictionary::is_rating;
+use drive::dictionary::is_rating_of;
 use flash::FlashModel;
 use plant::ReferenceAxis;
 use ring::Nanoseconds;
@@ -14,7 +14,7 @@ use ring::service_client::Request;
 use sercos::data_block::{DataBlock, Selection};
 use sercos::parameters::Parameters;
 
-use crate::kept::{command, flash_of, records, run_up};
+use crate::kept::{command, flash_of, place_of, records, run_until_written, run_up};
 use crate::running::{ADDRESS, Bench};
 
 const SAVE: u16 = 264;
@@ -86,7 +86,7 @@ fn loads_and_turns(set: &[u8], name: &str) -> Vec<Idn> {
     let known = |idn: &Idn| DICTIONARY.select(Selection::Backup).any(|block| block.idn.0 == idn.0);
     let (kept, gone): (Vec<_>, Vec<_>) = records.into_iter().partition(|(idn, _)| known(idn));
     // Firmware that was told them has saved the ratings of this very amplifier.
-    let gone: Vec<Idn> = gone.into_iter().map(|(idn, _)| idn).filter(|idn| !is_rating_of(*idn)).collect();
+    let gone: Vec<Idn> = gone.into_iter().map(|(idn, _)| idn).filter(|idn| !is_rating_of(sercos::Idn(idn.0))).collect();
 
     let setup = DriveSetup { axis: axis(), flash: saved_set(set), ..DriveSetup::new(ADDRESS) };
     let mut bench = Bench::on(Executor::Host, setup, script(Vec::new(), true));
@@ -111,10 +111,6 @@ fn loads_and_turns(set: &[u8], name: &str) -> Vec<Idn> {
     }
     assert_eq!(bench.text(APPLICATION_TYPE), "printing unit 3", "{name}");
     gone
-}
-
-fn is_rating_of(idn: Idn) -> bool {
-    DICTIONARY.blocks().iter().any(|block| block.idn.0 == idn.0 && is_rating(block))
 }
 
 fn folder() -> PathBuf {
@@ -155,10 +151,7 @@ fn what_an_earlier_release_has_saved_is_taken_as_far_as_it_still_exists_and_the_
 fn a_set_that_names_another_amplifier_gives_no_cp4_until_somebody_has_saved_what_is_right() {
     let mut set = std::fs::read(folder().join("0.1.0-before-identity.set")).unwrap();
     // P-0-0107 = 0.
-    let mut at = 4;
-    while set[at..at + 2] != product(107).0.to_le_bytes() {
-        at += 4 + usize::from(set[at + 3]);
-    }
+    let at = place_of(&set, product(107));
     set[at + 4..at + 6].fill(0);
     let refused = |flash: FlashModel| {
         let script = MasterScript { stops_at_refusals: true, ..script(Vec::new(), true) };
@@ -180,13 +173,7 @@ fn a_set_that_names_another_amplifier_gives_no_cp4_until_somebody_has_saved_what
         let setup = DriveSetup { axis: axis(), works: Works::Blank, flash, ..DriveSetup::new(ADDRESS) };
         let script = script(vec![(Idn(269), Value::Word(0)), (Idn(41), Value::Long(77))], false);
         let mut bench = Bench::on(Executor::Host, setup, script);
-        let is_written = |bench: &Bench| {
-            let services = &bench.world.ring().master().report().drives[0].services;
-            services.iter().any(|service| service.request.idn() == Idn(41))
-        };
-        while !is_written(&bench) {
-            bench.run(Nanoseconds::from_millis(1));
-        }
+        run_until_written(&mut bench, Idn(41));
         if let Some(request) = request {
             bench.world.ring_mut().master_mut().service(0).request(request);
         }

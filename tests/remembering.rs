@@ -14,7 +14,9 @@ use ring::service_client::{Reply, Request};
 use sercos::parameters::Parameters;
 
 use crate::elf::on_qemu;
-use crate::kept::{axis, command, flash_of, in_cp4, only_communication, run_up, started, told};
+use crate::kept::{
+    axis, command, flash_of, in_cp4, only_communication, place_of, run_until_written, run_up, started, told,
+};
 use crate::running::{ADDRESS, Bench, VELOCITY};
 
 const LOAD: u16 = 263;
@@ -123,13 +125,7 @@ fn loading_brings_back_what_was_saved_and_not_in_cp4() {
     script.drives[0].parameters.push((Idn(41), Value::Long(5)));
     let setup = DriveSetup { axis: axis(), flash: saved(&parameters), ..DriveSetup::new(ADDRESS) };
     let mut bench = Bench::on(Executor::Host, setup, script);
-    let is_written = |bench: &Bench| {
-        let services = &bench.world.ring().master().report().drives[0].services;
-        services.iter().any(|service| service.request.idn() == Idn(41))
-    };
-    while !is_written(&bench) {
-        bench.run(Nanoseconds::from_millis(1));
-    }
+    run_until_written(&mut bench, Idn(41));
     bench.world.ring_mut().master_mut().service(0).request(Request::Command { idn: Idn(LOAD), polls: 1_000 });
     bench.run(Nanoseconds::from_millis(1_500));
     let services = &bench.world.ring().master().report().drives[0].services;
@@ -280,16 +276,9 @@ fn a_set_of_another_firmware_gives_what_is_known_and_in_range_and_names_the_rest
     let parameters = bench::told(&Parameters::new(&DICTIONARY));
     let length = drive::remembering::write_set(&parameters, &mut set).unwrap();
     set.truncate(length);
-    let place = |set: &[u8], idn: u16| {
-        let mut at = 4;
-        while set[at..at + 2] != idn.to_le_bytes() {
-            at += 4 + usize::from(set[at + 3]);
-        }
-        at
-    };
-    let language = place(&set, 265);
+    let language = place_of(&set, Idn(265));
     set[language + 4] = 9;
-    let name = place(&set, product(7).0);
+    let name = place_of(&set, product(7));
     set[name..name + 2].copy_from_slice(&(0x8000 | 3_000_u16).to_le_bytes());
     // The one that is out of range is asked for: nobody has told it for this firmware.
     let bench = refused(bench::saved_set(&set), only_communication(false));

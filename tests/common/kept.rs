@@ -77,6 +77,26 @@ pub(crate) fn flash_of(bench: &Bench) -> FlashModel {
     }
 }
 
+/// Runs until the control has written a data block, as its script says.
+pub(crate) fn run_until_written(bench: &mut Bench, idn: Idn) {
+    let is_written = |bench: &Bench| {
+        let services = &bench.world.ring().master().report().drives[0].services;
+        services.iter().any(|service| service.request.idn() == idn)
+    };
+    while !is_written(bench) {
+        bench.run(Nanoseconds::from_millis(1));
+    }
+}
+
+/// Where the record of a data block begins in a set: four bytes, the first two of them the IDN, then its operation data.
+pub(crate) fn place_of(set: &[u8], idn: Idn) -> usize {
+    let mut at = 4;
+    while set[at..at + 2] != idn.0.to_le_bytes() {
+        at += 4 + usize::from(set[at + 3]);
+    }
+    at
+}
+
 /// The records of a set: IDN and operation data of each, as `drive::remembering` lays them down.
 pub(crate) fn records(set: &[u8]) -> Vec<(Idn, Vec<u8>)> {
     let mut records = Vec::new();

@@ -18,7 +18,7 @@ use crate::diagnosis::error_memory::{ErrorMemory, ErrorRecord, seconds};
 use crate::diagnosis::news::Announcement;
 use crate::diagnosis::table::{SAVE_CUT, of_phase_error};
 use crate::dictionary::procedures::Procedure;
-use crate::dictionary::{DICTIONARY, is_rating_of, parameters_on};
+use crate::dictionary::{DICTIONARY, parameters_on};
 use crate::hardware::Hardware;
 use crate::identity::Identity;
 use crate::interrupts::RingInterrupts;
@@ -27,6 +27,7 @@ use crate::remembering::keeping::{Keep, Keeping, MemoryFailure, Selected};
 use crate::remembering::log::{KeptPosition, Log, Moment};
 use crate::remembering::set::{self, Recollection};
 use crate::service::access::Access;
+use crate::service::checks::amplifier_is_unknown;
 use crate::service::commissioning::Commissioning;
 use crate::service::context::{Checks, Context};
 use crate::service::finding::Finding;
@@ -175,7 +176,6 @@ impl<B: Bus + Clone> Communication<B> {
 
     fn take_set(&mut self, set: &[u8]) -> bool {
         let Some(dropped) = set::take_set(set, &mut self.parameters) else { return false };
-        self.keeping.is_disputed = dropped.iter().any(|idn| is_rating_of(*idn));
         self.keeping.dropped = dropped;
         self.rescaling = Rescaling::new(&self.parameters);
         // What was written before counts no more.
@@ -268,9 +268,7 @@ impl<B: Bus + Clone> Communication<B> {
         let command = self.keeping.done(now, result.is_ok());
         let unsaved = self.keeping.has_unsaved();
         if command == Some(Procedure::SaveParameters) && result.is_ok() {
-            // Somebody has looked at it, and says that this is the amplifier.
-            self.keeping.dropped.retain(|idn| !is_rating_of(*idn));
-            self.keeping.is_disputed = false;
+            self.keeping.settle();
         }
         let unknown = self.amplifier(&H::AMPLIFIER).is_none();
         motion.lock(|motion| {
@@ -300,9 +298,8 @@ impl<B: Bus + Clone> Communication<B> {
 
     /// The amplifier; `of_board` is the one without a production record. `None`: nobody knows it.
     pub(crate) fn amplifier<'a>(&'a self, of_board: &'a Amplifier) -> Option<&'a Amplifier> {
-        let amplifier = self.identity.production.amplifier(of_board);
-        let known = self.identity.production.error().is_none() && !self.keeping.is_disputed;
-        (known && amplifier.check().is_ok()).then_some(amplifier)
+        let known = amplifier_is_unknown(&self.identity.production, of_board, &self.keeping).is_none();
+        known.then(|| self.identity.production.amplifier(of_board))
     }
 
     /// The parameters, for tests and tools beside the ring.

@@ -77,7 +77,7 @@ pub fn is_rating(block: &DataBlock) -> bool {
 }
 
 /// The same of an IDN.
-pub(crate) fn is_rating_of(idn: Idn) -> bool {
+pub fn is_rating_of(idn: Idn) -> bool {
     DICTIONARY.find(idn).is_some_and(is_rating)
 }
 

@@ -124,11 +124,9 @@ fn settings_at_start<H: Hardware>(
     communication: &Communication<impl Bus + Clone>,
 ) -> Result<DriveSettings, InvalidSetting> {
     let settings = service::loops::settings::<H>;
-    let Some(amplifier) = communication.amplifier(&H::AMPLIFIER) else {
-        return settings(&service::loops::without_motor(&H::AMPLIFIER, &<H::Board>::FACTS, None));
-    };
+    let without_motor = |amplifier, others| settings(&without_motor(amplifier, &<H::Board>::FACTS, others));
+    let of_board = || without_motor(&H::AMPLIFIER, None);
+    let Some(amplifier) = communication.amplifier(&H::AMPLIFIER) else { return of_board() };
     let parameters = communication.parameters();
-    settings(parameters)
-        .or_else(|_| settings(&service::loops::without_motor(amplifier, &<H::Board>::FACTS, Some(parameters))))
-        .or_else(|_| settings(&service::loops::without_motor(&H::AMPLIFIER, &<H::Board>::FACTS, None)))
+    settings(parameters).or_else(|_| without_motor(amplifier, Some(parameters))).or_else(|_| of_board())
 }

@@ -1,7 +1,7 @@
 //! The service channel's side of the drive: every data block's operation data, the procedure commands, and the transition checks.
 
 pub(crate) mod access;
-mod checks;
+pub(crate) mod checks;
 pub(crate) mod commissioning;
 pub(crate) mod context;
 pub(crate) mod finding;

@@ -6,6 +6,7 @@ use sercos::capacity::LIST_ENTRIES;
 use sercos::error::ServiceError;
 
 use super::set::Dropped;
+use crate::dictionary::is_rating_of;
 use crate::dictionary::procedures::Procedure;
 
 /// Work for the memory.
@@ -94,8 +95,6 @@ pub(crate) struct Keeping {
     logged: Option<u64>,
     /// P-0-0014.
     pub(crate) dropped: Dropped,
-    /// Some of it are ratings of another amplifier: nothing is kept by itself then, which would be as if somebody had looked at it.
-    pub(crate) is_disputed: bool,
 }
 
 impl Keeping {
@@ -106,6 +105,16 @@ impl Keeping {
 
     pub(crate) const fn has_memory(&self) -> bool {
         self.present
+    }
+
+    /// Of what was not restored the ratings of another amplifier.
+    pub(crate) fn disputed(&self) -> impl Iterator<Item = Idn> {
+        self.dropped.iter().copied().filter(|idn| is_rating_of(*idn))
+    }
+
+    /// Somebody has looked at them, and says that this is the amplifier.
+    pub(crate) fn settle(&mut self) {
+        self.dropped.retain(|idn| !is_rating_of(*idn));
     }
 
     /// S-0-0263, S-0-0264 or S-0-0293.
@@ -163,10 +172,11 @@ impl Keeping {
                 Some(Procedure::SaveSelected) => Keep::Selected,
                 _ => Keep::Save,
             }
-        } else if !self.is_disputed
-            && self
-                .written
-                .is_some_and(|(first, last)| now.saturating_sub(last) >= QUIET || now.saturating_sub(first) >= PATIENCE)
+        } else if self
+            .written
+            .is_some_and(|(first, last)| now.saturating_sub(last) >= QUIET || now.saturating_sub(first) >= PATIENCE)
+            // It would be as if somebody had looked at the ratings of another amplifier.
+            && self.disputed().next().is_none()
         {
             Keep::Save
         } else if self.happened && self.logged.is_none_or(|then| now.saturating_sub(then) >= LOG_INTERVAL)

@@ -13,10 +13,13 @@ use super::finding::{Finding, reason_of};
 use super::loops;
 use servo::motor::BoardKind;
 
-use crate::dictionary::{is_rating_of, records};
+use crate::amplifier::Amplifier;
+use crate::dictionary::records;
 use crate::hardware::Hardware;
 use crate::motion::Motion;
 use crate::operation_mode::OperationMode;
+use crate::production::Production;
+use crate::remembering::keeping::Keeping;
 use crate::remembering::set::Dropped;
 use crate::settings::{CycleSettings, has_feedback_2};
 
@@ -89,7 +92,7 @@ where
         let Some(cyclic) = &self.checks.cyclic else { return CommandState::Failed };
         let misfits = self.rescaling.misfits(parameters);
         let untold = self.untold(parameters);
-        let unknown = self.amplifier_is_unknown();
+        let unknown = amplifier_is_unknown(&self.identity.production, &H::AMPLIFIER, self.keeping);
         let synchronised = self.motion.lock(|motion| motion.is_synchronised());
         let settings = loops::settings::<H>(parameters);
         let mut invalid = match (transition::check_cp4(parameters, &capabilities, cyclic, synchronised), settings) {
@@ -107,8 +110,8 @@ where
         if let Some((idn, _)) = unknown {
             invalid.add(idn, Reason::NotSupported);
         }
-        for idn in self.keeping.dropped.iter().filter(|idn| is_rating_of(**idn)) {
-            invalid.add(*idn, Reason::NotSupported);
+        for idn in self.keeping.disputed() {
+            invalid.add(idn, Reason::NotSupported);
         }
         for idn in &misfits {
             invalid.add(*idn, Reason::OldScaling);
@@ -135,19 +138,6 @@ where
         CommandState::Failed
     }
 
-    /// Which data block shows that nobody knows the amplifier, and why; `None`: it is known.
-    fn amplifier_is_unknown(&self) -> Option<(Idn, Finding)> {
-        let production = &self.identity.production;
-        if let Some(error) = production.error() {
-            return Some((HARDWARE, Finding::Production(error)));
-        }
-        if let Err(setting) = production.amplifier(&H::AMPLIFIER).check() {
-            return Some((setting.idn, Finding::Settings(setting)));
-        }
-        let other = self.keeping.dropped.iter().find(|idn| is_rating_of(**idn))?;
-        Some((*other, Finding::AnotherAmplifier(*other)))
-    }
-
     /// What no default can be right for, and nobody has told; and what was saved and could not be taken over.
     fn untold(&self, parameters: &Parameters) -> Dropped {
         // What once was a parameter and is a rating of the amplifier now nobody can tell any more.
@@ -168,6 +158,21 @@ where
         let checked = transition::check_cp4(parameters, &self.capabilities(parameters), cyclic, true);
         checked.err().and_then(|invalid| invalid.findings().first().copied())
     }
+}
+
+/// Which data block shows that nobody knows the amplifier, and why; `None`: it is known. `of_board` is the one without a production record.
+pub(crate) fn amplifier_is_unknown(
+    production: &Production,
+    of_board: &Amplifier,
+    keeping: &Keeping,
+) -> Option<(Idn, Finding)> {
+    if let Some(error) = production.error() {
+        return Some((HARDWARE, Finding::Production(error)));
+    }
+    if let Err(setting) = production.amplifier(of_board).check() {
+        return Some((setting.idn, Finding::Settings(setting)));
+    }
+    keeping.disputed().next().map(|other| (other, Finding::AnotherAmplifier(other)))
 }
 
 /// What the drive can do beyond the read-only data of its dictionary.
