@@ -22,6 +22,8 @@ const FIRST: u16 = 16;
 const ADC: u8 = 18;
 /// The control loop, on a vector of CAN2.
 const CONTROL_LOOP: u8 = 63;
+/// CAN2_RX1.
+const VELOCITY_LOOP: u8 = 65;
 /// INT1 and INT0 of the chip.
 const INT1: u8 = 8;
 const INT0: u8 = 9;
@@ -174,20 +176,27 @@ fn the_current_loop_at_every_instruction_of_the_control_loop_reads_no_half_of_a_
     // Words that a message has changed before it was sent, of the even and the odd ones.
     let written: Rc<RefCell<[BTreeSet<usize>; 2]>> = Rc::default();
     let wrong: Rc<RefCell<Vec<String>>> = Rc::default();
+    // Those that change behind it: the velocity loop's correction.
+    let corrected: Rc<RefCell<[BTreeSet<usize>; 2]>> = Rc::default();
     let before: Rc<RefCell<Vec<u32>>> = Rc::default();
     let pending: Rc<RefCell<Option<Vec<u32>>>> = Rc::default();
     let halves = Rc::new(RefCell::new(0));
     let at_entry: Choose = {
         let (before, pending, written, wrong) =
             (Rc::clone(&before), Rc::clone(&pending), Rc::clone(&written), Rc::clone(&wrong));
+        let corrected = Rc::clone(&corrected);
         Box::new(move |guest, place| {
             let now = link(guest)?;
-            // A message that had been sent when the handler was stopped has not changed since.
+            // Of a message that had been sent when the handler was stopped no more than a single word has changed since.
             if let Some(then) = pending.borrow_mut().take() {
-                let message = &written.borrow()[(then[sent] & 1) as usize];
+                let side = (then[sent] & 1) as usize;
+                let message = &written.borrow()[side];
                 let changed: Vec<usize> = message.iter().copied().filter(|word| then[*word] != now[*word]).collect();
-                if then[sent] == now[sent] && !changed.is_empty() {
+                if then[sent] == now[sent] && changed.len() > 1 {
                     wrong.borrow_mut().push(format!("behind its sending, before {}: {changed:?}", place.now));
+                }
+                if then[sent] == now[sent] {
+                    corrected.borrow_mut()[side].extend(changed);
                 }
             }
             *before.borrow_mut() = now;
@@ -228,6 +237,45 @@ fn the_current_loop_at_every_instruction_of_the_control_loop_reads_no_half_of_a_
     assert!(swept.instructions.len() > 300 && *halves.borrow() > 5, "{swept:?}");
     assert!(even.len() >= 6 && even.is_disjoint(odd), "one message is written while it is read: {even:?}, {odd:?}");
     assert!(wrong.borrow().is_empty(), "{:?}", wrong.borrow());
+    let corrected = &*corrected.borrow();
+    assert!(corrected.iter().all(|words| words.len() == 1), "always the same word of each message: {corrected:?}");
+    assert_eq!(turning.bench.number(0x8000 | 153), late, "a cycle came late");
+    assert_eq!(turning.bench.number(11), 0);
+    assert!(greatest < 1.5 * quiet + 0.01, "{quiet} before, {greatest}");
+}
+
+#[test]
+#[ignore = "needs QEMU and the ELF: cargo xtask test"]
+fn the_current_loop_at_every_instruction_of_the_velocity_loop_disturbs_no_torque() {
+    let mut turning = Turning::new(DriveSetup::new(ADDRESS), 0.0, vec![]);
+    turning.turn(1_000);
+    turning.bench.run(Nanoseconds::from_millis(300));
+    let quiet = greatest_current(&mut turning, 2_000);
+    let late = turning.bench.number(0x8000 | 153);
+    // Held for a whole cycle of the current loop, the task of t4 would be too late for its AT.
+    let (begins, cycle, t4) = {
+        let report = turning.bench.world.ring().master().report();
+        let [.., before, last] = &report.samples[..] else { panic!("the ring has run for long") };
+        (last.time.0, last.time.0 - before.time.0, u64::from(report.slots.as_ref().unwrap().t4) * 1_000)
+    };
+    let is_quiet = move |now: u64| (200_000..cycle - 300_000).contains(&((now - begins + cycle - t4) % cycle));
+    let (at_entry, at_step): (Choose, Act) = (
+        Box::new(move |_, place| Ok(is_quiet(place.now.0))),
+        Box::new(|guest, _| {
+            guest.hold(Hold::Interrupt(ADC));
+            Ok(())
+        }),
+    );
+    let mut greatest = 0.0_f64;
+    let swept = sweep(&mut turning, VELOCITY_LOOP, at_entry, at_step, |turning| {
+        greatest = greatest.max(greatest_current(turning, 16));
+    });
+    println!(
+        "{} instructions of the velocity loop swept in {} ticks; current {quiet:.4} before, {greatest:.4} at most",
+        swept.instructions.len(),
+        swept.stops
+    );
+    assert!(swept.instructions.len() > 100, "{swept:?}");
     assert_eq!(turning.bench.number(0x8000 | 153), late, "a cycle came late");
     assert_eq!(turning.bench.number(11), 0);
     assert!(greatest < 1.5 * quiet + 0.01, "{quiet} before, {greatest}");

@@ -4,7 +4,7 @@
 //! leaves the ring and lets the motor coast within the period of the watchdog.
 //!
 //! What it is fed on ([`CheckIn`]): `idle` runs, so no task hangs or storms; the control loop has ticked, which every second current loop starts; the
-//! supervision has run; and no task that was started is still waiting to begin, which would mean that its interrupt was lost. Which of them kept it from
+//! supervision has run, and the velocity loop between two ticks; and no task that was started is still waiting to begin, which would mean that its interrupt was lost. Which of them kept it from
 //! being fed is left for the record of the reset ([`crate::crash`]).
 
 use core::sync::atomic::{AtomicBool, AtomicU8, AtomicU32, Ordering};
@@ -26,13 +26,19 @@ pub struct CheckIn {
     ticks: AtomicU32,
     started: AtomicU8,
     supervised: AtomicBool,
+    regulated: AtomicBool,
 }
 
 impl CheckIn {
     /// Nothing done, nothing asked for.
     #[must_use]
     pub const fn new() -> Self {
-        Self { ticks: AtomicU32::new(0), started: AtomicU8::new(0), supervised: AtomicBool::new(false) }
+        Self {
+            ticks: AtomicU32::new(0),
+            started: AtomicU8::new(0),
+            supervised: AtomicBool::new(false),
+            regulated: AtomicBool::new(false),
+        }
     }
 
     /// The control loop ran.
@@ -61,10 +67,24 @@ impl CheckIn {
         self.supervised.store(true, Ordering::Relaxed);
     }
 
+    /// The velocity loop ran between two ticks.
+    #[inline(always)]
+    pub fn regulated(&self) {
+        self.regulated.store(true, Ordering::Relaxed);
+    }
+
     /// Tasks that have not begun, or that should have run and did not.
     fn silent(&self) -> u8 {
-        let supervision = if self.supervised.load(Ordering::Relaxed) { 0 } else { Tasks::SUPERVISION.bits() };
-        self.started.load(Ordering::Relaxed) | supervision
+        let has_run = [(&self.supervised, Tasks::SUPERVISION), (&self.regulated, Tasks::VELOCITY_LOOP)];
+        has_run.iter().fold(self.started.load(Ordering::Relaxed), |silent, (has_run, task)| {
+            if has_run.load(Ordering::Relaxed) { silent } else { silent | task.bits() }
+        })
+    }
+
+    /// A new period of the watchdog.
+    fn begin_again(&self) {
+        self.supervised.store(false, Ordering::Relaxed);
+        self.regulated.store(false, Ordering::Relaxed);
     }
 }
 
@@ -127,7 +147,7 @@ impl Watchdog {
             return false;
         }
         crash::suspect(0);
-        progress.supervised.store(false, Ordering::Relaxed);
+        progress.begin_again();
         self.fed_at = ticks;
         if self.running {
             self.watchdog.kr().write(|w| w.key().feed());

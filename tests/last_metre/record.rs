@@ -123,7 +123,7 @@ fn the_record_is_shown_over_the_ring_and_in_the_error_memory_and_is_news_only_on
 #[ignore = "needs QEMU and the ELF: cargo xtask test"]
 fn a_crash_in_each_task_is_in_the_error_memory_with_its_place_after_the_supply_was_cut() {
     const FAULT: u16 = 0xF120;
-    const TASKS: [(&str, Option<&str>); 10] = [
+    const TASKS: [(&str, Option<&str>); 11] = [
         ("current_loop", Some("ADC")),
         ("chip_interrupt_0", Some("EXTI3")),
         ("chip_interrupt_1", Some("EXTI2")),
@@ -131,6 +131,7 @@ fn a_crash_in_each_task_is_in_the_error_memory_with_its_place_after_the_supply_w
         ("capture_feedback", Some("CAN1_RX0")),
         ("control_loop", Some("CAN2_TX")),
         ("supervision", Some("CAN2_RX0")),
+        ("velocity_loop", Some("CAN2_RX1")),
         ("phase_change", Some("CAN1_RX1")),
         ("service_channel", Some("CAN1_SCE")),
         ("idle or init", None),

@@ -11,17 +11,19 @@ const FEEDING: Nanoseconds = Nanoseconds(8_125_000);
 const PERIOD: Nanoseconds = Nanoseconds::from_millis(100);
 
 /// The tasks that hold the control loop up when they hang, by the symbols of their handlers.
-const OF_THE_CYCLE: [(&str, &str); 7] = [
+const OF_THE_CYCLE: [(&str, &str); 8] = [
     ("ADC", "current_loop"),
     ("CAN2_TX", "control_loop"),
     ("CAN2_RX0", "supervision"),
+    ("CAN2_RX1", "velocity_loop"),
     ("EXTI3", "chip_interrupt_0"),
     ("EXTI2", "chip_interrupt_1"),
     ("CAN1_TX", "command_valid"),
     ("CAN1_RX0", "capture_feedback"),
 ];
-/// Those that another task starts, with their bits in `drive::Tasks`.
-const STARTED: [(&str, u8); 5] = [("CAN1_TX", 1), ("CAN1_RX0", 2), ("CAN1_RX1", 4), ("CAN1_SCE", 8), ("CAN2_RX0", 32)];
+/// Those that another task starts, and the velocity loop, with their bits in `drive::Tasks`.
+const STARTED: [(&str, u8); 6] =
+    [("CAN1_TX", 1), ("CAN1_RX0", 2), ("CAN1_RX1", 4), ("CAN1_SCE", 8), ("CAN2_RX0", 32), ("CAN2_RX1", 64)];
 
 /// Runs until the reset: what was entered and which reset, and the line in which the start tells of it.
 #[track_caller]

@@ -8,6 +8,7 @@
 //! | [`app::command_valid`] | CAN1_TX | 4 | started by the two above at t3 | 16 us |
 //! | [`app::capture_feedback`] | CAN1_RX0 | 4 | started by the two above at t4 | 30 us |
 //! | [`app::control_loop`] | CAN2_TX | 4 | started by every second current loop, every 125 us | 60 us |
+//! | [`app::velocity_loop`] | CAN2_RX1 | 4 | started by the current loops in between, every 125 us | 60 us |
 //! | [`app::supervision`] | CAN2_RX0 | 4 | one half of it, started by every second control loop, every 250 us | 125 us |
 //! | [`app::phase_change`] | CAN1_RX1 | 2 | the MST shows another phase, or supervision gives the ring up | one communication cycle |
 //! | [`app::service_channel`] | CAN1_SCE | 2 | the service container waits for us; the drive has become another state or has an error | 100 us |
@@ -16,7 +17,7 @@
 //! Higher numbers interrupt lower ones. The current loop is alone at the top, owns what it works with and talks to the others through
 //! [`drive::CurrentLink`], without a lock: nobody can hold it up. Everything that belongs to the cycle has one priority below, so these
 //! tasks never interrupt each other and wait for at most one of the others; at equal priority the lower vector number goes first: the
-//! chip's interrupts, then t3, t4, then the control loop, then its supervision. Priorities 3 and 1 are free: 3 for what must not delay the cycle but may
+//! chip's interrupts, then t3, t4, then the control loop, its supervision, and the velocity loop. Priorities 3 and 1 are free: 3 for what must not delay the cycle but may
 //! delay the bus, 1 for an operator's port.
 //!
 //! Tasks without an interrupt of their own borrow the vectors of CAN1 and CAN2, which this drive has no use for; they are started by setting
@@ -207,16 +208,15 @@ mod app {
         }
     }
 
-    /// Samples in, compare values out; starts the control loop in the first cycle of a tick.
+    /// Samples in, compare values out; starts the control loop in the first cycle of a tick, and the velocity loop in the second.
     ///
     /// Contract: the compare values are written before the counter's bottom, where they come into force: 31.2 us behind the middle of the
     /// samples, of which the converters take 2. No lock, no wait, nothing above it; a cycle that comes too late is counted, a second in a
     /// row switches the bridge off.
     #[task(binds = ADC, priority = 5, local = [current])]
     fn current_loop(context: current_loop::Context) {
-        if context.local.current.current_loop() {
-            rtic::pend(Interrupt::CAN2_TX);
-        }
+        let begins_tick = context.local.current.current_loop();
+        rtic::pend(if begins_tick { Interrupt::CAN2_TX } else { Interrupt::CAN2_RX1 });
     }
 
     /// Serves INT0: latches t4's position, acknowledges the chip's events, starts the tasks that they belong to.
@@ -273,6 +273,15 @@ mod app {
             *context.local.polls = interrupts.lock(|interrupts| interrupts.need_polling());
         }
         start(work);
+    }
+
+    /// The velocity loop once more, half a tick after the control loop: its current is put into the order that is in force.
+    ///
+    /// Contract: done before the next current loop, 62.5 us after the one that started this, also where t3 and t4 come before. No bus access.
+    #[task(binds = CAN2_RX1, priority = 4, shared = [motion])]
+    fn velocity_loop(mut context: velocity_loop::Context) {
+        CHECK_IN.regulated();
+        context.shared.motion.lock(Motion::velocity_loop);
     }
 
     /// Bus, loads, temperatures, encoder, brake, state machine and diagnostic words: all whose times are milliseconds, by halves.
@@ -388,6 +397,7 @@ mod app {
             (Interrupt::CAN1_RX0, "capture_feedback"),
             (Interrupt::CAN2_TX, "control_loop"),
             (Interrupt::CAN2_RX0, "supervision"),
+            (Interrupt::CAN2_RX1, "velocity_loop"),
             (Interrupt::CAN1_RX1, "phase_change"),
             (Interrupt::CAN1_SCE, "service_channel"),
         ];

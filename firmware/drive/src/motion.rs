@@ -1,7 +1,7 @@
-//! The hot tasks of the drive: command values at t3, feedback at t4, the loops every 125 us, the supervision every 500 us in two halves. The current loop
-//! runs above them, see [`crate::CurrentControl`].
+//! The hot tasks of the drive: command values at t3, feedback at t4, the loops every 125 us and the velocity loop once more in between, the supervision
+//! every 500 us in two halves. The current loop runs above them, see [`crate::CurrentControl`].
 //!
-//! All four run at one priority and share [`Motion`] without locks. The background tasks (phase change, service channel)
+//! All five run at one priority and share [`Motion`] without locks. The background tasks (phase change, service channel)
 //! take it under a short lock to hand over settings or to read a snapshot.
 //!
 //! What the loops themselves need stays in the loop tick. All that looks after them (bus, loads, temperatures, brake, state machine,
@@ -216,7 +216,8 @@ impl<B: Bus + Clone, H: Hardware> Motion<B, H> {
             // Homing may just have moved the zero.
             position = self.encoder.position();
         }
-        self.output = self.axis.tick(position, self.motor.torque_limits());
+        let latest = self.encoder.velocity(self.counted(before), count);
+        self.output = self.axis.tick(position, latest, self.motor.torque_limits());
         let trim = self.clock.on_tick();
         self.motor.command(position, self.output.current, self.output.loop_velocity, trim);
         if self.accompanied {
@@ -231,6 +232,19 @@ impl<B: Bus + Clone, H: Hardware> Motion<B, H> {
             work |= self.take_cycle();
         }
         work
+    }
+
+    /// Task of the second half of a loop tick, started by the current loop's second cycle: the velocity loop once more, and its correction of the
+    /// order that is in force. A board whose current loop has one cycle a tick has no use for it.
+    ///
+    /// Contract: done before the next cycle of the current loop, 62.5 us after the one that started it, with t3 and t4 in between. No bus
+    /// access.
+    pub fn velocity_loop(&mut self) {
+        let [before, now] = self.motor.half_counts();
+        let latest = self.encoder.velocity(self.counted(before), self.counted(now));
+        if let Some(current) = self.axis.half_tick(latest, self.motor.torque_limits()) {
+            self.motor.correct(current);
+        }
     }
 
     /// What goes along with the loops at their rate, but seldom: the search for the commutation angle, homing, an identification.

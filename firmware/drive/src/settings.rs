@@ -6,6 +6,7 @@ use sercos::transition::OPERATION_MODES;
 use servo::SettingsError;
 use servo::axis::{
     AxisParameters, AxisSettings, CurrentFilterSettings, FilterSection, FrictionParameters, FrictionSettings,
+    VelocityRate,
 };
 use servo::clock::LoopClockSettings;
 use servo::encoder::DoubleSampledSettings;
@@ -204,11 +205,12 @@ impl DriveSettings {
             feed_forward: 0,
             velocity_gain: parameters.get(Idn::standard(100)),
             integral_time: parameters.get_word(Idn::standard(101)),
+            velocity_rate: VelocityRate::of(facts.frequency),
             velocity_filter: parameters.get_word(Idn::standard(392)),
             acceleration_gain: 0,
             acceleration_smoothing: parameters.get_word(Idn::product(231)),
             friction: friction(parameters, &torque, peak_current)?,
-            filter: filter(parameters)?,
+            filter: filter(parameters, VelocityRate::of(facts.frequency))?,
             peak_current,
             velocity_limits: limit_scale.velocity_limits(&limits),
             deceleration: limit_scale.deceleration(&limits),
@@ -376,7 +378,7 @@ fn friction(
 }
 
 /// P-0-0170 to P-0-0177: kind, frequency, damping or width, and depth of each section.
-fn filter(parameters: &Parameters) -> Result<CurrentFilterSettings, InvalidSetting> {
+fn filter(parameters: &Parameters, rate: VelocityRate) -> Result<CurrentFilterSettings, InvalidSetting> {
     let section = |first: u16| {
         let word = |offset: u16| parameters.get_word(Idn::product(first.saturating_add(offset)));
         match word(0) {
@@ -385,7 +387,7 @@ fn filter(parameters: &Parameters) -> Result<CurrentFilterSettings, InvalidSetti
             _ => FilterSection::Off,
         }
     };
-    let settings = CurrentFilterSettings::new([section(170), section(174)]);
+    let settings = CurrentFilterSettings::new([section(170), section(174)], rate);
     settings.map_err(|reason| InvalidSetting { idn: Idn::product(170), reason: Some(reason) })
 }
 

@@ -19,12 +19,14 @@ bitflags! {
         const CONTROL_LOOP = 16;
         /// `supervision`: every fourth loop tick.
         const SUPERVISION = 32;
+        /// `velocity_loop`: the second half of a loop tick has begun.
+        const VELOCITY_LOOP = 64;
     }
 }
 
 #[cfg(feature = "defmt")]
 impl defmt::Format for Tasks {
     fn format(&self, formatter: defmt::Formatter<'_>) {
-        defmt::write!(formatter, "Tasks({=u8:06b})", self.bits());
+        defmt::write!(formatter, "Tasks({=u8:07b})", self.bits());
     }
 }

@@ -4,7 +4,7 @@
 
 use servo::axis::{
     Axis, AxisParameters, AxisSettings, CurrentFilterSettings, FilterSection, FrictionSettings, Limiting, Mode,
-    TorqueLimits, VelocityLimits, position_gain, velocity_gains,
+    TorqueLimits, VelocityEstimate, VelocityFilter, VelocityLimits, VelocityRate, position_gain, velocity_gains,
 };
 use servo::encoder::{Encoder, EncoderSettings};
 use servo::path::Interpolation;
@@ -50,7 +50,8 @@ fn revolutions(value: f64) -> Position {
 }
 
 fn parameters(feed_forward: u16) -> AxisParameters {
-    let gains = velocity_gains(10_000, 500_000, BANDWIDTH, FILTER.into()).expect("a motor that such a loop can hold");
+    let small_times = u32::from(FILTER).saturating_add(VelocityRate::EachTick.delay(true));
+    let gains = velocity_gains(10_000, 500_000, BANDWIDTH, small_times).expect("a motor that such a loop can hold");
     AxisParameters {
         ticks_per_cycle: TICKS_PER_CYCLE,
         modulo: None,
@@ -58,12 +59,13 @@ fn parameters(feed_forward: u16) -> AxisParameters {
         feed_forward,
         velocity_gain: gains.proportional,
         integral_time: gains.integral_time,
+        velocity_rate: VelocityRate::EachTick,
         velocity_filter: FILTER,
         peak_current: 20_000,
         acceleration_gain: 0,
         acceleration_smoothing: 0,
         friction: FrictionSettings::OFF,
-        filter: CurrentFilterSettings::new([FilterSection::Off; 2]).expect("no filter"),
+        filter: CurrentFilterSettings::new([FilterSection::Off; 2], VelocityRate::EachTick).expect("no filter"),
         velocity_limits: VelocityLimits::new(Velocity::from_ten_thousandths_rpm(30_000_000), None, None),
         deceleration: Acceleration::from_milliradians_per_second_squared(1_000_000),
         halt_deceleration: Acceleration::from_bits(0),
@@ -84,6 +86,8 @@ fn follow(feed_forward: u16) -> f64 {
     let mut axis = Axis::new(settings, encoder.position());
     let limits = TorqueLimits::symmetrical(CurrentFraction::MAX, Limiting::TORQUE_BIPOLAR);
     axis.set_mode(Mode::Position);
+    let mut estimate = VelocityEstimate::new(encoder.position());
+    let unfiltered = VelocityFilter::from_microseconds(0);
     let (mut commanded, mut speed, mut lag) = (0.0, 0.0_f64, 0.0);
     println!("feed-forward {} %:", feed_forward / 100);
     for cycle in 1..=2_000 {
@@ -91,7 +95,8 @@ fn follow(feed_forward: u16) -> f64 {
         commanded += speed / 1_000.0;
         axis.command_position(revolutions(commanded)).expect("a step that the axis can make");
         for tick in 0..TICKS_PER_CYCLE {
-            let output = axis.tick(encoder.update(shaft.count()), &limits);
+            let position = encoder.update(shaft.count());
+            let output = axis.tick(position, estimate.update(&unfiltered, position), &limits);
             shaft.turn(output.current);
             lag = output.following_error.to_bits() as f64 / 4_294_967_296.0 * 360.0;
             if u32::from(tick).is_multiple_of(LOOP_TICKS_PER_SUPERVISION) {

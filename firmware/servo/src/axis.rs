@@ -11,6 +11,7 @@ pub(crate) mod tuning;
 pub(crate) mod velocity_estimate;
 pub(crate) mod velocity_guard;
 pub(crate) mod velocity_loop;
+pub(crate) mod velocity_rate;
 
 pub use filter::{CurrentFilter, CurrentFilterSettings, FilterSection};
 pub use friction::{FrictionParameters, FrictionSettings};
@@ -20,11 +21,12 @@ pub use limits::{
 pub use position_loop::{PositionLoopOutput, PositionLoopSettings};
 pub use settings::{AxisMovements, AxisParameters, AxisSettings};
 pub use tuning::{
-    CurrentGains, NOISE_DAMPING, VelocityGains, acceleration_feed_forward, acceleration_smoothing, current_gains,
-    noise_filter, position_gain, velocity_gains,
+    CurrentGains, NOISE_DAMPING, NOISE_TIME, VelocityGains, acceleration_feed_forward, acceleration_smoothing,
+    current_gains, is_felt, noise_filter, position_gain, velocity_gains,
 };
 pub use velocity_estimate::{FilteredVelocity, VelocityEstimate, VelocityFilter};
 pub use velocity_loop::{VelocityLoop, VelocityLoopOutput, VelocityLoopSettings};
+pub use velocity_rate::VelocityRate;
 
 use crate::axis::acceleration_gain::FedForward;
 use crate::axis::expected_lag::ExpectedLag;
@@ -122,13 +124,16 @@ impl AxisOutput {
 /// State of an axis.
 ///
 /// Call order in a control unit cycle: at t3 [`Axis::set_mode`] when the mode changes, then [`Axis::command_position`] or
-/// [`Axis::command_velocity`] (or both: the mode takes its own); then one [`Axis::tick`] per loop period.
+/// [`Axis::command_velocity`] (or both: the mode takes its own); then one [`Axis::tick`] per loop period, and half a period later one
+/// [`Axis::half_tick`] where the velocity loop runs twice in it ([`VelocityRate`]).
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Axis {
     settings: AxisSettings,
     mode: Mode,
     measured: Position,
     ranges: ModuloCounter,
+    /// Measured in the last step of the velocity loop.
+    latest: Velocity,
     /// Measured, as the velocity loop sees it.
     velocity: FilteredVelocity,
     /// Measured, as it is shown and monitored.
@@ -141,8 +146,10 @@ pub struct Axis {
     /// one. Fed forward in its place, the commanded velocity would be ahead of the measured one by the time of the filter. The velocity loop
     /// would take that for an error, and at constant acceleration a the position loop would have to hold a * time / Kv against it.
     expected_velocity: FilteredVelocity,
-    /// Of the position set-point of the last tick.
-    setpoint_velocity: Velocity,
+    /// Of the position set-points of the last two ticks, the later one last.
+    setpoint_velocities: [Velocity; 2],
+    /// The velocity command of the second half of the tick, where it does not come from a position.
+    turned: Option<Velocity>,
     /// In [`Mode::Torque`]: the velocity, some milliseconds behind.
     slow_velocity: Velocity,
     /// And what keeps it within its limit.
@@ -151,6 +158,9 @@ pub struct Axis {
     /// For the acceleration of the path to a position command.
     fed_forward: FedForward,
     velocity_command: Velocity,
+    /// What acceleration and friction need, of the last tick, in 2^-25 of the peak current.
+    acceleration: i32,
+    friction: i32,
     torque_command: CurrentFraction,
     /// Movement of [`Mode::Travel`] and [`Mode::Halt`], and ramp of velocity commands.
     trajectory: Trajectory,
@@ -177,6 +187,7 @@ impl Axis {
             mode: Mode::Off,
             measured,
             ranges,
+            latest: Velocity::ZERO,
             velocity: FilteredVelocity::new(Velocity::ZERO),
             monitored: FilteredVelocity::new(Velocity::ZERO),
             interpolator: Interpolator::new(measured, ranges),
@@ -184,12 +195,15 @@ impl Axis {
             ramp: Ramp::new(here),
             expected_lag: ExpectedLag::new(&settings.position_loop, here),
             expected_velocity: FilteredVelocity::new(Velocity::ZERO),
-            setpoint_velocity: Velocity::ZERO,
+            setpoint_velocities: [Velocity::ZERO; 2],
+            turned: None,
             slow_velocity: Velocity::ZERO,
             guard: VelocityGuard::new(Velocity::ZERO, CurrentFraction::ZERO),
             velocity_loop: VelocityLoop::new(),
             fed_forward: FedForward::NONE,
             velocity_command: Velocity::ZERO,
+            acceleration: 0,
+            friction: 0,
             torque_command: CurrentFraction::ZERO,
             trajectory: Trajectory::start(here),
             travel: Travel::Hold,
@@ -291,7 +305,9 @@ impl Axis {
             }
         }
         self.expected_lag = ExpectedLag::new(&self.settings.position_loop, setpoint);
-        self.setpoint_velocity = setpoint.velocity;
+        self.setpoint_velocities = [setpoint.velocity; 2];
+        self.velocity_command = setpoint.velocity;
+        self.turned = Some(setpoint.velocity);
         self.expected_velocity = FilteredVelocity::new(setpoint.velocity);
         self.fed_forward = FedForward::NONE;
         self.mode = mode;
@@ -431,39 +447,66 @@ impl Axis {
             let setpoint = Setpoint::moving(self.measured, Velocity::ZERO);
             self.trajectory = Trajectory::start(setpoint);
             self.expected_lag = ExpectedLag::new(&self.settings.position_loop, setpoint);
-            self.setpoint_velocity = Velocity::ZERO;
+            self.setpoint_velocities = [Velocity::ZERO; 2];
             self.expected_velocity = FilteredVelocity::new(Velocity::ZERO);
         }
     }
 
     /// One loop period: the measured position goes in, the current command comes out, within these limits of the torque.
+    ///
+    /// `latest`: the velocity over the last step of the velocity loop, half a period where it runs twice in it.
     #[inline]
-    pub fn tick(&mut self, measured: Position, limits: &TorqueLimits) -> AxisOutput {
-        let moved = Velocity::of_a_tick(measured - self.measured);
+    pub fn tick(&mut self, measured: Position, latest: Velocity, limits: &TorqueLimits) -> AxisOutput {
         self.measured = measured;
         if self.mode != Mode::Position {
-            return self.tick_without_commands(moved, limits);
+            return self.tick_without_commands(latest, limits);
         }
         let (setpoint, source) = self.interpolator.tick(&self.settings.interpolator);
         let acceleration =
             if source == CommandSource::Interpolated { self.fed_forward.tick() } else { self.fed_forward.coast() };
-        let mut output = self.follow(setpoint, acceleration, moved, limits);
+        let mut output = self.follow(setpoint, acceleration, latest, limits);
         output.command_source = source;
         output
     }
 
+    /// Half a loop period later: the velocity loop once more, with the velocity over this half. The current command, if it is another one
+    /// than that of the tick.
+    ///
+    /// A position loop has a bandwidth of a quarter of the velocity loop's at most, and a set-point has a known velocity in between: what is
+    /// commanded meanwhile is the velocity of the tick, moved on by what the set-point has gained.
+    #[inline]
+    pub fn half_tick(&mut self, latest: Velocity, limits: &TorqueLimits) -> Option<CurrentFraction> {
+        let [_, measured] = self.measure(latest);
+        if matches!(self.mode, Mode::Off | Mode::Torque) {
+            return None;
+        }
+        let settings = &self.settings;
+        let command = match self.turned {
+            Some(command) => command,
+            None => {
+                let [before, now] = self.setpoint_velocities;
+                let expected = self.expected_velocity.velocity();
+                let velocity = settings.as_measured_later(before, now);
+                let gained = self.expected_velocity.update(&settings.velocity_filter, velocity) - expected;
+                settings.position_loop.moved_on(&settings.velocity_limits, self.velocity_command, gained)
+            }
+        };
+        let (current, _) = self.control(command, measured, limits);
+        Some(current)
+    }
+
     /// The rest of a tick in the modes without position commands.
     #[inline(never)]
-    fn tick_without_commands(&mut self, moved: Velocity, limits: &TorqueLimits) -> AxisOutput {
+    fn tick_without_commands(&mut self, latest: Velocity, limits: &TorqueLimits) -> AxisOutput {
         let settings = &self.settings;
         match self.mode {
             Mode::Off | Mode::Position => {
-                let output = self.measured(moved);
+                let output = self.measured(latest);
                 self.velocity_command = output.loop_velocity;
                 output
             }
             Mode::Torque => {
-                let mut output = self.measured(moved);
+                let mut output = self.measured(latest);
                 self.velocity_command = output.loop_velocity;
                 self.torque(limits, &mut output);
                 output
@@ -477,21 +520,21 @@ impl Axis {
                         ..Setpoint::moving(self.measured, command)
                     },
                 };
-                let mut output = self.turn(ramped, moved, limits);
+                let mut output = self.turn(ramped, latest, limits);
                 output.limiting.set(Limiting::ACCELERATION, ramped.velocity != command);
                 output
             }
             Mode::Stopping => {
                 let ramped = self.ramp.tick(settings.deceleration);
-                let mut output = self.turn(ramped, moved, limits);
+                let mut output = self.turn(ramped, latest, limits);
                 output.standstill &= self.ramp.is_finished();
                 output
             }
-            Mode::Braking => self.turn(Setpoint::moving(self.measured, Velocity::ZERO), moved, limits),
+            Mode::Braking => self.turn(Setpoint::moving(self.measured, Velocity::ZERO), latest, limits),
             Mode::Halt => {
                 let setpoint = self.trajectory.tick_velocity(&settings.halt, Velocity::ZERO);
                 let acceleration = settings.velocity_loop.feed_forward(setpoint.acceleration);
-                let mut output = self.follow(setpoint, acceleration, moved, limits);
+                let mut output = self.follow(setpoint, acceleration, latest, limits);
                 output.standstill &= self.trajectory.is_finished();
                 output
             }
@@ -502,24 +545,36 @@ impl Axis {
                     Travel::To(target) => self.trajectory.tick_to(&self.travel_limits, target),
                 };
                 let acceleration = settings.velocity_loop.feed_forward(setpoint.acceleration);
-                let mut output = self.follow(setpoint, acceleration, moved, limits);
+                let mut output = self.follow(setpoint, acceleration, latest, limits);
                 output.travelled = self.trajectory.is_finished();
                 output
             }
         }
     }
 
+    /// Takes the velocity over the last step of the velocity loop. Gives the one over the last tick, and the one that the loop works with.
+    #[inline]
+    fn measure(&mut self, latest: Velocity) -> [Velocity; 2] {
+        let settings = &self.settings;
+        let before = core::mem::replace(&mut self.latest, latest);
+        let over_tick = match settings.velocity_rate {
+            VelocityRate::EachTick => latest,
+            VelocityRate::TwiceATick => mean(before, latest),
+        };
+        let seen = if settings.spans_tick { over_tick } else { latest };
+        [over_tick, self.velocity.update(&settings.velocity_filter, seen)]
+    }
+
     /// What is measured, without any command.
     #[inline]
-    fn measured(&mut self, moved: Velocity) -> AxisOutput {
-        let settings = &self.settings;
-        let velocity = self.monitored.update(&MONITOR_FILTER, moved);
-        let loop_velocity = self.velocity.update(&settings.velocity_filter, moved);
+    fn measured(&mut self, latest: Velocity) -> AxisOutput {
+        let [over_tick, loop_velocity] = self.measure(latest);
+        let velocity = self.monitored.update(&MONITOR_FILTER, over_tick);
         AxisOutput {
             velocity,
             loop_velocity,
             velocity_command: loop_velocity,
-            standstill: velocity.abs() <= settings.standstill_window,
+            standstill: velocity.abs() <= self.settings.standstill_window,
             travelled: false,
             ..AxisOutput::at_rest(self.measured)
         }
@@ -529,11 +584,13 @@ impl Axis {
     ///
     /// Inlined so that position commands have a path of their own, without what only other movements need.
     #[inline(always)]
-    fn follow(&mut self, setpoint: Setpoint, acceleration: i32, moved: Velocity, limits: &TorqueLimits) -> AxisOutput {
-        let mut output = self.measured(moved);
+    fn follow(&mut self, setpoint: Setpoint, acceleration: i32, latest: Velocity, limits: &TorqueLimits) -> AxisOutput {
+        let mut output = self.measured(latest);
         let settings = &self.settings;
-        let velocity = settings.as_measured(self.setpoint_velocity, setpoint.velocity);
-        self.setpoint_velocity = setpoint.velocity;
+        let [_, before] = self.setpoint_velocities;
+        self.setpoint_velocities = [before, setpoint.velocity];
+        self.turned = None;
+        let velocity = settings.as_measured(before, setpoint.velocity);
         let expected = self.expected_velocity.update(&settings.velocity_filter, velocity);
         let followed = settings.position_loop.follow(
             &settings.velocity_limits,
@@ -545,50 +602,67 @@ impl Axis {
         output.following_error = followed.following_error;
         output.limiting = followed.limiting;
         self.expected_lag.note(setpoint.position, followed.following_error);
-        self.control(acceleration, limits, &mut output);
+        self.feed_forward(acceleration, followed.velocity);
+        self.control_tick(followed.velocity, limits, &mut output);
         output
     }
 
     /// From a velocity to the current.
+    ///
+    /// The velocity of the tick holds from its middle on, where the velocity loop runs twice in it: a ramp is one in both halves.
     #[inline]
-    fn turn(&mut self, setpoint: Setpoint, moved: Velocity, limits: &TorqueLimits) -> AxisOutput {
-        let mut output = self.measured(moved);
+    fn turn(&mut self, setpoint: Setpoint, latest: Velocity, limits: &TorqueLimits) -> AxisOutput {
+        let mut output = self.measured(latest);
+        let settings = &self.settings;
         output.velocity_command = setpoint.velocity;
-        output.limiting = self.settings.velocity_limits.met_by(setpoint.velocity);
-        self.control(self.settings.velocity_loop.feed_forward(setpoint.acceleration), limits, &mut output);
+        output.limiting = settings.velocity_limits.met_by(setpoint.velocity);
+        let command = match settings.velocity_rate {
+            VelocityRate::EachTick => setpoint.velocity,
+            VelocityRate::TwiceATick => mean(self.velocity_command, setpoint.velocity),
+        };
+        self.turned = Some(setpoint.velocity);
+        self.feed_forward(settings.velocity_loop.feed_forward(setpoint.acceleration), setpoint.velocity);
+        self.control_tick(command, limits, &mut output);
         output
     }
 
-    /// From the velocity command, and the current that its acceleration needs, to the current.
+    /// Takes the velocity command of a tick, and the current that its acceleration needs.
     #[inline]
-    fn control(&mut self, acceleration: i32, limits: &TorqueLimits, output: &mut AxisOutput) {
+    fn feed_forward(&mut self, acceleration: i32, command: Velocity) {
+        self.acceleration = acceleration;
+        self.friction = self.settings.friction.current(command);
+        self.velocity_command = command;
+    }
+
+    /// The step of the velocity loop that belongs to a tick.
+    #[inline]
+    fn control_tick(&mut self, command: Velocity, limits: &TorqueLimits, output: &mut AxisOutput) {
+        let (current, limiting) = self.control(command, output.loop_velocity, limits);
+        output.current = current;
+        output.limiting |= limiting;
+    }
+
+    /// A step of the velocity loop: from the velocity command to the current, and what holds that back.
+    #[inline]
+    fn control(&mut self, command: Velocity, measured: Velocity, limits: &TorqueLimits) -> (CurrentFraction, Limiting) {
         let settings = &self.settings;
-        let feed_forward = acceleration.saturating_add(settings.friction.current(output.velocity_command));
-        let controlled = self.velocity_loop.tick(
-            &settings.velocity_loop,
-            limits,
-            output.velocity_command,
-            output.loop_velocity,
-            feed_forward,
-        );
-        self.velocity_command = output.velocity_command;
+        let fed_forward = self.acceleration.saturating_add(self.friction);
+        let controlled = self.velocity_loop.tick(&settings.velocity_loop, limits, command, measured, fed_forward);
         self.current = controlled.current;
-        output.limiting |= controlled.limiting;
-        output.current = if settings.filter.is_active() {
-            // The current for the acceleration comes from commands, without the noise of a measurement: filtered it would only be late. What
-            // the limits take of it must not stand in the filter with the opposite sign when it ends.
-            let [lowest, highest] = bounds(limits);
-            let beside = acceleration.min(highest).max(lowest) << (31 - CURRENT_BITS);
-            let fed_back = fine(controlled.current).saturating_sub(beside);
-            if core::mem::take(&mut self.filter_begins) {
-                self.filter.reset(fed_back);
-            }
-            let filtered = self.filter.tick(&settings.filter, fed_back).saturating_add(beside);
-            // A filter may swing beyond the limit that its input keeps.
-            limits.apply(CurrentFraction::from_bits((filtered >> 16) as i16)).0
-        } else {
-            controlled.current
-        };
+        if !settings.filter.is_active() {
+            return (controlled.current, controlled.limiting);
+        }
+        // The current for the acceleration comes from commands, without the noise of a measurement: filtered it would only be late. What
+        // the limits take of it must not stand in the filter with the opposite sign when it ends.
+        let [lowest, highest] = bounds(limits);
+        let beside = self.acceleration.min(highest).max(lowest) << (31 - CURRENT_BITS);
+        let fed_back = fine(controlled.current).saturating_sub(beside);
+        if core::mem::take(&mut self.filter_begins) {
+            self.filter.reset(fed_back);
+        }
+        let filtered = self.filter.tick(&settings.filter, fed_back).saturating_add(beside);
+        // A filter may swing beyond the limit that its input keeps.
+        (limits.apply(CurrentFraction::from_bits((filtered >> 16) as i16)).0, controlled.limiting)
     }
 
     /// The torque command, or less where the velocity limit S-0-0091 stands in its way.
@@ -658,6 +732,12 @@ impl Axis {
         self.trajectory.shift(difference);
         self.expected_lag.shift(difference);
     }
+}
+
+/// Of two velocities, rounded down.
+#[inline]
+fn mean(one: Velocity, other: Velocity) -> Velocity {
+    Velocity::from_bits((i64::from(one.to_bits()).wrapping_add(i64::from(other.to_bits())) >> 1) as i32)
 }
 
 /// Where an axis goes that only has a velocity: 2^16 revolutions, further than any set-point is from its axis.

@@ -11,8 +11,9 @@ pub use monitor::{
     EncoderError, EncoderMonitor, EncoderMonitorInputs, EncoderMonitorParameters, EncoderMonitorSettings,
 };
 
+use crate::arithmetic::wide::saturated;
 use crate::error::SettingsError;
-use crate::units::Position;
+use crate::units::{Position, Velocity};
 
 /// Resolution of an incremental encoder, with the factors that replace divisions.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -96,6 +97,17 @@ impl Encoder {
     #[must_use]
     pub fn position_of(&self, latched_count: u32) -> Position {
         self.scaled(self.place_at(latched_count))
+    }
+
+    /// The velocity of something that moves by so many increments in a loop tick, at most 2^25 of them; to the nearest.
+    #[inline]
+    #[must_use]
+    pub fn velocity(&self, moved: i32) -> Velocity {
+        let moved = i64::from(moved);
+        let whole = moved.wrapping_mul(i64::from(self.settings.scale_whole)) << 4;
+        // The fraction with 31 bits, so that it is one of a word with a sign.
+        let fraction = moved.wrapping_mul(i64::from((self.settings.scale_fraction >> 1) as i32));
+        Velocity::from_bits(saturated(whole.wrapping_add(fraction.wrapping_add(1 << 26) >> 27)))
     }
 
     /// Shifts the zero so that the position at the last update reads `position` (homing, S-0-0052).

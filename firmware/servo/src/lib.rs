@@ -46,10 +46,10 @@
 //! use servo::SettingsError;
 //! use servo::axis::{position_gain, velocity_gains};
 //!
-//! let gains = velocity_gains(10_000, 500_000, 50, 250)?;
+//! let gains = velocity_gains(10_000, 500_000, 50, 400)?; // small times of 400 us
 //! assert_eq!((gains.proportional, gains.integral_time), (628, 127)); // mA s/rad, 0.1 ms
 //! assert_eq!(position_gain(50)?, 471); // 0.01 * 1000/min
-//! assert!(matches!(velocity_gains(0, 500_000, 50, 250), Err(SettingsError::Zero { .. })));
+//! assert!(matches!(velocity_gains(0, 500_000, 50, 400), Err(SettingsError::Zero { .. })));
 //! # Ok::<(), SettingsError>(())
 //! ```
 //!

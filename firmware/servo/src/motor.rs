@@ -110,6 +110,8 @@ pub struct Motor<B: BoardKind> {
     generating_from: u16,
     /// Sample of the bus voltage in the tick before.
     bus_before: u16,
+    /// What of a current may feed the DC link in this tick, where that is limited.
+    may_feed: Option<CurrentFraction>,
     /// Electrical angle of one increment as the encoder counts it, 2^-32 revolution.
     angle_per_increment: u32,
     /// Encoder count of the tick.
@@ -220,6 +222,7 @@ impl<B: BoardKind> Motor<B> {
             induced: 0,
             generating_from: settings.generating.begin(false),
             bus_before: 0,
+            may_feed: None,
             chopper: Chopper::new(),
             chopper_works: false,
             link_full: 0,
@@ -297,6 +300,9 @@ impl<B: BoardKind> Motor<B> {
         if let Some(reach) = self.within_reach {
             self.limits = self.limits.narrowed_on_one_side(reach, Limiting::VOLTAGE);
         }
+        if let Some(allowed) = self.may_feed {
+            self.limits = self.limits.narrowed_against(self.induced > 0, allowed, Limiting::VOLTAGE);
+        }
     }
 
     /// The encoder counts half a tick before this tick, and with which it began. At 8 kHz there is only the second. Once a tick, before the loops:
@@ -306,11 +312,19 @@ impl<B: BoardKind> Motor<B> {
         let first = self.link.report.cycle(true);
         let bus = (get(&first.bus) & 0xFFFF) as u16;
         let foreseen = foreseen(core::mem::replace(&mut self.bus_before, bus), bus);
+        self.may_feed = None;
         if foreseen > self.generating_from {
             self.limit_generating(if self.chopper_works { bus } else { foreseen });
         }
         self.count = get(&first.count);
         [if B::FACTS.reads_the_encoder_twice() { get(&first.count_before) } else { self.count }, self.count]
+    }
+
+    /// The encoder counts with which the tick began, and half a tick later.
+    #[inline]
+    pub fn half_counts(&self) -> [u32; 2] {
+        let second = self.link.report.cycle(false);
+        [get(&second.count_before), get(&second.count)]
     }
 
     /// What a count is multiplied with to count in the direction of positive current.
@@ -347,11 +361,11 @@ impl<B: BoardKind> Motor<B> {
     #[cold]
     #[inline(never)]
     fn limit_generating(&mut self, bus: u16) {
-        self.combine_limits();
         let bus = if self.generating_from == HANDS_OVER { u16::MAX } else { bus };
-        let Some(allowed) = self.settings.generating.allowed(bus, self.induced, self.chopper_works) else { return };
-        self.limits = self.limits.narrowed_against(self.induced > 0, allowed, Limiting::VOLTAGE);
-        if self.limits.met_by(self.commanded) == Limiting::VOLTAGE
+        self.may_feed = self.settings.generating.allowed(bus, self.induced, self.chopper_works);
+        self.combine_limits();
+        if self.may_feed.is_some()
+            && self.limits.met_by(self.commanded) == Limiting::VOLTAGE
             && (self.commanded.to_bits() > 0) != (self.induced > 0)
         {
             self.link_full = LINK_FULL_TICKS;
@@ -425,15 +439,31 @@ impl<B: BoardKind> Motor<B> {
         let (None, None, Some(commutation)) = (&self.aligning, &self.held, &self.commutation) else {
             return self.command_without_the_loops(speed, trim);
         };
-        // A scale of at most 1, 2^15.
-        let scale = i32::from(self.brake_output.torque_scale.to_bits());
-        let quadrature = CurrentFraction::from_bits((i32::from(current.to_bits()).wrapping_mul(scale) >> 15) as i16);
+        let quadrature = self.granted(current);
         let direct = self.brake_output.test_current.saturating_add(self.weakened);
         let voltages = self.settings.model.induced(speed, direct, quadrature);
         // The position belongs to the middle between the two counts of the tick, the order to the second.
         let turned = if B::FACTS.reads_the_encoder_twice() { speed >> 2 } else { 0 };
         let angle = commutation.at(position).wrapping_add(turned.cast_unsigned());
         self.send(&Wanted { angle, turning: self.angle_per_increment, speed, direct, quadrature, voltages }, trim);
+    }
+
+    /// Half a tick later: the current of the order in force is another one. It is one word, and the current loop finds the one or the other.
+    #[inline]
+    pub fn correct(&mut self, current: CurrentFraction) {
+        if let (None, None, Some(_)) = (&self.aligning, &self.held, &self.commutation) {
+            let quadrature = self.granted(current);
+            self.commanded = quadrature;
+            self.link.order.last().command.set_quadrature(CurrentCommand::reference(quadrature));
+        }
+    }
+
+    /// What of a current the holding brake's sequence lets pass.
+    #[inline]
+    fn granted(&self, current: CurrentFraction) -> CurrentFraction {
+        // A scale of at most 1, 2^15.
+        let scale = i32::from(self.brake_output.torque_scale.to_bits());
+        CurrentFraction::from_bits((i32::from(current.to_bits()).wrapping_mul(scale) >> 15) as i16)
     }
 
     /// The order while the angle is looked for, or held for an identification, or not known.

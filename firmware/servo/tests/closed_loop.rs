@@ -4,7 +4,10 @@ use crate::bench::{
     Bench, Master, degrees, is_limited, largest, modulo_of, parameters, revolutions, rpm, to_rpm, up_to,
 };
 use plant::{Coupling, ReferenceAxis};
-use servo::axis::{AxisOutput, AxisSettings, CurrentFilterSettings, FilterSection, Limiting, Mode, TorqueLimits};
+use servo::axis::{
+    AxisOutput, AxisSettings, CurrentFilterSettings, FilterSection, Limiting, Mode, TorqueLimits, VelocityEstimate,
+    VelocityFilter, VelocityRate,
+};
 use servo::path::CommandSource;
 use servo::units::{Acceleration, CurrentFraction, LOOP_TICKS_PER_SUPERVISION, Modulo, Position, Velocity};
 
@@ -159,7 +162,7 @@ fn a_filter_that_is_switched_on_while_current_flows_makes_no_bump() {
     bench.axis.command_velocity(rpm(1_000.0));
     bench.ticks(100);
     let low_pass = FilterSection::LowPass { frequency: 1_000, damping: 707 };
-    let filter = CurrentFilterSettings::new([low_pass, FilterSection::Off]).unwrap();
+    let filter = CurrentFilterSettings::new([low_pass, FilterSection::Off], VelocityRate::EachTick).unwrap();
     bench.axis.apply_settings(&AxisSettings::new(&servo::axis::AxisParameters { filter, ..settings }).unwrap());
     let currents = bench.ticks(20).into_iter().map(|output| output.current);
     assert_eq!(currents.min(), Some(CurrentFraction::from_num(0.25)));
@@ -177,7 +180,7 @@ fn what_is_fed_forward_does_not_wait_for_the_filter() {
         ..parameters(&reference)
     };
     let low_pass = FilterSection::LowPass { frequency: 200, damping: 707 };
-    let filter = CurrentFilterSettings::new([low_pass, FilterSection::Off]).unwrap();
+    let filter = CurrentFilterSettings::new([low_pass, FilterSection::Off], VelocityRate::EachTick).unwrap();
     let [fast, filtered] = [accelerating, servo::axis::AxisParameters { filter, ..accelerating }].map(|settings| {
         let mut bench = velocity_bench(&reference, &settings);
         bench.axis.command_velocity(rpm(1_000.0));
@@ -198,7 +201,7 @@ fn a_feed_forward_that_the_limit_cuts_leaves_no_torque_the_other_way_in_the_filt
         acceleration_gain: 75_000,
         velocity_ramp: Some((ramp, ramp)),
         ticks_per_cycle: 4,
-        filter: CurrentFilterSettings::new([low_pass, FilterSection::Off]).unwrap(),
+        filter: CurrentFilterSettings::new([low_pass, FilterSection::Off], VelocityRate::EachTick).unwrap(),
         ..parameters(&reference)
     };
     let mut bench = velocity_bench(&reference, &settings);
@@ -218,7 +221,7 @@ fn out_of_torque_mode_the_filter_begins_with_what_flows() {
     let low_pass = FilterSection::LowPass { frequency: 500, damping: 707 };
     let settings = servo::axis::AxisParameters {
         ticks_per_cycle: 4,
-        filter: CurrentFilterSettings::new([low_pass, FilterSection::Off]).unwrap(),
+        filter: CurrentFilterSettings::new([low_pass, FilterSection::Off], VelocityRate::EachTick).unwrap(),
         ..parameters(&reference)
     };
     let mut bench = velocity_bench(&reference, &settings);
@@ -535,7 +538,7 @@ fn homing_shifts_the_zero_without_a_movement() {
     let before = bench.tick();
     let old = bench.encoder.position();
     bench.encoder.set_position(revolutions(-3.25));
-    bench.axis.shift(bench.encoder.position() - old);
+    bench.shift(bench.encoder.position() - old);
     let after = bench.tick();
     assert!((degrees(after.following_error) - degrees(before.following_error)).abs() < 0.01);
     assert_eq!(after.velocity, Velocity::ZERO);
@@ -572,6 +575,7 @@ fn the_integers_are_the_ones_that_every_machine_must_give() {
     let limits = TorqueLimits::symmetrical(CurrentFraction::MAX, Limiting::TORQUE_BIPOLAR);
     let mut noise = 1_u64;
     let mut measured = 0_i64;
+    let mut estimate = VelocityEstimate::new(Position::ZERO);
     let mut deviates = false;
     for tick in 0..40_000_i64 {
         if tick % 16 == 0 {
@@ -587,7 +591,9 @@ fn the_integers_are_the_ones_that_every_machine_must_give() {
         }
         noise = noise.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
         measured += 4_375_000 + (noise >> 44) as i64 - (1 << 19);
-        let output = axis.tick(Position::from_bits(measured), &limits);
+        let position = Position::from_bits(measured);
+        let latest = estimate.update(&VelocityFilter::from_microseconds(0), position);
+        let output = axis.tick(position, latest, &limits);
         if tick % i64::from(LOOP_TICKS_PER_SUPERVISION) == 3 {
             deviates = axis.supervise();
         }

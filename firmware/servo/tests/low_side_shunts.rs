@@ -187,7 +187,7 @@ fn a_sensor_with_a_wrong_gain_or_zero_and_one_that_is_dead_is_found_on_shunts_an
         ([600.0, 0.4], [186.0, 25.0, 0.06], [186.0, 25.0, 0.06]),
         ([1_480.0, 1.0], [68.0, 25.0, 0.06], [70.0, 35.0, 1.0]),
         ([2_000.0, 0.5], [130.0, 25.0, 0.19], [331.0, 73.0, 2.4]),
-        ([2_100.0, 0.35], [232.0, 25.0, 0.81], [884.0, 140.0, 2.1]),
+        ([2_100.0, 0.35], [232.0, 25.0, 0.81], [884.0, 110.0, 2.1]),
     ] {
         for (sensors, found, expected) in [
             ("in the lines", times::<Kind>(&Setup::of(ReferenceAxis::press()), state), in_line),

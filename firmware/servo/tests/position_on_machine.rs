@@ -73,7 +73,7 @@ fn at_10_rpm_the_shaft_follows_within_one_count_of_a_million() {
 
 #[test]
 fn at_100_rpm_the_shaft_follows_within_one_count_of_a_million() {
-    keeps_its_place(100.0, 0.8..1.1, 0.5..0.9);
+    keeps_its_place(100.0, 0.8..1.15, 0.5..0.9);
 }
 
 #[test]
@@ -417,7 +417,7 @@ fn modes_change_at_speed_without_a_bump_of_the_current() {
     within("largest bump as share of peak", highest(into_loops), 0.001..0.005_5);
     // A movement begins with the velocity as it was measured.
     within("mean bump into a movement", mean(&into_travel), 0.003..0.006);
-    within("largest bump into a movement", highest(into_travel), 0.006..0.014);
+    within("largest bump into a movement", highest(into_travel), 0.006..0.016);
 }
 
 #[test]

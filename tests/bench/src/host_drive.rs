@@ -212,7 +212,12 @@ impl Processor for HostDrive {
             self.measurements.borrow_mut().note(now, "current_loop");
         }
         let tick = due && self.current.current_loop();
+        let half_tick = due && !tick;
         self.chip_interrupts(now);
+        if half_tick {
+            self.measurements.borrow_mut().note(now, "velocity_loop");
+            self.motion.velocity_loop();
+        }
         if tick {
             self.measurements.borrow_mut().note(now, "control_loop");
             let mut work = self.motion.control_loop();

@@ -36,7 +36,7 @@ struct ExpectedInterrupt {
 }
 
 /// The table of the application: hardware tasks, and the vectors borrowed for tasks that are pended by software.
-const INTERRUPTS: [ExpectedInterrupt; 10] = [
+const INTERRUPTS: [ExpectedInterrupt; 11] = [
     interrupt("WWDG (fault handler)", 0, 16),
     interrupt("ADC (current_loop)", 18, 5),
     interrupt("EXTI2 (INT1)", 8, 4),
@@ -45,6 +45,7 @@ const INTERRUPTS: [ExpectedInterrupt; 10] = [
     interrupt("CAN1_RX0 (capture_feedback)", 20, 4),
     interrupt("CAN2_TX (control_loop)", 63, 4),
     interrupt("CAN2_RX0 (supervision)", 64, 4),
+    interrupt("CAN2_RX1 (velocity_loop)", 65, 4),
     interrupt("CAN1_RX1 (phase_change)", 21, 2),
     interrupt("CAN1_SCE (service_channel)", 22, 2),
 ];

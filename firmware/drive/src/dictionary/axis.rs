@@ -164,7 +164,7 @@ sercos::data_blocks! {
     S 372 "Drive halt acceleration bipolar" [acceleration] I32 written ALWAYS (0 to 2_147_483_647) = 0 => Parameter, stored, restricted;
     /// Velocity deviation above which C2D bit 11 warns; 0: not monitored.
     S 377 "Velocity feedback monitoring window" [velocity] I32 written ALWAYS (0 to 2_147_483_647) = 0 => Parameter, stored;
-    /// Time constant of the velocity that the velocity loop controls; 0: none, what the encoder moves in a tick.
+    /// Time constant of the velocity that the velocity loop controls, the mean over a tick of 125 us; 0: none, what the encoder moves in 62.5 us. P-0-0220 sets 0 where its steps are not felt.
     S 392 "Velocity feedback filter" ["us"] U16/0 written ALWAYS (0 to 65_500) = 500 => Parameter, stored;
     /// Bits 1 and 0: a modulo axis goes to a position 0 the shortest way, 1 in positive, 2 in negative direction. Bit 2: a target that was not attained when its mode ended or the torque went is, when it comes back, 0 gone to, 1 dropped.
     S 393 "Command value mode" [""] U16/0 written ALWAYS (0 to 6) = 4 => Parameter, stored, restricted;

@@ -32,7 +32,7 @@ sercos::data_blocks! {
     S 293 "Selectively backup working memory procedure command" [""] COMMAND/0 written ALWAYS () = 0 => SaveSelected;
     /// Makes the place where the motor stands the position S-0-0052. Not while torque is on.
     S 447 "Set absolute position procedure command" [""] COMMAND/0 written ALWAYS () = 0 => SetAbsolutePosition;
-    /// Works out S-0-0100, 0101, 0104, 0106, 0107, 0348, P-0-0231 and, against the steps of the encoder (S-0-0116), the low-pass P-0-0174 to P-0-0176 (a notch there stays, and one of your own belongs in P-0-0170) from S-0-0001, P-0-0110 to P-0-0114 and P-0-0221 to P-0-0223. All of them or, with the reason in P-0-0228, none.
+    /// Works out S-0-0100, 0101, 0104, 0106, 0107, 0348, P-0-0231 and, against the steps of the encoder (S-0-0116), S-0-0392 and the low-pass P-0-0174 to P-0-0176 (a notch there stays, and one of your own belongs in P-0-0170) from S-0-0001, P-0-0110 to P-0-0114 and P-0-0221 to P-0-0223. All of them or, with the reason in P-0-0228, none.
     P 220 "Compute gains" [""] COMMAND/0 written ALWAYS () = 0 => ComputeGains;
     /// Measures P-0-0111 to P-0-0113 with direct current up to S-0-0111, within S-0-0082, 0083 and 0092. Needs torque, drive HALT and standstill (7012H); the motor turns by up to 30 electrical degrees. An axis that takes more than an eighth of the smallest of S-0-0109, S-0-0110 and S-0-0111 to be held is refused (P-0-0228): its load would go. Ends with an error when HALT ends.
     P 224 "Identify resistance and inductances" [""] COMMAND/0 written IN_CP4 () = 0 => IdentifyWinding;

@@ -89,7 +89,7 @@ sercos::data_blocks! {
     /// At -3 dB, for P-0-0220; at most 0.17 of the frequency of the bridge.
     P 222 "Bandwidth of the current loop" ["Hz"] U16/0 written ALWAYS (10 to 2_716) = 2_000 => Parameter, stored;
     /// Where its open loop crosses, for P-0-0220.
-    P 223 "Bandwidth of the velocity loop" ["Hz"] U16/0 written ALWAYS (1 to 444) = 40 => Parameter, stored;
+    P 223 "Bandwidth of the velocity loop" ["Hz"] U16/0 written ALWAYS (1 to 666) = 40 => Parameter, stored;
     /// How far P-0-0225 and P-0-0226 may turn the motor from where it stands; they fail and HALT stops the motor when it is further.
     P 229 "Movement of the identification" ["rev"] U32/2 written ALWAYS (1 to 104_857_600) = 1_500 => Parameter, stored;
     /// By how much the shaft is where S-0-0047 said later than one cycle S-0-0001 after the t3 at which it became valid; negative: earlier. For drives of another make on the same line shaft.

@@ -10,8 +10,8 @@ use sercos::Idn;
 use sercos::parameters::Parameters;
 use servo::SettingsError;
 use servo::axis::{
-    NOISE_DAMPING, acceleration_feed_forward, acceleration_smoothing, current_gains, noise_filter, position_gain,
-    velocity_gains,
+    NOISE_DAMPING, NOISE_TIME, VelocityRate, acceleration_feed_forward, acceleration_smoothing, current_gains, is_felt,
+    noise_filter, position_gain, velocity_gains,
 };
 use servo::current::PwmFrequency;
 use servo::identification::{
@@ -113,8 +113,12 @@ pub(crate) fn compute_gains(
     let current = current_gains(data.get(P(111)), inductance, data.get(P(222)), frequency)?;
     let current_loop = u64::from(inductance).saturating_mul(1_000).checked_div(current.proportional.into());
     let bandwidth = data.get(P(223));
-    let velocity_with = |filters: u64| {
-        let small_times = u64::from(data.get(S(392))).saturating_add(filters).saturating_add(current_loop.unwrap_or(0));
+    let rate = VelocityRate::of(frequency);
+    let velocity_with = |time: u16, filters: u64| {
+        let small_times = u64::from(time)
+            .saturating_add(rate.delay(time > 0).into())
+            .saturating_add(filters)
+            .saturating_add(current_loop.unwrap_or(0));
         let small_times = u32::try_from(small_times).unwrap_or(u32::MAX);
         // Per ampere RMS, as S-0-0100 counts them.
         velocity_gains(data.get(P(221)), data.get(P(114)), bandwidth, small_times)
@@ -123,18 +127,19 @@ pub(crate) fn compute_gains(
     let others = filter_delay(&first);
     // A notch is somebody's answer to a resonance, and one low-pass is enough.
     let keeps = second[0] == NOTCH || first[0] == LOW_PASS;
-    let velocity = velocity_with(if keeps { others.saturating_add(filter_delay(&second)) } else { others })?;
+    let alone = if keeps { second } else { [0, second[1], second[2], 0] };
+    let fastest = velocity_with(0, others.saturating_add(filter_delay(&alone)))?;
     let increments = data.get(S(116)).saturating_mul(4);
     let peak = data.get(S(109)).min(data.get(S(110)));
-    let [kind, frequency, width, _] = if keeps {
-        second
-    } else {
-        noise_filter(velocity.proportional, increments, peak, bandwidth)
-            .map(|frequency| [LOW_PASS, frequency.into(), NOISE_DAMPING.into(), 0])
-            // Where it would cost the bandwidth that was asked for, there is none.
-            .filter(|filter| velocity_with(others.saturating_add(filter_delay(filter))).is_ok())
-            .unwrap_or([0, second[1], second[2], 0])
+    let quiet = if keeps { second } else { [LOW_PASS, noise_filter(bandwidth).into(), NOISE_DAMPING.into(), 0] };
+    // Against steps that are felt as much as leaves the bandwidth that was asked for; the low-pass does more than the velocity filter.
+    let against_steps = || {
+        let delays = others.saturating_add(filter_delay(&quiet));
+        [NOISE_TIME, 0].into_iter().find_map(|time| Some((time, quiet, velocity_with(time, delays).ok()?)))
     };
+    let chosen = if is_felt(fastest.proportional, increments, peak, rate.hertz()) { against_steps() } else { None };
+    let (filter_time, filter, velocity) = chosen.unwrap_or((0, alone, fastest));
+    let [kind, frequency, width, _] = filter;
     let position = position_gain(bandwidth)?;
     let feed_forward = acceleration_feed_forward(data.get(P(221)), data.get(P(114)))?;
     let smoothing = acceleration_smoothing(data.get_word(S(1)));
@@ -149,6 +154,7 @@ pub(crate) fn compute_gains(
             (S(106), current.proportional),
             (S(107), current_time),
             (S(348), feed_forward.into()),
+            (S(392), filter_time.into()),
             (P(231), smoothing.into()),
             (P(174), kind),
             (P(175), frequency),
@@ -373,6 +379,51 @@ mod tests {
             let text = std::string::ToString::to_string(&finding);
             assert!((10..=sercos::capacity::LIVE_TEXT_BYTES).contains(&text.len()), "{text}: {}", text.len());
         }
+    }
+
+    /// The data of a precise axis: 1 Ohm, 5 mH, 1.2 Nm per ampere of amplitude, 0.0024 kg m², 20 A of amplitude.
+    fn precise(increments: u32, bandwidth: u32) -> Parameters {
+        let mut parameters = crate::service::rig::parameters();
+        for (number, value) in
+            [(111, 1_000), (112, 5_000), (113, 5_000), (114, 1_697_056), (221, 24_000), (223, bandwidth)]
+        {
+            parameters.set(P(number), value.into()).unwrap();
+        }
+        for (number, value) in [(116, increments / 4), (109, 14_142)] {
+            parameters.set(S(number), value.into()).unwrap();
+        }
+        parameters
+    }
+
+    #[test]
+    fn an_axis_with_a_fine_encoder_gets_300_hertz_and_no_filter() {
+        let mut parameters = precise(1 << 20, 300);
+        compute_gains(&mut parameters, PwmFrequency::Khz16, valid).unwrap();
+        // 2 pi 300 Hz * 0.0024 kg m² / 1.697 Nm/A.
+        assert_eq!(parameters.get(S(100)), 2_666);
+        assert_eq!([S(392), P(174)].map(|idn| parameters.get(idn)), [0, 0]);
+        // 146 us of the current loop and 125 of its own: 1 / (12 * 271 us) is 307 Hz.
+        compute_gains(&mut precise(1 << 20, 307), PwmFrequency::Khz16, valid).unwrap();
+        let refused = compute_gains(&mut precise(1 << 20, 308), PwmFrequency::Khz16, valid).unwrap_err();
+        assert!(matches!(refused, Finding::Settings(SettingsError::OutOfRange { maximum: 307, .. })), "{refused}");
+        // With a velocity loop every 125 us it was less.
+        let refused = compute_gains(&mut precise(1 << 20, 300), PwmFrequency::Khz8, valid).unwrap_err();
+        assert!(matches!(refused, Finding::Settings(SettingsError::OutOfRange { .. })), "{refused}");
+    }
+
+    #[test]
+    fn against_a_coarse_encoder_there_is_as_much_filter_as_the_bandwidth_leaves() {
+        // Small times: 146 us of the current loop; velocity filter 500 us and 157, or none and 125; low-pass 45 / bandwidth.
+        for (bandwidth, filter, low_pass) in [(40, 500, 1), (60, 0, 1), (140, 0, 1), (142, 0, 0), (300, 0, 0)] {
+            let mut parameters = precise(65_536, bandwidth);
+            compute_gains(&mut parameters, PwmFrequency::Khz16, valid).unwrap();
+            assert_eq!([S(392), P(174)].map(|idn| parameters.get(idn)), [filter, low_pass], "{bandwidth} Hz");
+        }
+        // A notch stays, and counts.
+        let mut parameters = precise(65_536, 40);
+        parameters.set(P(174), 2).unwrap();
+        compute_gains(&mut parameters, PwmFrequency::Khz16, valid).unwrap();
+        assert_eq!([S(392), P(174)].map(|idn| parameters.get(idn)), [500, 2]);
     }
 
     #[test]

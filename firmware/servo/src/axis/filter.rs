@@ -7,7 +7,7 @@
 //! notch     H(s) = (s^2 + k b s + w^2) / (s^2 + b s + w^2)            k: depth, b: width
 //! ```
 //!
-//! Both are transformed bilinearly, so that the frequency, and the width of a notch whose depth is 0, are exact at 8 kHz too.
+//! Both are transformed bilinearly, so that the frequency, and the width of a notch whose depth is 0, are exact at the rate of the loop too.
 //!
 //! A section is the direct form 1 of [`idsp`] with 32 bits of the output's fraction fed back: rounding makes neither a dead band nor a
 //! limit cycle. Samples pass it in 2^-28 of peak: that leaves the sum of its five products, at most 7 times peak, inside the accumulator,
@@ -19,6 +19,7 @@ use idsp::iir::{Biquad, BiquadClamp, DirectForm1Wide};
 
 use crate::arithmetic::division::divide_rounding;
 use crate::arithmetic::trigonometry::Rotation;
+use crate::axis::velocity_rate::VelocityRate;
 use crate::error::{SettingsError, in_range};
 
 /// A second-order section.
@@ -61,8 +62,8 @@ impl CurrentFilterSettings {
     ///
     /// # Errors
     /// [`SettingsError::OutOfRange`] names the first value outside the range that [`FilterSection`] states.
-    pub fn new([first, second]: [FilterSection; 2]) -> Result<Self, SettingsError> {
-        let sections = [Coefficients::new(first)?, Coefficients::new(second)?];
+    pub fn new([first, second]: [FilterSection; 2], rate: VelocityRate) -> Result<Self, SettingsError> {
+        let sections = [Coefficients::new(first, rate)?, Coefficients::new(second, rate)?];
         Ok(Self { is_active: sections.iter().any(Option::is_some), sections })
     }
 
@@ -93,7 +94,7 @@ impl CurrentFilter {
         self.sections = [SectionState::at_rest(current); 2];
     }
 
-    /// One tick of 125 us: a sample in and out, in 2^-31 of peak. What a section would raise above peak stays at peak.
+    /// One step of the velocity loop: a sample in and out, in 2^-31 of peak. What a section would raise above peak stays at peak.
     #[inline]
     pub fn tick(&mut self, settings: &CurrentFilterSettings, current: i32) -> i32 {
         let mut sample = current;
@@ -124,26 +125,26 @@ const HEADROOM: u32 = 3;
 const PEAK: i32 = 1 << (31 - HEADROOM);
 
 impl Coefficients {
-    fn new(section: FilterSection) -> Result<Option<Self>, SettingsError> {
+    fn new(section: FilterSection, rate: VelocityRate) -> Result<Option<Self>, SettingsError> {
         let frequency_in_range = |frequency: u16| in_range("filter frequency", frequency.into(), 100, 35_000);
         Ok(match section {
             FilterSection::Off => None,
             FilterSection::LowPass { frequency, damping } => {
                 let frequency = frequency_in_range(frequency)?;
-                Some(Self::low_pass(frequency, in_range("filter damping", damping.into(), 200, 2_000)?))
+                Some(Self::low_pass(frequency, in_range("filter damping", damping.into(), 200, 2_000)?, rate))
             }
             FilterSection::Notch { frequency, width, depth } => {
                 let frequency = frequency_in_range(frequency)?;
                 let width = in_range("filter width", width.into(), 100, 20_000)?;
-                Some(Self::notch(frequency, width, in_range("filter depth", depth.into(), 0, 10_000)?))
+                Some(Self::notch(frequency, width, in_range("filter depth", depth.into(), 0, 10_000)?, rate))
             }
         })
     }
 
-    /// With s and c of half the angle that the frequency turns by in a tick, and n = 1 + 2 d s c:
+    /// With s and c of half the angle that the frequency turns by in a step, and n = 1 + 2 d s c:
     /// b0 = b2 = s^2 / n, b1 = 2 b0, a2 = -(1 - 2 d s c) / n, and a1 such that all five add up to 1, the gain at 0 Hz.
-    fn low_pass(frequency: u32, damping: u32) -> Self {
-        let half = half_angle(frequency);
+    fn low_pass(frequency: u32, damping: u32, rate: VelocityRate) -> Self {
+        let half = half_angle(frequency, rate);
         let one = 1_i128 << 62;
         let square = i128::from(half.sine).saturating_mul(half.sine.into());
         let product = i128::from(half.sine).saturating_mul(half.cosine.into());
@@ -157,9 +158,9 @@ impl Coefficients {
 
     /// With s and c of half the angle of the width, w the angle of the frequency and n = c + s:
     /// b0 = (c + k s) / n, b2 = (c - k s) / n, b1 = -2 c cos w / n = -a1, and a2 such that all five add up to 1.
-    fn notch(frequency: u32, width: u32, depth: u32) -> Self {
-        let half = half_angle(frequency);
-        let width = half_angle(width);
+    fn notch(frequency: u32, width: u32, depth: u32, rate: VelocityRate) -> Self {
+        let half = half_angle(frequency, rate);
+        let width = half_angle(width, rate);
         let one = 1_i128 << 62;
         // 1 - 2 sin^2(w/2), because near 0 Hz the cosine itself has lost the frequency.
         let cosine = one.saturating_sub(i128::from(half.sine).saturating_mul(half.sine.into()).saturating_mul(2)) >> 31;
@@ -174,10 +175,10 @@ impl Coefficients {
     }
 }
 
-/// Half the angle by which a frequency in 0.1 Hz turns in a tick.
-fn half_angle(frequency: u32) -> Rotation {
+/// Half the angle by which a frequency in 0.1 Hz turns in a step.
+fn half_angle(frequency: u32, rate: VelocityRate) -> Rotation {
     // Below a quarter of a revolution up to 4 kHz.
-    Rotation::by(divide_rounding(i128::from(frequency) << 32, 160_000) as u32)
+    Rotation::by(divide_rounding(i128::from(frequency) << 32, i128::from(rate.hertz()).saturating_mul(20)) as u32)
 }
 
 /// A quotient of magnitude 2 or less as a coefficient.
@@ -232,29 +233,32 @@ mod tests {
     const NOTCH: FilterSection = FilterSection::Notch { frequency: 6_500, width: 2_000, depth: 1_000 };
     const FREQUENCIES: [f64; 5] = [50.0, 300.0, 640.0, 1_200.0, 3_000.0];
 
-    fn settings(first: FilterSection, second: FilterSection) -> CurrentFilterSettings {
-        CurrentFilterSettings::new([first, second]).unwrap()
+    const RATES: [VelocityRate; 2] = [VelocityRate::EachTick, VelocityRate::TwiceATick];
+
+    fn settings(first: FilterSection, second: FilterSection, rate: VelocityRate) -> CurrentFilterSettings {
+        CurrentFilterSettings::new([first, second], rate).unwrap()
     }
 
     /// Real and imaginary part of the response to a sine of an amplitude, over a second that follows a second of settling.
-    fn measured(settings: &CurrentFilterSettings, hertz: f64) -> (f64, f64) {
+    fn measured(settings: &CurrentFilterSettings, hertz: f64, rate: VelocityRate) -> (f64, f64) {
         let amplitude = 400_000_000.0;
         let mut filter = CurrentFilter::new();
         let (mut real, mut imaginary) = (0.0, 0.0);
-        for tick in 0..16_000 {
-            let angle = TAU * hertz * f64::from(tick) / 8_000.0;
+        let second = rate.hertz();
+        for step in 0..2 * second {
+            let angle = TAU * hertz * f64::from(step) / f64::from(second);
             let output = f64::from(filter.tick(settings, (amplitude * angle.cos()) as i32));
-            if tick >= 8_000 {
-                real += output * angle.cos() / 4_000.0 / amplitude;
-                imaginary -= output * angle.sin() / 4_000.0 / amplitude;
+            if step >= second {
+                real += output * angle.cos() * 2.0 / f64::from(second) / amplitude;
+                imaginary -= output * angle.sin() * 2.0 / f64::from(second) / amplitude;
             }
         }
         (real, imaginary)
     }
 
     /// (numerator, denominator) of the transfer function at the frequency that the bilinear transformation makes of `hertz`.
-    fn ideal(section: FilterSection, hertz: f64) -> (f64, f64) {
-        let warped = |hertz: f64| (PI * hertz / 8_000.0).tan();
+    fn ideal(section: FilterSection, hertz: f64, rate: VelocityRate) -> (f64, f64) {
+        let warped = |hertz: f64| (PI * hertz / f64::from(rate.hertz())).tan();
         let s = warped(hertz);
         // (a + jb) / (c + jd)
         let (a, b, c, d) = match section {
@@ -274,10 +278,15 @@ mod tests {
     }
 
     fn assert_ideal(section: FilterSection, hertz: f64, tolerance: f64) {
-        let (real, imaginary) = measured(&settings(section, FilterSection::Off), hertz);
-        let (ideal_real, ideal_imaginary) = ideal(section, hertz);
-        let error = (real - ideal_real).hypot(imaginary - ideal_imaginary);
-        assert!(error < tolerance, "{section:?} at {hertz} Hz: {real} {imaginary}, not {ideal_real} {ideal_imaginary}");
+        for rate in RATES {
+            let (real, imaginary) = measured(&settings(section, FilterSection::Off, rate), hertz, rate);
+            let (ideal_real, ideal_imaginary) = ideal(section, hertz, rate);
+            let error = (real - ideal_real).hypot(imaginary - ideal_imaginary);
+            assert!(
+                error < tolerance,
+                "{section:?} at {hertz} Hz, {rate:?}: {real} {imaginary}, not {ideal_real} {ideal_imaginary}"
+            );
+        }
     }
 
     #[test]
@@ -285,8 +294,10 @@ mod tests {
         for hertz in FREQUENCIES {
             assert_ideal(LOW_PASS, hertz, 5e-4);
         }
-        let (real, imaginary) = measured(&settings(LOW_PASS, FilterSection::Off), 400.0);
-        assert!(real.abs() < 1e-3 && (imaginary + 1.0).abs() < 1e-3, "a damping of 0.5: {real} {imaginary}");
+        for rate in RATES {
+            let (real, imaginary) = measured(&settings(LOW_PASS, FilterSection::Off, rate), 400.0, rate);
+            assert!(real.abs() < 1e-3 && (imaginary + 1.0).abs() < 1e-3, "a damping of 0.5: {real} {imaginary}");
+        }
     }
 
     #[test]
@@ -294,8 +305,10 @@ mod tests {
         for hertz in FREQUENCIES {
             assert_ideal(NOTCH, hertz, 5e-4);
         }
-        let (real, imaginary) = measured(&settings(NOTCH, FilterSection::Off), 650.0);
-        assert!((real - 0.1).abs() < 1e-3 && imaginary.abs() < 1e-3, "a tenth is kept: {real} {imaginary}");
+        for rate in RATES {
+            let (real, imaginary) = measured(&settings(NOTCH, FilterSection::Off, rate), 650.0, rate);
+            assert!((real - 0.1).abs() < 1e-3 && imaginary.abs() < 1e-3, "a tenth is kept: {real} {imaginary}");
+        }
         assert_ideal(FilterSection::Notch { frequency: 6_500, width: 100, depth: 0 }, 650.0, 5e-3);
     }
 
@@ -314,10 +327,10 @@ mod tests {
 
     #[test]
     fn two_sections_multiply() {
-        for hertz in FREQUENCIES {
-            let (real, imaginary) = measured(&settings(LOW_PASS, NOTCH), hertz);
-            let (a, b) = ideal(LOW_PASS, hertz);
-            let (c, d) = ideal(NOTCH, hertz);
+        for (hertz, rate) in FREQUENCIES.into_iter().flat_map(|hertz| RATES.map(|rate| (hertz, rate))) {
+            let (real, imaginary) = measured(&settings(LOW_PASS, NOTCH, rate), hertz, rate);
+            let (a, b) = ideal(LOW_PASS, hertz, rate);
+            let (c, d) = ideal(NOTCH, hertz, rate);
             let error = (real - (a * c - b * d)).hypot(imaginary - (a * d + b * c));
             assert!(error < 1e-3, "{hertz} Hz: {error}");
         }
@@ -328,11 +341,11 @@ mod tests {
         let slow = FilterSection::LowPass { frequency: 100, damping: 200 };
         let narrow = FilterSection::Notch { frequency: 100, width: 100, depth: 0 };
         for section in [LOW_PASS, NOTCH, slow, narrow] {
-            let settings = settings(section, FilterSection::Off);
+            let settings = settings(section, FilterSection::Off, VelocityRate::TwiceATick);
             for (before, constant) in [(0, 800), (1_600, 800), (1 << 30, 8), (i32::MIN, 8), (0, 1_000_000_000)] {
                 let mut filter = CurrentFilter::new();
                 filter.reset(before);
-                for _ in 0..16_000 {
+                for _ in 0..32_000 {
                     filter.tick(&settings, constant);
                 }
                 for _ in 0..1_000 {
@@ -345,7 +358,7 @@ mod tests {
 
     #[test]
     fn a_start_at_a_current_makes_no_bump() {
-        let settings = settings(LOW_PASS, NOTCH);
+        let settings = settings(LOW_PASS, NOTCH, VelocityRate::TwiceATick);
         let mut filter = CurrentFilter::new();
         filter.reset(-1_234_567_890);
         for _ in 0..100 {
@@ -359,7 +372,7 @@ mod tests {
     #[test]
     fn a_resonant_low_pass_stands_at_peak_and_comes_back_like_one_that_was_never_limited() {
         let resonant = FilterSection::LowPass { frequency: 1_000, damping: 200 };
-        let settings = settings(resonant, FilterSection::Off);
+        let settings = settings(resonant, FilterSection::Off, VelocityRate::EachTick);
         let mut filter = CurrentFilter::new();
         let (mut highest, mut lowest) = (0, 0);
         for tick in 0..8_000 {
@@ -378,7 +391,8 @@ mod tests {
 
     #[test]
     fn values_out_of_range_are_refused_by_name() {
-        let refused = |section| CurrentFilterSettings::new([FilterSection::Off, section]).unwrap_err();
+        let refused =
+            |section| CurrentFilterSettings::new([FilterSection::Off, section], VelocityRate::EachTick).unwrap_err();
         let out_of_range =
             |parameter, actual, minimum, maximum| SettingsError::OutOfRange { parameter, actual, minimum, maximum };
         assert_eq!(
@@ -420,9 +434,9 @@ mod tests {
         /// The same arithmetic without limits of width: what differs has overflowed.
         #[test]
         fn no_full_scale_input_overflows(
-            section in section(), periods in proptest::collection::vec(1_usize..60, 1..40),
+            section in section(), twice: bool, periods in proptest::collection::vec(1_usize..60, 1..40),
         ) {
-            let settings = settings(section, FilterSection::Off);
+            let settings = settings(section, FilterSection::Off, RATES[usize::from(twice)]);
             let Some(Coefficients(ba)) = settings.sections[0] else { unreachable!() };
             let [b0, b1, b2, a1, a2] = ba.map(|value| f64::from(value) / UNIT as f64);
             let mut filter = CurrentFilter::new();

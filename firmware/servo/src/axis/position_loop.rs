@@ -69,6 +69,12 @@ impl PositionLoopSettings {
         PositionLoopOutput { velocity, following_error, limiting }
     }
 
+    /// Between two ticks: the velocity of the last one, moved on by what the set-point has gained since.
+    #[inline]
+    pub(crate) fn moved_on(&self, limits: &VelocityLimits, velocity: Velocity, gained: Velocity) -> Velocity {
+        limits.apply(velocity + Velocity::from_bits(self.feed_forward.of(gained.to_bits()))).0
+    }
+
     /// What a way in 2^-38 revolution asks for, rounded down, with what is fed forward.
     #[inline]
     fn velocity(&self, way: i64, fed_forward: i32) -> Velocity {

@@ -9,6 +9,7 @@ use crate::axis::limits::VelocityLimits;
 use crate::axis::position_loop::PositionLoopSettings;
 use crate::axis::velocity_estimate::VelocityFilter;
 use crate::axis::velocity_loop::VelocityLoopSettings;
+use crate::axis::velocity_rate::VelocityRate;
 use crate::error::SettingsError;
 use crate::path::command_step::CommandLimits;
 use crate::path::limits::MotionLimits;
@@ -33,7 +34,9 @@ pub struct AxisParameters {
     pub velocity_gain: u32,
     /// Velocity loop integral action time S-0-0101 in 0.1 ms, 0: no integral part.
     pub integral_time: u16,
-    /// Time constant of the velocity feedback filter S-0-0392 in microseconds.
+    /// How often the velocity loop runs.
+    pub velocity_rate: VelocityRate,
+    /// Time constant of the velocity feedback filter S-0-0392 in microseconds; 0: none.
     pub velocity_filter: u16,
     /// Acceleration feed-forward S-0-0348 in uA s²/rad, 0: none.
     pub acceleration_gain: u32,
@@ -75,7 +78,10 @@ pub struct AxisSettings {
     pub(crate) deviation: DeviationSettings,
     pub(crate) velocity_loop: VelocityLoopSettings,
     pub(crate) acceleration_smoothing: AccelerationSmoothing,
+    pub(crate) velocity_rate: VelocityRate,
     pub(crate) velocity_filter: VelocityFilter,
+    /// The measured velocity is the mean over a whole tick, else over a step of the velocity loop.
+    pub(crate) spans_tick: bool,
     pub(crate) velocity_limits: VelocityLimits,
     pub(crate) deceleration: Acceleration,
     pub(crate) friction: FrictionSettings,
@@ -85,8 +91,8 @@ pub struct AxisSettings {
     pub(crate) standstill_window: Velocity,
     /// From the instant of the measured position to that of the set-point which it is compared with, in 2^-28 tick.
     pub(crate) lead: i32,
-    /// The same for what is made of the velocities of two ticks: of lines not more than from one to the other.
-    pub(crate) velocity_lead: i32,
+    /// The same for what is made of the velocities of two ticks, in a tick and half a tick later: of lines not more than from one to the other.
+    velocity_leads: [i32; 2],
 }
 
 /// Ramps of an axis, scaled: what may be exchanged while it moves, see [`crate::axis::Axis::set_movements`].
@@ -132,6 +138,14 @@ impl AxisMovements {
 /// In [`AxisSettings::lead`]: from 2^-36 to 2^-32 revolution are four bits.
 const TICK: i32 = 1 << 28;
 
+/// Of two velocities a tick apart, the one that is so long before the later one, in 2^-28 tick.
+#[inline]
+fn between(before: Velocity, now: Velocity, lead: i32) -> Velocity {
+    // From 2^-32 of 2^28: four bits less, 0.0001 rpm.
+    let since = high_product((now - before).to_bits(), lead);
+    Velocity::from_bits(now.to_bits().wrapping_sub(since << 4))
+}
+
 const fn or_unlimited(acceleration: Acceleration) -> Acceleration {
     match acceleration.to_bits() {
         0 => Acceleration::from_bits(u64::MAX),
@@ -158,20 +172,41 @@ impl AxisSettings {
         };
         // Below 8 ticks.
         let lead = ((limited << 28) / PERIOD) as i32;
-        let velocity_lead = match self.interpolator.interpolation() {
+        // A velocity belongs to the middle of the way that it is the mean over: that of the set-point to half a tick before its position.
+        let measured_before = match (self.velocity_rate, self.spans_tick) {
+            (VelocityRate::EachTick, _) => [TICK / 2, 0],
+            (VelocityRate::TwiceATick, true) => [TICK / 4, -TICK / 4],
+            (VelocityRate::TwiceATick, false) => [0, -TICK / 2],
+        };
+        let [now, later] = measured_before;
+        let velocity_leads = [
+            self.within_path(lead.wrapping_sub(TICK / 2).wrapping_add(now)),
+            self.within_path(lead.wrapping_sub(TICK / 2).wrapping_add(later)),
+        ];
+        Self { lead, velocity_leads, ..self }
+    }
+
+    /// Of lines, whose velocity jumps, no further than from one tick to the next.
+    const fn within_path(&self, lead: i32) -> i32 {
+        match self.interpolator.interpolation() {
             Interpolation::Linear if lead < 0 => 0,
             Interpolation::Linear if lead > TICK => TICK,
             _ => lead,
-        };
-        Self { lead, velocity_lead, ..self }
+        }
     }
 
-    /// Of the set-point's velocities in two ticks, the one that the axis is measured to have on it.
+    /// Of the set-point's velocities in two ticks, the one that the axis is measured to have on it in the later tick.
     #[inline]
     pub(crate) fn as_measured(&self, before: Velocity, now: Velocity) -> Velocity {
-        // From 2^-32 of 2^28: four bits less, 0.0001 rpm.
-        let since = high_product((now - before).to_bits(), self.velocity_lead);
-        Velocity::from_bits(now.to_bits().wrapping_sub(since << 4))
+        let [lead, _] = self.velocity_leads;
+        between(before, now, lead)
+    }
+
+    /// And half a tick later.
+    #[inline]
+    pub(crate) fn as_measured_later(&self, before: Velocity, now: Velocity) -> Velocity {
+        let [_, lead] = self.velocity_leads;
+        between(before, now, lead)
     }
 
     /// What the set-point moves with this velocity from the instant of the measurement to its own.
@@ -198,7 +233,9 @@ impl AxisSettings {
         )?;
         Ok(Self {
             lead: 0,
-            velocity_lead: 0,
+            velocity_leads: [0; 2],
+            velocity_rate: parameters.velocity_rate,
+            spans_tick: matches!(parameters.velocity_rate, VelocityRate::TwiceATick) && parameters.velocity_filter > 0,
             friction: parameters.friction,
             filter: parameters.filter,
             halt: movements.halt,
@@ -213,16 +250,18 @@ impl AxisSettings {
                 parameters.integral_time,
                 parameters.acceleration_gain,
                 parameters.peak_current,
+                parameters.velocity_rate,
             )?,
             acceleration_smoothing: AccelerationSmoothing::new(
                 parameters.acceleration_smoothing,
                 parameters.ticks_per_cycle,
             ),
-            velocity_filter: VelocityFilter::from_microseconds(parameters.velocity_filter),
+            velocity_filter: VelocityFilter::new(parameters.velocity_filter, parameters.velocity_rate),
             velocity_limits: parameters.velocity_limits,
             deceleration: movements.deceleration,
             standstill_window: parameters.standstill_window.abs(),
-        })
+        }
+        .with_setpoint_ahead(0))
     }
 
     /// Limits of the velocity command in force.

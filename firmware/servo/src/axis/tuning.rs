@@ -7,16 +7,16 @@
 //! | current | the zero of the controller lies on the pole of the winding; gain for the bandwidth | 60 degrees or more |
 //! | velocity | gain for the bandwidth; integral action time 4 / bandwidth: the ideal loop is critically damped | 45 degrees or more |
 //! | position | a quarter of the velocity bandwidth | |
-//! | encoder's steps | a low-pass at five times the velocity bandwidth, where they would be felt | 16 degrees less, of what small times may take |
+//! | encoder's steps | velocity filter, and a low-pass at five times the velocity bandwidth, where they would be felt | 16 degrees less, of what small times may take |
 //! | feed-forward | the current that the inertia takes, smoothed as the rounding of the commands asks for | |
 //!
 //! All of it divides: for commands and parameters, not for a tick.
 
 use crate::arithmetic::division::{TEN_TO_15, TWO_PI_TIMES_TEN_TO_15, divide_rounding};
 use crate::arithmetic::trigonometry::Rotation;
+use crate::axis::velocity_rate::VelocityRate;
 use crate::current::settings::PwmFrequency;
 use crate::error::{SettingsError, in_range};
-use crate::units::LOOP_TICKS_PER_SECOND;
 
 /// Gains of the current loop.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -106,16 +106,15 @@ const HIGHEST_BANDWIDTH: i128 = 1_698;
 ///
 /// The integral part moves the crossing to 1.03 times that.
 ///
-/// `filter`: the small times of the loop in us: velocity filter S-0-0392, filters of the current command, and the current loop
-/// (inductance / S-0-0106). 187.5 us are added: half a tick for the difference of two positions, half a tick until the current loop takes
-/// the command, half a tick for holding it.
+/// `small_times`: those of the loop in us: velocity filter S-0-0392, filters of the current command, the current loop
+/// (inductance / S-0-0106), and what the loop itself delays, [`VelocityRate::delay`].
 ///
 /// ```text
 /// gain = inertia * 2 pi * bandwidth / torque constant,   integral action time = 4 / (2 pi * bandwidth)
 /// ```
 ///
 /// The integral part takes 14 degrees of phase at the crossing, each small time at most 360 degrees * bandwidth * time. Small times may
-/// take 30 degrees: the bandwidth is at most 1 / (12 (`filter` + 187.5 us)).
+/// take 30 degrees: the bandwidth is at most 1 / (12 `small_times`).
 ///
 /// # Errors
 /// [`SettingsError::Zero`] without inertia or torque constant; [`SettingsError::OutOfRange`] when the bandwidth is not 1 Hz to the one
@@ -124,7 +123,7 @@ pub fn velocity_gains(
     inertia: u32,
     torque_constant: u32,
     bandwidth: u32,
-    filter: u32,
+    small_times: u32,
 ) -> Result<VelocityGains, SettingsError> {
     if inertia == 0 {
         return Err(SettingsError::Zero { parameter: "moment of inertia" });
@@ -132,8 +131,7 @@ pub fn velocity_gains(
     if torque_constant == 0 {
         return Err(SettingsError::Zero { parameter: "torque constant" });
     }
-    let twice_the_delay = filter.saturating_mul(2).saturating_add(375);
-    let highest = PHASE_OF_SMALL_TIMES.checked_div(twice_the_delay).unwrap_or(0);
+    let highest = PHASE_OF_SMALL_TIMES.checked_div(small_times).unwrap_or(HIGHEST_CROSSING).min(HIGHEST_CROSSING);
     in_range("bandwidth of the velocity loop", bandwidth, 1, highest)?;
     let angular = i128::from(bandwidth).saturating_mul(TWO_PI_TIMES_TEN_TO_15);
     // 10^-7 kg m^2 / (10^-6 Nm/A) in mA is 100.
@@ -149,8 +147,11 @@ pub fn velocity_gains(
     })
 }
 
-/// A twelfth of a second, in half microseconds.
-const PHASE_OF_SMALL_TIMES: u32 = 166_667;
+/// A twelfth of a second, in us.
+const PHASE_OF_SMALL_TIMES: u32 = 83_333;
+
+/// What the loop itself leaves at its shorter period, in Hz.
+const HIGHEST_CROSSING: u32 = PHASE_OF_SMALL_TIMES / VelocityRate::TwiceATick.delay(false);
 
 /// Kv-factor S-0-0104 in 0.01 * 1000/min for a velocity loop that crosses at `velocity_bandwidth` in Hz: a quarter of it.
 ///
@@ -193,21 +194,35 @@ pub const fn acceleration_smoothing(cycle: u16) -> u16 {
     }
 }
 
-/// Frequency in 0.1 Hz of the low-pass of the current command that keeps the steps of an encoder of `increments` a revolution out of the torque;
-/// `None` where they are too fine to be felt. `gain`: S-0-0100 in mA s/rad; `peak`: the peak current in mA, both amplitudes or both RMS;
-/// `bandwidth`: of the velocity loop in Hz.
+/// Whether the steps of an encoder of `increments` a revolution are felt in the torque. `gain`: S-0-0100 in mA s/rad; `peak`: the peak current in mA,
+/// both amplitudes or both RMS; `hertz`: the rate of the differences that the measured velocity is made of.
 ///
-/// At constant speed a count more or less in a tick is a step of `gain * 2 pi / increments / 125 us`. On the press axis that is a quarter of the
-/// peak current, the velocity filter leaves 1.25 % rms of it, and a low-pass at five times the bandwidth a tenth of that
-/// (`tests/paths.rs`). It takes 16 degrees of phase at the crossing, see [`NOISE_DAMPING`]. Steps of a fiftieth of the peak current, 0.1 %
-/// rms, are left alone.
+/// At constant speed a count more or less in a difference is a step of `gain * 2 pi / increments * hertz`. On the press axis that is a quarter of the
+/// peak current in a tick, and a velocity filter of 500 us leaves 1.25 % rms of it. Steps of a fiftieth of the peak current, 0.1 % rms, are left
+/// alone.
 #[must_use]
-pub fn noise_filter(gain: u32, increments: u32, peak: u32, bandwidth: u32) -> Option<u16> {
-    let step = i128::from(gain).saturating_mul(TWO_PI_TIMES_TEN_TO_15).saturating_mul(LOOP_TICKS_PER_SECOND.into());
+pub fn is_felt(gain: u32, increments: u32, peak: u32, hertz: u32) -> bool {
+    let step = i128::from(gain).saturating_mul(TWO_PI_TIMES_TEN_TO_15).saturating_mul(hertz.into());
     let felt = i128::from(peak).saturating_mul(increments.into()).saturating_mul(TEN_TO_15) / 50;
-    let frequency = bandwidth.saturating_mul(50).clamp(100, 35_000);
-    (step > felt).then_some(frequency as u16)
+    step > felt
 }
+
+/// Frequency in 0.1 Hz of the low-pass of the current command that keeps steps which are felt out of the torque; `bandwidth`: of the velocity loop
+/// in Hz.
+///
+/// A low-pass at five times the bandwidth leaves a tenth of them (`tests/paths.rs`). It takes 16 degrees of phase at the crossing, see
+/// [`NOISE_DAMPING`].
+#[must_use]
+pub const fn noise_filter(bandwidth: u32) -> u16 {
+    match bandwidth.saturating_mul(50) {
+        frequency if frequency < 100 => 100,
+        frequency if frequency > 35_000 => 35_000,
+        frequency => frequency as u16,
+    }
+}
+
+/// Velocity filter S-0-0392 in us for an encoder whose steps are felt.
+pub const NOISE_TIME: u16 = 500;
 
 /// Damping in 0.001 of the low-pass of [`noise_filter`].
 pub const NOISE_DAMPING: u16 = 707;
@@ -222,16 +237,18 @@ mod tests {
     use core::f64::consts::{PI, TAU};
 
     #[test]
-    fn a_coarse_encoder_gets_a_low_pass_at_five_times_the_bandwidth_and_a_fine_one_none() {
-        // 13.3 A s/rad, 42.4 A: a count of 65 536 is 24 % of peak, the 50th is reached at 12 times as many.
-        assert_eq!(noise_filter(13_329, 65_536, 42_426, 40), Some(2_000));
-        let share = |increments: f64| 13.329 * TAU / increments / 125e-6 / 42.426;
-        let limit = (share(1.0) * 50.0) as u32;
-        assert!((share(limit.into()) - 0.02).abs() < 1e-6);
-        assert_eq!(noise_filter(13_329, limit - 2, 42_426, 40), Some(2_000));
-        assert_eq!(noise_filter(13_329, limit + 2, 42_426, 40), None);
-        assert_eq!(noise_filter(u32::MAX, 1, 1, 1), Some(100));
-        assert_eq!(noise_filter(u32::MAX, 1, 1, u32::MAX), Some(35_000));
+    fn steps_of_a_coarse_encoder_are_felt_and_get_a_low_pass_at_five_times_the_bandwidth() {
+        // 13.3 A s/rad, 42.4 A: in a tick a count of 65 536 is 24 % of peak, the 50th is reached at 12 times as many, in half a tick at 24 times.
+        for hertz in [8_000, 16_000] {
+            let share = |increments: f64| 13.329 * TAU / increments * f64::from(hertz) / 42.426;
+            let limit = (share(1.0) * 50.0) as u32;
+            assert!((share(limit.into()) - 0.02).abs() < 1e-6);
+            assert!(is_felt(13_329, 65_536, 42_426, hertz));
+            assert!(is_felt(13_329, limit - 2, 42_426, hertz));
+            assert!(!is_felt(13_329, limit + 2, 42_426, hertz));
+        }
+        assert!(is_felt(u32::MAX, 1, 1, u32::MAX) && !is_felt(0, 1, 1, 16_000));
+        assert_eq!([1, 40, 600, 800, u32::MAX].map(noise_filter), [100, 2_000, 30_000, 35_000, 35_000]);
     }
 
     /// k of the closed form.
@@ -289,19 +306,19 @@ mod tests {
 
     #[test]
     fn the_highest_velocity_bandwidth_leaves_a_phase_margin_of_45_degrees() {
-        for filter in [0_u32, 250, 2_000] {
-            let delay = (f64::from(filter) + 187.5) * 1e-6;
+        for small_times in [125_u32, 250, 500, 2_000] {
+            let delay = f64::from(small_times) * 1e-6;
             let margin = |hertz: u32| {
                 // Where (1 / u) sqrt(1 + 1 / (4 u)^2) is 1.
                 let crossing = (0.5 + 1.25_f64.sqrt() / 2.0).sqrt();
                 (PI / 2.0 - (0.25 / crossing).atan() - crossing * TAU * f64::from(hertz) * delay).to_degrees()
             };
-            let Err(SettingsError::OutOfRange { maximum, .. }) = velocity_gains(1_000, 100_000, 1_000_000, filter)
+            let Err(SettingsError::OutOfRange { maximum, .. }) = velocity_gains(1_000, 100_000, 1_000_000, small_times)
             else {
                 panic!("a megahertz is refused");
             };
-            assert!(velocity_gains(1_000, 100_000, maximum, filter).is_ok());
-            assert!((45.3..46.5).contains(&margin(maximum)), "{filter} us: {}", margin(maximum));
+            assert!(velocity_gains(1_000, 100_000, maximum, small_times).is_ok());
+            assert!((45.3..46.5).contains(&margin(maximum)), "{small_times} us: {}", margin(maximum));
         }
     }
 
@@ -350,7 +367,7 @@ mod tests {
             velocity_gains(u32::MAX, 1, 10, 0),
             Err(out_of_range("velocity loop proportional gain S-0-0100", u32::MAX, 1, 6_553_500))
         );
-        assert_eq!(velocity_gains(1, 1, 0, 0), Err(out_of_range("bandwidth of the velocity loop", 0, 1, 444)));
+        assert_eq!(velocity_gains(1, 1, 0, 0), Err(out_of_range("bandwidth of the velocity loop", 0, 1, 666)));
         assert_eq!(velocity_gains(1, 1, 1, u32::MAX), Err(out_of_range("bandwidth of the velocity loop", 1, 1, 0)));
         assert_eq!(position_gain(6_954), Err(out_of_range("bandwidth of the velocity loop", 6_954, 1, 6_953)));
         assert_eq!(position_gain(0), Err(out_of_range("bandwidth of the velocity loop", 0, 1, 6_953)));

@@ -6,6 +6,7 @@
 //! 7.3 rpm; a time constant of 1 ms brings that down to 0.9 rpm, at 11 degrees of phase at 200 rad/s.
 
 use crate::arithmetic::share::Share;
+use crate::axis::velocity_rate::VelocityRate;
 use crate::units::{LOOP_PERIOD_MICROSECONDS, Position, Velocity};
 
 /// Time constant of a velocity filter, scaled.
@@ -17,11 +18,21 @@ pub struct VelocityFilter {
 }
 
 impl VelocityFilter {
-    /// A filter with this time constant (S-0-0392); 0 passes the velocities unfiltered.
+    /// A filter of a value that comes once a tick, with this time constant; 0 lets it pass.
     #[must_use]
     pub const fn from_microseconds(time_constant: u16) -> Self {
-        let period = LOOP_PERIOD_MICROSECONDS;
-        Self { share: Share::new(period, period.saturating_add(time_constant as u32)) }
+        Self::new(time_constant, VelocityRate::EachTick)
+    }
+
+    /// A filter of a value that comes with every step of the velocity loop, with this time constant in us (S-0-0392); 0 lets it pass.
+    #[must_use]
+    pub const fn new(time_constant: u16, rate: VelocityRate) -> Self {
+        // In half microseconds.
+        let period = match rate {
+            VelocityRate::EachTick => LOOP_PERIOD_MICROSECONDS << 1,
+            VelocityRate::TwiceATick => LOOP_PERIOD_MICROSECONDS,
+        };
+        Self { share: Share::new(period, period.saturating_add((time_constant as u32) << 1)) }
     }
 }
 

@@ -80,10 +80,11 @@ pub(crate) const fn towards(from: i32, to: i32, shift: u32) -> i32 {
 mod tests {
     use super::*;
     use crate::axis::limits::Limiting;
+    use crate::axis::velocity_rate::VelocityRate;
 
     /// 0.1 A s/rad, 10 A; 10 ms are a time constant of 32 ticks.
     fn settings() -> VelocityLoopSettings {
-        VelocityLoopSettings::new(100, 100, 0, 10_000).unwrap()
+        VelocityLoopSettings::new(100, 100, 0, 10_000, VelocityRate::EachTick).unwrap()
     }
 
     /// 1 rad/s in steps.

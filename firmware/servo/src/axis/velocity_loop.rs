@@ -9,6 +9,7 @@ use crate::arithmetic::limited_gain::LimitedGain;
 use crate::arithmetic::wide::quotient;
 use crate::axis::acceleration_gain::AccelerationGain;
 use crate::axis::limits::{Limiting, TorqueLimits};
+use crate::axis::velocity_rate::VelocityRate;
 use crate::error::SettingsError;
 use crate::units::derivatives::SignedAcceleration;
 use crate::units::{CurrentFraction, LOOP_TICKS_PER_SECOND, Velocity};
@@ -25,7 +26,7 @@ const MORE_BITS: u32 = CURRENT_BITS - 15;
 pub struct VelocityLoopSettings {
     /// Velocity steps to 2^-25 of the peak current.
     proportional: LimitedGain,
-    /// What the proportional gain makes of the error, to 2^-57 of the peak current per tick.
+    /// What the proportional gain makes of the error, to 2^-57 of the peak current per step.
     integral: i32,
     acceleration: AccelerationGain,
     /// 2^ so many ticks are half of the integral action time.
@@ -37,6 +38,7 @@ impl VelocityLoopSettings {
     /// * `integral_time`: S-0-0101 in 0.1 ms; 0 switches the integral part off.
     /// * `acceleration_gain`: S-0-0348 in uA s²/rad, 0: no feed-forward.
     /// * `peak_current`: of the amplifier, S-0-0110, in mA.
+    /// * `rate`: how often [`VelocityLoop::tick`] is called.
     ///
     /// # Errors
     /// [`SettingsError::Zero`] without peak current, [`SettingsError::VelocityGain`] when the gain is beyond what can be represented
@@ -46,6 +48,7 @@ impl VelocityLoopSettings {
         integral_time: u16,
         acceleration_gain: u32,
         peak_current: u32,
+        rate: VelocityRate,
     ) -> Result<Self, SettingsError> {
         if peak_current == 0 {
             return Err(SettingsError::Zero { parameter: "amplifier peak current S-0-0110" });
@@ -63,15 +66,15 @@ impl VelocityLoopSettings {
         let half = u32::from(integral_time).saturating_mul(2) / 5;
         let square = half.saturating_mul(half).saturating_mul(2);
         let time_constant = square.checked_ilog2().map_or(TIME_CONSTANT, |bits| bits / 2);
-        let times = u128::from(integral_time).saturating_mul(4);
-        let per_tick = factor.saturating_mul(5).checked_div(times).unwrap_or(0);
+        let times = u128::from(integral_time).saturating_mul(4).saturating_mul(rate.steps().into());
+        let per_step = factor.saturating_mul(5).checked_div(times).unwrap_or(0);
         // fraction [2^-25] = a [2^-42 rev/tick²] * 2^-17 * 2 pi * 8000² * gain / peak current
         let of_acceleration =
             u128::from(acceleration_gain).saturating_mul(ticks.saturating_mul(ticks)).saturating_mul(two_pi);
         let per_peak = u128::from(peak_current).saturating_mul(1_000 << 17).saturating_mul(unit);
         Ok(Self {
             proportional,
-            integral: proportional.mantissa_of(per_tick),
+            integral: proportional.mantissa_of(per_step),
             acceleration: AccelerationGain::from_ratio(of_acceleration, per_peak).ok_or(too_high)?,
             time_constant,
         })
@@ -107,7 +110,7 @@ const TIME_CONSTANT: u32 = 5;
 /// A velocity step may make 2^-7 of the peak current.
 const HIGHEST_GAIN: u128 = 1 << 18;
 
-/// What the velocity loop gives in a tick.
+/// What the velocity loop gives in a step.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct VelocityLoopOutput {
     /// Torque-producing current.
@@ -165,7 +168,7 @@ impl VelocityLoop {
         self.integral = i64::from(current.to_bits()) << (MORE_BITS + 32);
     }
 
-    /// One tick. `feed_forward` in 2^-25 of the peak current, within five peaks, is added to what the loop gives, within the limits.
+    /// One step. `feed_forward` in 2^-25 of the peak current, within five peaks, is added to what the loop gives, within the limits.
     ///
     /// An error beyond the range of [`Velocity`] counts as the end of the range.
     #[inline]
@@ -191,7 +194,7 @@ impl VelocityLoop {
         self.tick_at_limit(limits, next, beside)
     }
 
-    /// The rest of a tick where the current, the integral part or both are at a limit or beyond.
+    /// The rest of a step where the current, the integral part or both are at a limit or beyond.
     #[cold]
     #[inline(never)]
     fn tick_at_limit(&mut self, limits: &TorqueLimits, next: i64, beside: i32) -> VelocityLoopOutput {
@@ -228,11 +231,12 @@ fn rounded(current: i32) -> CurrentFraction {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use VelocityRate::EachTick;
     use proptest::prelude::*;
 
     /// 1 A s/rad, 10 ms, 10 A.
     fn settings(integral_time: u16) -> VelocityLoopSettings {
-        VelocityLoopSettings::new(1_000, integral_time, 0, 10_000).unwrap()
+        VelocityLoopSettings::new(1_000, integral_time, 0, 10_000, EachTick).unwrap()
     }
 
     fn within(limit: f64) -> TorqueLimits {
@@ -307,7 +311,7 @@ mod tests {
     #[test]
     fn the_acceleration_makes_its_current() {
         // 1 mA s²/rad at 10 A: 100 rad/s² make 0.1 A, 0.01 of the peak.
-        let settings = VelocityLoopSettings::new(0, 0, 1_000, 10_000).unwrap();
+        let settings = VelocityLoopSettings::new(0, 0, 1_000, 10_000, EachTick).unwrap();
         let acceleration = crate::units::Acceleration::from_milliradians_per_second_squared(100_000).to_bits();
         let forwards = settings.feed_forward(SignedAcceleration::from_bits(acceleration as i64));
         assert!((forwards - (1 << CURRENT_BITS) / 100).abs() < 4, "{forwards}");
@@ -330,11 +334,17 @@ mod tests {
     #[test]
     fn impossible_settings_are_refused() {
         assert_eq!(
-            VelocityLoopSettings::new(1, 1, 0, 0),
+            VelocityLoopSettings::new(1, 1, 0, 0, EachTick),
             Err(SettingsError::Zero { parameter: "amplifier peak current S-0-0110" })
         );
-        assert_eq!(VelocityLoopSettings::new(312_900, 1, 0, 1), Err(SettingsError::VelocityGain { actual: 312_900 }));
-        assert!(VelocityLoopSettings::new(312_900, 1, 0, 10_000).is_ok(), "the highest gain of S-0-0100 at 10 A");
+        assert_eq!(
+            VelocityLoopSettings::new(312_900, 1, 0, 1, EachTick),
+            Err(SettingsError::VelocityGain { actual: 312_900 })
+        );
+        assert!(
+            VelocityLoopSettings::new(312_900, 1, 0, 10_000, EachTick).is_ok(),
+            "the highest gain of S-0-0100 at 10 A"
+        );
     }
 
     proptest! {
@@ -343,7 +353,7 @@ mod tests {
             limit in 0.0..1.0, gain in 0_u32..300_000, time in any::<u16>(),
             errors in proptest::collection::vec((any::<i32>(), any::<i32>()), 1..200),
         ) {
-            let Ok(settings) = VelocityLoopSettings::new(gain, time, gain, 10_000) else { return Ok(()) };
+            let Ok(settings) = VelocityLoopSettings::new(gain, time, gain, 10_000, EachTick) else { return Ok(()) };
             let bound = limit + 0.000_04;
             let mut velocity_loop = VelocityLoop::new();
             for (command, measured) in errors {

@@ -2,7 +2,8 @@
 //! loop has put it, and leaves its readings where the control loop finds them.
 //!
 //! Every word is loaded and stored whole, as fast as a word of its own. Which words belong together is up to whoever owns these: a
-//! command is written while no cycle looks at it, readings are looked at while no cycle writes them.
+//! command is written while no cycle looks at it, its torque-producing reference alone at any time, readings are looked at while no cycle writes
+//! them.
 
 use core::sync::atomic::{AtomicI32, AtomicU32, Ordering::Relaxed};
 
@@ -75,6 +76,12 @@ impl SharedCommand {
     #[inline]
     pub fn set_currents(&self, direct: i32, quadrature: i32) {
         self.direct.set(direct);
+        self.quadrature.set(quadrature);
+    }
+
+    /// The torque-producing reference alone, also while cycles are given the command.
+    #[inline]
+    pub fn set_quadrature(&self, quadrature: i32) {
         self.quadrature.set(quadrature);
     }
 

@@ -7,7 +7,7 @@
 
 use crate::encoder::{Encoder, EncoderSettings};
 use crate::error::SettingsError;
-use crate::units::Position;
+use crate::units::{Position, Velocity};
 
 /// Follows the counter of an encoder by two readings a tick.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -56,6 +56,15 @@ impl DoubleSampledEncoder {
         self.halves.update(before.wrapping_add(now))
     }
 
+    /// The velocity with which the counter gets from one reading to the next one, half a loop tick later; at most 2^23 increments count.
+    #[inline]
+    #[must_use]
+    pub fn velocity(&self, before: u32, now: u32) -> Velocity {
+        // Two halves an increment, two halves a tick.
+        let moved = now.wrapping_sub(before).cast_signed().clamp(-(1 << 23), (1 << 23) - 1);
+        self.halves.velocity(moved << 2)
+    }
+
     /// The position at the last [`DoubleSampledEncoder::update`].
     #[inline]
     #[must_use]
@@ -92,6 +101,21 @@ mod tests {
         assert_eq!(encoder.position_of(9), Position::from_bits(increment * 10));
         encoder.set_position(Position::REVOLUTION);
         assert_eq!(encoder.position_of(2), Position::from_bits((1 << 32) + increment / 2));
+    }
+
+    #[test]
+    fn the_velocity_between_two_readings_is_that_of_half_a_tick() {
+        for increments in [1_u32, 3, 2_000, 65_536, 1_000_003, 1 << 20, (1 << 31) - 1] {
+            let encoder = DoubleSampledEncoder::new(DoubleSampledSettings::new(increments).unwrap(), 0);
+            for moved in [0_i32, 1, -1, 40, -41, 1 << 14, i32::MAX, i32::MIN] {
+                let counted = f64::from(moved.clamp(-(1 << 23), (1 << 23) - 1));
+                let exact = 2.0 * counted / f64::from(increments) * 2_f64.powi(36);
+                let exact = exact.clamp(f64::from(i32::MIN), f64::from(i32::MAX));
+                let before = 0xFFFF_FFF0_u32;
+                let error = f64::from(encoder.velocity(before, before.wrapping_add_signed(moved)).to_bits()) - exact;
+                assert!(error.abs() <= 0.5 + exact.abs() * 1e-9, "{moved} of {increments}: {error}");
+            }
+        }
     }
 
     #[test]

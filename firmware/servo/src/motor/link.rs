@@ -76,7 +76,7 @@ impl<T> Mailbox<T> {
         self.sent.load(Ordering::Relaxed)
     }
 
-    /// The last message. It stands still until the one after it has been sent.
+    /// The last message. It stands still until the one after it has been sent, but for single words that the sender may exchange.
     #[inline]
     pub(crate) fn last(&self) -> &T {
         self.message(self.sent())

@@ -3,7 +3,7 @@
 use plant::{Motor, ReferenceAxis};
 use servo::axis::{
     Axis, AxisOutput, AxisParameters, AxisSettings, CurrentFilterSettings, FilterSection, FrictionSettings, Limiting,
-    TorqueLimits, VelocityLimits,
+    TorqueLimits, VelocityEstimate, VelocityFilter, VelocityLimits, VelocityRate,
 };
 use servo::encoder::{Encoder, EncoderSettings};
 use servo::path::Interpolation;
@@ -24,12 +24,13 @@ pub(crate) fn parameters(reference: &ReferenceAxis) -> AxisParameters {
         feed_forward: 10_000,
         velocity_gain: u32::from(gains.velocity_gain) * 100,
         integral_time: gains.integral_time,
+        velocity_rate: VelocityRate::EachTick,
         velocity_filter: gains.velocity_filter,
         peak_current: reference.peak_current,
         acceleration_gain: 0,
         acceleration_smoothing: 0,
         friction: FrictionSettings::OFF,
-        filter: CurrentFilterSettings::new([FilterSection::Off; 2]).unwrap(),
+        filter: CurrentFilterSettings::new([FilterSection::Off; 2], VelocityRate::EachTick).unwrap(),
         velocity_limits: up_to(rpm(f64::from(reference.maximum_speed))),
         deceleration: Acceleration::from_milliradians_per_second_squared(gains.acceleration_limit),
         halt_deceleration: Acceleration::from_bits(0),
@@ -45,6 +46,7 @@ pub(crate) fn parameters(reference: &ReferenceAxis) -> AxisParameters {
 pub(crate) struct Bench {
     pub(crate) motor: Motor,
     pub(crate) encoder: Encoder,
+    estimate: VelocityEstimate,
     pub(crate) axis: Axis,
     pub(crate) time: u64,
     pub(crate) limits: TorqueLimits,
@@ -69,18 +71,26 @@ impl Bench {
         let encoder = Encoder::new(encoder, motor.encoder_count(0));
         let axis = Axis::new(AxisSettings::new(parameters).unwrap(), encoder.position());
         let limits = TorqueLimits::symmetrical(CurrentFraction::MAX, Limiting::TORQUE_BIPOLAR);
-        Self { motor, encoder, axis, time: 0, limits, deviates: false }
+        let estimate = VelocityEstimate::new(encoder.position());
+        Self { motor, encoder, estimate, axis, time: 0, limits, deviates: false }
     }
 
     pub(crate) fn tick(&mut self) -> AxisOutput {
         self.time += PERIOD;
         let measured = self.encoder.update(self.motor.encoder_count(self.time));
-        let output = self.axis.tick(measured, &self.limits);
+        let latest = self.estimate.update(&VelocityFilter::from_microseconds(0), measured);
+        let output = self.axis.tick(measured, latest, &self.limits);
         if (self.time / PERIOD).is_multiple_of(LOOP_TICKS_PER_SUPERVISION.into()) {
             self.deviates |= self.axis.supervise();
         }
         self.motor.set_current(f64::from(output.current.to_num::<f32>()), self.time + COMPUTING_TIME);
         output
+    }
+
+    /// Moves the zero without a movement.
+    pub(crate) fn shift(&mut self, difference: Position) {
+        self.axis.shift(difference);
+        self.estimate.shift(difference);
     }
 
     pub(crate) fn ticks(&mut self, number: usize) -> Vec<AxisOutput> {

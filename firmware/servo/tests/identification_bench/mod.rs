@@ -4,7 +4,9 @@ use std::f64::consts::TAU;
 
 use plant::{MachineSettings, Windings};
 use servo::arithmetic::Rotation;
-use servo::axis::{Limiting, TorqueLimits, VelocityEstimate, VelocityFilter, VelocityLoop, VelocityLoopSettings};
+use servo::axis::{
+    Limiting, TorqueLimits, VelocityEstimate, VelocityFilter, VelocityLoop, VelocityLoopSettings, VelocityRate,
+};
 use servo::current::{CurrentCommand, CurrentLoopParameters, CurrentReadings, PwmFrequency};
 use servo::encoder::{Encoder, EncoderSettings};
 use servo::identification::{CurrentRequest, IdentificationInputs};
@@ -116,7 +118,8 @@ impl Bench {
         let velocity_gain = machine.inertia * TAU * 12.0 / torque_constant;
         let peak = milli(machine.peak_current);
         let velocity_settings =
-            VelocityLoopSettings::new((velocity_gain * 1_000.0).ceil() as u32, 400, 0, peak).unwrap();
+            VelocityLoopSettings::new((velocity_gain * 1_000.0).ceil() as u32, 400, 0, peak, VelocityRate::EachTick)
+                .unwrap();
         let bench = current_bench::Bench::new(machine.settings(angle), &parameters);
         let encoder = Encoder::new(EncoderSettings::new(machine.increments).unwrap(), 0);
         let command = CurrentCommand {

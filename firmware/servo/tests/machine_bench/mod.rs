@@ -5,6 +5,7 @@
 //! peak of the period      currents, bus sampled; 2.2 us later the encoder count; a cycle of the current loop
 //! bottom, 31.25 us later  its compare values act
 //! every second cycle      position and velocity loop; their order is taken by the next cycle of the current loop
+//! half a tick later       the velocity loop once more
 //! every eighth            the supervision of the motor side, behind the loops
 //! ```
 
@@ -178,6 +179,7 @@ impl<B: BoardKind> Bench<B> {
         self.supervision();
         let seen = self.seen();
         self.cycle();
+        self.half_loops();
         seen
     }
 
@@ -325,8 +327,18 @@ impl<B: BoardKind> Bench<B> {
         if self.motor.is_searching() && self.stage.bridge_is_on() {
             self.motor.search(position);
         }
-        self.output = self.axis.tick(position, self.motor.torque_limits());
+        let latest = self.encoder.velocity(before, now);
+        self.output = self.axis.tick(position, latest, self.motor.torque_limits());
         self.ticks += 1;
+    }
+
+    /// Half a tick later: the velocity loop once more, and its correction of the order.
+    fn half_loops(&mut self) {
+        let [before, now] = self.motor.half_counts();
+        let latest = self.encoder.velocity(before, now);
+        if let Some(current) = self.axis.half_tick(latest, self.motor.torque_limits()) {
+            self.motor.correct(current);
+        }
     }
 
     /// The order to the current loop.

@@ -4,7 +4,7 @@ use plant::{LowSideShunts, ReferenceAxis};
 use servo::arithmetic::Gain;
 use servo::axis::{
     AxisParameters, CommandedTorqueLimits, CurrentFilterSettings, FilterSection, FrictionParameters, FrictionSettings,
-    TorqueLimitParameters, TorqueLimitSettings, VelocityLimits, current_gains,
+    TorqueLimitParameters, TorqueLimitSettings, VelocityLimits, VelocityRate, current_gains,
 };
 use servo::brake::{BrakeParameters, BrakeSettings};
 use servo::commutation::{AlignmentSettings, CommutationSettings};
@@ -57,12 +57,13 @@ impl Setup {
             feed_forward: 10_000,
             velocity_gain: u32::from(gains.velocity_gain) * 100,
             integral_time: gains.integral_time,
+            velocity_rate: VelocityRate::TwiceATick,
             velocity_filter: gains.velocity_filter,
             peak_current: reference.peak_current,
             acceleration_gain: 0,
             acceleration_smoothing: 0,
             friction: FrictionSettings::OFF,
-            filter: CurrentFilterSettings::new([FilterSection::Off; 2]).unwrap(),
+            filter: CurrentFilterSettings::new([FilterSection::Off; 2], VelocityRate::TwiceATick).unwrap(),
             velocity_limits: VelocityLimits::new(rpm(f64::from(reference.maximum_speed) * 1.1), None, None),
             deceleration: Acceleration::from_milliradians_per_second_squared(gains.acceleration_limit),
             halt_deceleration: Acceleration::from_bits(0),

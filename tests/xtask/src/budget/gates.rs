@@ -28,6 +28,8 @@ pub(crate) struct Task {
     pub(crate) budget: Option<u64>,
     /// Longest time from its cause to its end in ns, where its period is too long.
     pub(crate) deadline: Option<u64>,
+    /// The task that it takes turns with: each comes half a period after the other.
+    pub(crate) in_turn_with: Option<&'static str>,
     /// What must not be reached from it.
     pub(crate) forbidden: &'static [Check],
 }
@@ -97,7 +99,13 @@ pub(crate) const GATES: Gates = Gates {
         // Its order is there before the second current cycle of the tick.
         Task {
             deadline: Some(62_500),
+            in_turn_with: Some("velocity_loop"),
             ..task("control_loop", "CAN2_TX", 4, Rate::Every(125_000), Some(670), OF_THE_CYCLE)
+        },
+        Task {
+            deadline: Some(62_500),
+            in_turn_with: Some("control_loop"),
+            ..task("velocity_loop", "CAN2_RX1", 4, Rate::Every(125_000), Some(300), OF_THE_CYCLE)
         },
         task("supervision", "CAN2_RX0", 4, Rate::Every(250_000), Some(1_560), OF_THE_CYCLE),
         task("phase_change", "CAN1_RX1", 2, Rate::OutsideTheCycle, None, &[]),
@@ -137,5 +145,5 @@ const fn task(
     budget: Option<u64>,
     forbidden: &'static [Check],
 ) -> Task {
-    Task { name, vector, priority, rate, budget, deadline: None, forbidden }
+    Task { name, vector, priority, rate, budget, deadline: None, in_turn_with: None, forbidden }
 }

@@ -19,6 +19,8 @@ pub(crate) struct Load {
     pub(crate) locked: u64,
     /// Its critical sections hold up the tasks above it, up to this priority.
     pub(crate) ceiling: u8,
+    /// The place in the set of the task that comes half a period before and after it. Each of them is done before the other comes: their deadline.
+    pub(crate) in_turn_with: Option<usize>,
 }
 
 /// Longest that a task waits for a critical section of a task below it.
@@ -36,14 +38,30 @@ pub(crate) fn response(set: &[Load], task: usize) -> Option<u64> {
     let begin = blocking(set, task) + own.demand;
     let mut response = begin;
     while response <= own.period {
-        let others = set.iter().enumerate().filter(|(index, load)| *index != task && load.priority >= own.priority);
-        let interference: u64 = others.map(|(_, load)| response.div_ceil(load.period) * load.demand).sum();
+        let others = set
+            .iter()
+            .enumerate()
+            .filter(|(index, load)| *index != task && load.priority >= own.priority && load.in_turn_with != Some(task));
+        let interference: u64 = others.map(|(index, load)| demand(set, index, load, response)).sum();
         if begin + interference == response {
             return Some(response);
         }
         response = begin + interference;
     }
     None
+}
+
+/// What a task asks for within a stretch of time; of two that come in turn the first asks for both, beginning with the longer one.
+fn demand(set: &[Load], index: usize, load: &Load, time: u64) -> u64 {
+    match load.in_turn_with {
+        None => time.div_ceil(load.period) * load.demand,
+        Some(other) if other < index => 0,
+        Some(other) => {
+            let activations = time.div_ceil(load.period / 2);
+            let [short, long] = [load.demand.min(set[other].demand), load.demand.max(set[other].demand)];
+            activations.div_ceil(2) * long + activations / 2 * short
+        }
+    }
 }
 
 /// Share of the processor in tenths of a per cent, rounded up.
@@ -56,7 +74,7 @@ mod tests {
     use super::*;
 
     const fn of(priority: u8, period: u64, demand: u64) -> Load {
-        Load { priority, period, demand, locked: 0, ceiling: 3 }
+        Load { priority, period, demand, locked: 0, ceiling: 3, in_turn_with: None }
     }
 
     #[test]
@@ -65,6 +83,18 @@ mod tests {
         let set = [of(3, 7, 3), of(2, 12, 3), of(1, 20, 5)];
         assert_eq!([0, 1, 2].map(|task| response(&set, task)), [Some(3), Some(6), Some(20)]);
         assert_eq!([0, 1, 2].map(|task| share(set[task].demand, set[task].period)), [429, 250, 250]);
+    }
+
+    #[test]
+    fn tasks_in_turn_do_not_wait_for_each_other_and_others_wait_for_both_of_them() {
+        // Long, short, and one that takes a quarter of their period and more.
+        let mut set = [of(4, 100, 20), of(4, 100, 8), of(4, 200, 25)];
+        assert_eq!([0, 1, 2].map(|task| response(&set, task)), [Some(53), Some(53), Some(53)]);
+        (set[0].in_turn_with, set[1].in_turn_with) = (Some(1), Some(0));
+        assert_eq!([0, 1, 2].map(|task| response(&set, task)), [Some(45), Some(33), Some(45)]);
+        // From half a period on the other one comes too.
+        set[2].demand = 35;
+        assert_eq!(response(&set, 2), Some(63));
     }
 
     #[test]

@@ -218,13 +218,21 @@ mod tests {
     #[test]
     fn a_row_has_the_longest_activation_and_the_longest_cycle() {
         let rate = Rate::EachCycle;
-        let task =
-            Task { name: "edge", vector: "EXTI3", priority: 4, rate, budget: None, deadline: None, forbidden: &[] };
+        let task = Task {
+            name: "edge",
+            vector: "EXTI3",
+            priority: 4,
+            rate,
+            budget: None,
+            deadline: None,
+            in_turn_with: None,
+            forbidden: &[],
+        };
         let mut count = TaskCount::default();
         count.worst.activation = Demand { activations: 1, instructions: 1_000, bus: 2 };
         count.worst.cycle = Demand { activations: 2, instructions: 1_100, bus: 4 };
         count.worst.activations = 3;
-        let load = Load { priority: 4, period: 500_000, demand: 0, locked: 0, ceiling: 4 };
+        let load = Load { priority: 4, period: 500_000, demand: 0, locked: 0, ceiling: 4, in_turn_with: None };
         let timing = Timing { load, share: 25, blocking: 2_000, response: Some(40_100) };
         let task = TaskReport { task, count: Some(count), found: None, timing: Some(timing) };
         let rows = response_times(&Report {

@@ -368,13 +368,20 @@ fn add_timing(tasks: &mut [TaskReport], thread: u64) {
             demand: PRICE.nanoseconds(demand),
             locked: locked_by(&report.count?),
             ceiling: CEILING,
+            in_turn_with: None,
         })
     };
     let (places, set): (Vec<usize>, Vec<Load>) =
         tasks.iter().enumerate().filter_map(|(place, report)| Some((place, load(report)?))).unzip();
-    // The thread is below all of them; it takes nothing away but while it locks.
     let mut set = set;
-    set.push(Load { priority: 0, period: u64::MAX, demand: 0, locked: thread, ceiling: CEILING });
+    for (load, &place) in set.iter_mut().zip(&places) {
+        let partner = tasks[place].task.in_turn_with;
+        load.in_turn_with = places.iter().position(|&other| Some(tasks[other].task.name) == partner);
+    }
+    // The thread is below all of them; it takes nothing away but while it locks.
+    let thread =
+        Load { priority: 0, period: u64::MAX, demand: 0, locked: thread, ceiling: CEILING, in_turn_with: None };
+    set.push(thread);
     for (index, place) in places.into_iter().enumerate() {
         let (blocking, response) = (response::blocking(&set, index), response::response(&set, index));
         let cycle = tasks[place].count.map_or(0, |count| PRICE.nanoseconds(count.worst.cycle));
@@ -535,8 +542,16 @@ mod tests {
     fn report(instructions: Option<u64>, findings: Vec<(Check, Vec<Finding>)>) -> TaskReport {
         let rate = Rate::Every(125_000);
         let forbidden = &[Check::Panic];
-        let task =
-            Task { name: "tick", vector: "TIM6_DAC", priority: 4, rate, budget: Some(100), deadline: None, forbidden };
+        let task = Task {
+            name: "tick",
+            vector: "TIM6_DAC",
+            priority: 4,
+            rate,
+            budget: Some(100),
+            deadline: None,
+            in_turn_with: None,
+            forbidden,
+        };
         let found = Some(StaticReport { functions: 1, stack: Depth::Bytes(0), findings });
         TaskReport { task, count: instructions.map(counted), found, timing: None }
     }

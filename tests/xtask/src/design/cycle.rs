@@ -123,8 +123,8 @@ fn generated(cycle: &[(u64, Event)]) -> String {
             Event::Task("supervision") => format!("L->>T: {at} supervision"),
             Event::Task("service_channel") => format!("I->>S: {at} service_channel, and releases the container"),
             Event::Task("control_loop") => format!("L->>L: {at} control_loop"),
-            // Two of them in every loop tick: they would hide the rest.
-            Event::Task("current_loop" | "INT_SC") => continue,
+            // Two of them, and one, in every loop tick: they would hide the rest.
+            Event::Task("current_loop" | "velocity_loop" | "INT_SC") => continue,
             Event::Task(other) => panic!("{other} in a cycle of CP4"),
         };
         writeln!(picture, "    {line}").unwrap();
@@ -132,9 +132,10 @@ fn generated(cycle: &[(u64, Event)]) -> String {
     let count = |name| cycle.iter().filter(|(_, event)| *event == Event::Task(name)).count();
     writeln!(
         picture,
-        "```\n\nIn this cycle of {CYCLE_MICROSECONDS} us the current loop ran {} times, the control loop {} times, the supervision {} times.",
+        "```\n\nIn this cycle of {CYCLE_MICROSECONDS} us the current loop ran {} times, the control loop {} times, the velocity loop in between {} times, the supervision {} times.",
         count("current_loop"),
         count("control_loop"),
+        count("velocity_loop"),
         count("supervision")
     )
     .unwrap();
@@ -156,5 +157,6 @@ fn one_cycle_is_drawn_as_the_drive_went_through_it() {
         assert_eq!(count(event), 1, "{event:?}");
     }
     assert_eq!(count(Event::Task("control_loop")), 8);
+    assert_eq!(count(Event::Task("velocity_loop")), 8);
     is_on_the_page("one cycle", &generated(&cycle));
 }
