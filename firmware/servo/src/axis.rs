@@ -1,6 +1,7 @@
 //! One axis: modes, loops and their bumpless hand-over.
 
 pub(crate) mod acceleration_gain;
+pub(crate) mod cogging;
 pub(crate) mod expected_lag;
 pub(crate) mod filter;
 pub(crate) mod friction;
@@ -12,6 +13,7 @@ pub(crate) mod velocity_estimate;
 pub(crate) mod velocity_guard;
 pub(crate) mod velocity_loop;
 
+pub use cogging::{COGGING_POINTS, Cogging, CoggingScale, CoggingSettings, CoggingState, CoggingTables};
 pub use filter::{CurrentFilter, CurrentFilterSettings, FilterSection};
 pub use friction::{FrictionParameters, FrictionSettings};
 pub use limits::{
@@ -158,6 +160,8 @@ pub struct Axis {
     travel_limits: MotionLimits,
     /// Of the velocity loop or of the torque command in the last tick.
     current: CurrentFraction,
+    /// Of the table against the cogging, in 2^-25 of the peak current.
+    against_cogging: i32,
     filter: CurrentFilter,
     /// The next current that passes the filter is the first one.
     filter_begins: bool,
@@ -195,6 +199,7 @@ impl Axis {
             travel: Travel::Hold,
             travel_limits: settings.halt,
             current: CurrentFraction::ZERO,
+            against_cogging: 0,
             filter: CurrentFilter::new(),
             filter_begins: false,
         }
@@ -418,7 +423,7 @@ impl Axis {
 
     /// Starts the velocity loop with this current: what held the load when the axis was last switched off.
     pub fn preload(&mut self, current: CurrentFraction) {
-        self.velocity_loop.preset(current);
+        self.velocity_loop.preset(self.beside_cogging(current));
         self.current = current;
         self.filter.reset(fine(current));
     }
@@ -434,6 +439,18 @@ impl Axis {
             self.setpoint_velocity = Velocity::ZERO;
             self.expected_velocity = FilteredVelocity::new(Velocity::ZERO);
         }
+    }
+
+    /// The current against the cogging in the tick that follows ([`Cogging::current`]), wherever the velocity loop is closed.
+    #[inline]
+    pub const fn oppose_cogging(&mut self, current: i32) {
+        self.against_cogging = current;
+    }
+
+    /// What the velocity loop has to give so that this current flows.
+    #[inline]
+    fn beside_cogging(&self, current: CurrentFraction) -> CurrentFraction {
+        current.saturating_sub(CurrentFraction::from_bits((self.against_cogging >> (CURRENT_BITS - 15)) as i16))
     }
 
     /// One loop period: the measured position goes in, the current command comes out, within these limits of the torque.
@@ -563,6 +580,8 @@ impl Axis {
     #[inline]
     fn control(&mut self, acceleration: i32, limits: &TorqueLimits, output: &mut AxisOutput) {
         let settings = &self.settings;
+        // What is known before it is measured: no filter may delay it.
+        let acceleration = acceleration.saturating_add(self.against_cogging);
         let feed_forward = acceleration.saturating_add(settings.friction.current(output.velocity_command));
         let controlled = self.velocity_loop.tick(
             &settings.velocity_loop,
@@ -601,7 +620,7 @@ impl Axis {
         let limit = if wanted >= CurrentFraction::ZERO { velocity_limits.positive } else { velocity_limits.negative };
         let velocities = [limit, output.loop_velocity];
         let guarded = self.guard.tick(&settings.velocity_loop, limits, velocities, wanted);
-        self.velocity_loop.preset(guarded.lasting);
+        self.velocity_loop.preset(self.beside_cogging(guarded.lasting));
         self.current = guarded.current;
         output.current = guarded.current;
         output.limiting = if guarded.is_held { velocity_limits.met_by(limit) } else { limiting };
