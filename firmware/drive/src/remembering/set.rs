@@ -296,7 +296,54 @@ mod tests {
         parameters.set_text(S(142), b"folder 3").unwrap();
         parameters.set_list(Idn::SIGNAL_STATUS_LIST, &[S(330), S(331)]).unwrap();
         parameters.set_longs(Idn::product(7), &[u32::MAX, 0, 5]).unwrap();
+        parameters.set_table(TABLE, &table()).unwrap();
         parameters
+    }
+
+    const TABLE: Idn = Idn::product(252);
+
+    fn table() -> Vec<u16> {
+        (0..TABLE_ENTRIES as u16).map(|entry| entry.wrapping_mul(0x9E37)).collect()
+    }
+
+    #[test]
+    fn a_table_lies_in_several_records_and_a_part_of_it_is_none() {
+        let set = written(&changed());
+        let mut taken = Parameters::new(&DICTIONARY);
+        take_set(&set, &mut taken).unwrap();
+        assert_eq!(taken.table(TABLE), table());
+        // Without the last record of the table, which has what is left of 1 024 entries by 126.
+        let (mut from, mut last) = (HEAD_BYTES, None);
+        while from < set.len() {
+            let to = from + RECORD_BYTES + usize::from(set[from + 3]);
+            if set[from..from + 2] == TABLE.0.to_le_bytes() {
+                last = Some((from, to));
+            }
+            from = to;
+        }
+        let (from, to) = last.unwrap();
+        assert_eq!(to - from, RECORD_BYTES + 2 * 16);
+        let mut cut = [&set[..from], &set[to..]].concat();
+        let records = u16::from_le_bytes([cut[2], cut[3]]) - 1;
+        cut[2..4].copy_from_slice(&records.to_le_bytes());
+        assert_eq!(take_set(&cut, &mut taken).unwrap().as_slice(), [TABLE]);
+        assert_eq!((taken.table(TABLE), taken.text(S(142))), ([].as_slice(), "folder 3"));
+    }
+
+    #[test]
+    fn a_table_comes_into_a_set_and_out_of_it_by_itself() {
+        let mut parameters = Parameters::new(&DICTIONARY);
+        parameters.set(S(41), 77).unwrap();
+        let mut buffer = [0; memory::MOST_BYTES];
+        let without = write_set(&parameters, &mut buffer).unwrap();
+        let with = amend_set(&changed(), &[TABLE], &mut buffer, without).unwrap();
+        assert_eq!(with, without + 9 * RECORD_BYTES + 2 * TABLE_ENTRIES);
+        let mut taken = Parameters::new(&DICTIONARY);
+        take_set(&buffer[..with], &mut taken).unwrap();
+        assert_eq!((taken.table(TABLE), taken.get(S(41))), (table().as_slice(), 77));
+        assert_eq!(amend_set(&parameters, &[TABLE], &mut buffer, with), Some(without));
+        take_set(&buffer[..without], &mut taken).unwrap();
+        assert_eq!((taken.table(TABLE), taken.get(S(41))), ([].as_slice(), 77));
     }
 
     #[test]
