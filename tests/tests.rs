@@ -5,6 +5,7 @@
 mod amplifier;
 mod blocked;
 mod bridge_and_brake;
+mod cogging;
 mod commissioning;
 mod common;
 mod coordinates;

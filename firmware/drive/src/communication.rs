@@ -254,6 +254,7 @@ impl<B: Bus + Clone> Communication<B> {
         // What does not go together is found by S-0-0128.
         if let Ok(settings) = loops::settings::<H>(&self.parameters) {
             hand_over::by_parts(motion, &settings);
+            hand_over::cogging(motion, &self.parameters);
         }
         Ok(())
     }

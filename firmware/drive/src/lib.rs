@@ -60,6 +60,7 @@ pub use hardware::{Hardware, Inputs, InterruptLine, LOOP_PERIOD_MICROSECONDS, Pr
 pub use identity::{DriveAddress, Identity};
 pub use interrupts::RingInterrupts;
 pub use motion::Motion;
+pub use motion::cogging::CoggingMemory;
 pub use operation_mode::{OperationMode, Polarity, Reaction};
 pub use service::access::{Access, LONGEST_PASSWORD, SHORTEST_PASSWORD};
 pub use service::loops::without_motor;
@@ -95,7 +96,7 @@ pub struct Drive<B, H: Hardware, P: 'static> {
 }
 
 /// A drive with the parameters that its communication has recalled, torque-free; the chip is not touched before [`Communication::start`]. `link` is its own,
-/// for the current loop, and so is `scope`, the memory of its oscilloscope.
+/// for the current loop, and so are the memories of its oscilloscope and of the compensation of its cogging.
 ///
 /// It has a frame of its own, so that the start, which holds what it returns on its stack, does not hold what it works with besides.
 ///
@@ -107,13 +108,14 @@ pub fn new<B: Bus + Clone, H: Hardware, P: PowerStage<Board = H::Board>>(
     hardware: H,
     stage: P,
     link: &'static CurrentLink,
-    scope: &'static mut Scope,
+    memories: (&'static mut Scope, &'static mut CoggingMemory),
     communication: &Communication<B>,
 ) -> Result<Drive<B, H, P>, InvalidSetting> {
     let settings = settings_at_start::<H>(communication);
     let settings = settings.as_ref().map_err(|error| *error)?;
     let current = CurrentControl::new(stage, link, settings.motor.current);
-    let motion = Motion::new(bus.clone(), communication.address(), hardware, link, scope, settings);
+    let mut motion = Motion::new(bus.clone(), communication.address(), hardware, link, memories, settings);
+    service::hand_over::cogging_at_start(&mut motion, communication.parameters());
     Ok(Drive { current, interrupts: RingInterrupts::new(bus), motion })
 }
 

@@ -15,13 +15,15 @@ use sercon816::Bus;
 use sercos::Phase;
 use sercos::diagnostic::Class1;
 use sercos::phase::PhaseError;
-use servo::axis::{Axis, AxisOutput, AxisSettings};
+use servo::axis::{Axis, AxisOutput, AxisSettings, Cogging};
 use servo::encoder::DoubleSampledEncoder;
+use servo::identification::CoggingRecord;
 use servo::motor::{CurrentLink, Motor, MotorFaults};
 use servo::path::CommandJump;
 use servo::scope::Scope;
 use servo::units::{LOOP_TICKS_PER_SUPERVISION, Position};
 
+pub(crate) mod cogging;
 mod control_bits;
 mod function;
 mod homing;
@@ -45,6 +47,7 @@ mod tests;
 
 pub(crate) use homing::HomingFailure;
 
+use cogging::CoggingMemory;
 use control_bits::ControlBits;
 use function::Function;
 use operation::{Operation, Selection};
@@ -83,6 +86,7 @@ pub struct Motion<B, H: Hardware> {
     clock: RingClock,
     /// What the loops gave in the last tick.
     output: AxisOutput,
+    cogging: Cogging,
     axis: Axis,
     status: Status,
     operation: Operation,
@@ -99,6 +103,7 @@ pub struct Motion<B, H: Hardware> {
     function: Function,
     probing: Probing,
     oscilloscope: Oscilloscope<'static>,
+    cogging_record: &'static mut CoggingRecord,
     /// Halves of the supervision since the start.
     halves: u64,
     /// Limits of the MDT.
@@ -117,10 +122,11 @@ impl<B: Bus + Clone, H: Hardware> Motion<B, H> {
         address: u8,
         mut hardware: H,
         link: &'static CurrentLink,
-        scope: &'static mut Scope,
+        (scope, cogging): (&'static mut Scope, &'static mut CoggingMemory),
         settings: &DriveSettings,
     ) -> Self {
         let &DriveSettings { with_lag, without_lag, motor, motion: settings } = settings;
+        let (tables, cogging_record) = cogging.lend();
         let encoder = DoubleSampledEncoder::new(settings.encoder, hardware.encoder_count());
         hardware.set_bridge(false);
         hardware.set_brake(false);
@@ -131,6 +137,8 @@ impl<B: Bus + Clone, H: Hardware> Motion<B, H> {
             accompanied: false,
             encoder,
             output: AxisOutput::at_rest(position),
+            cogging: Cogging::new(tables, settings.cogging),
+            cogging_record,
             axis: Axis::new(with_lag, position),
             motor: Motor::new(link, motor),
             clock: RingClock::new(settings.cycle.clock),
@@ -216,6 +224,7 @@ impl<B: Bus + Clone, H: Hardware> Motion<B, H> {
             // Homing may just have moved the zero.
             position = self.encoder.position();
         }
+        self.axis.oppose_cogging(self.cogging.current(position, self.output.loop_velocity));
         let latest = self.encoder.velocity(self.counted(before), count);
         self.output = self.axis.tick(position, latest, self.motor.torque_limits());
         let trim = self.clock.on_tick();
@@ -377,6 +386,7 @@ impl<B: Bus + Clone, H: Hardware> Motion<B, H> {
     #[cold]
     #[inline(never)]
     fn take_jump(&mut self, faults: MotorFaults) {
+        self.cogging.forget_index();
         self.fail(faults.into());
     }
 

@@ -2,6 +2,7 @@
 
 pub(crate) mod access;
 pub(crate) mod checks;
+mod cogging;
 pub(crate) mod commissioning;
 pub(crate) mod context;
 pub(crate) mod finding;

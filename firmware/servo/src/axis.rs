@@ -1,6 +1,7 @@
 //! One axis: modes, loops and their bumpless hand-over.
 
 pub(crate) mod acceleration_gain;
+pub(crate) mod cogging;
 pub(crate) mod expected_lag;
 pub(crate) mod filter;
 pub(crate) mod friction;
@@ -13,6 +14,7 @@ pub(crate) mod velocity_guard;
 pub(crate) mod velocity_loop;
 pub(crate) mod velocity_rate;
 
+pub use cogging::{COGGING_POINTS, Cogging, CoggingScale, CoggingSettings, CoggingState, CoggingTables};
 pub use filter::{CurrentFilter, CurrentFilterSettings, FilterSection};
 pub use friction::{FrictionParameters, FrictionSettings};
 pub use limits::{
@@ -158,8 +160,8 @@ pub struct Axis {
     /// For the acceleration of the path to a position command.
     fed_forward: FedForward,
     velocity_command: Velocity,
-    /// What acceleration and friction need, of the last tick, in 2^-25 of the peak current.
-    acceleration: i32,
+    /// What acceleration and cogging need in this tick, known before anything is measured, and what friction needs, in 2^-25 of the peak current.
+    known: i32,
     friction: i32,
     torque_command: CurrentFraction,
     /// Movement of [`Mode::Travel`] and [`Mode::Halt`], and ramp of velocity commands.
@@ -168,6 +170,8 @@ pub struct Axis {
     travel_limits: MotionLimits,
     /// Of the velocity loop or of the torque command in the last tick.
     current: CurrentFraction,
+    /// Of the table against the cogging, in 2^-25 of the peak current.
+    against_cogging: i32,
     filter: CurrentFilter,
     /// The next current that passes the filter is the first one.
     filter_begins: bool,
@@ -202,13 +206,14 @@ impl Axis {
             velocity_loop: VelocityLoop::new(),
             fed_forward: FedForward::NONE,
             velocity_command: Velocity::ZERO,
-            acceleration: 0,
+            known: 0,
             friction: 0,
             torque_command: CurrentFraction::ZERO,
             trajectory: Trajectory::start(here),
             travel: Travel::Hold,
             travel_limits: settings.halt,
             current: CurrentFraction::ZERO,
+            against_cogging: 0,
             filter: CurrentFilter::new(),
             filter_begins: false,
         }
@@ -434,7 +439,7 @@ impl Axis {
 
     /// Starts the velocity loop with this current: what held the load when the axis was last switched off.
     pub fn preload(&mut self, current: CurrentFraction) {
-        self.velocity_loop.preset(current);
+        self.velocity_loop.preset(self.beside_cogging(current));
         self.current = current;
         self.filter.reset(fine(current));
     }
@@ -450,6 +455,18 @@ impl Axis {
             self.setpoint_velocities = [Velocity::ZERO; 2];
             self.expected_velocity = FilteredVelocity::new(Velocity::ZERO);
         }
+    }
+
+    /// The current against the cogging in the tick that follows ([`Cogging::current`]), wherever the velocity loop is closed.
+    #[inline]
+    pub const fn oppose_cogging(&mut self, current: i32) {
+        self.against_cogging = current;
+    }
+
+    /// What the velocity loop has to give so that this current flows.
+    #[inline]
+    fn beside_cogging(&self, current: CurrentFraction) -> CurrentFraction {
+        current.saturating_sub(CurrentFraction::from_bits((self.against_cogging >> (CURRENT_BITS - 15)) as i16))
     }
 
     /// One loop period: the measured position goes in, the current command comes out, within these limits of the torque.
@@ -629,7 +646,7 @@ impl Axis {
     /// Takes the velocity command of a tick, and the current that its acceleration needs.
     #[inline]
     fn feed_forward(&mut self, acceleration: i32, command: Velocity) {
-        self.acceleration = acceleration;
+        self.known = acceleration.saturating_add(self.against_cogging);
         self.friction = self.settings.friction.current(command);
         self.velocity_command = command;
     }
@@ -646,16 +663,16 @@ impl Axis {
     #[inline]
     fn control(&mut self, command: Velocity, measured: Velocity, limits: &TorqueLimits) -> (CurrentFraction, Limiting) {
         let settings = &self.settings;
-        let fed_forward = self.acceleration.saturating_add(self.friction);
+        let fed_forward = self.known.saturating_add(self.friction);
         let controlled = self.velocity_loop.tick(&settings.velocity_loop, limits, command, measured, fed_forward);
         self.current = controlled.current;
         if !settings.filter.is_active() {
             return (controlled.current, controlled.limiting);
         }
-        // The current for the acceleration comes from commands, without the noise of a measurement: filtered it would only be late. What
-        // the limits take of it must not stand in the filter with the opposite sign when it ends.
+        // The current for the acceleration comes from commands, that against the cogging from the place, without the noise of a measurement: filtered
+        // they would only be late. What the limits take of them must not stand in the filter with the opposite sign when it ends.
         let [lowest, highest] = bounds(limits);
-        let beside = self.acceleration.min(highest).max(lowest) << (31 - CURRENT_BITS);
+        let beside = self.known.min(highest).max(lowest) << (31 - CURRENT_BITS);
         let fed_back = fine(controlled.current).saturating_sub(beside);
         if core::mem::take(&mut self.filter_begins) {
             self.filter.reset(fed_back);
@@ -675,7 +692,7 @@ impl Axis {
         let limit = if wanted >= CurrentFraction::ZERO { velocity_limits.positive } else { velocity_limits.negative };
         let velocities = [limit, output.loop_velocity];
         let guarded = self.guard.tick(&settings.velocity_loop, limits, velocities, wanted);
-        self.velocity_loop.preset(guarded.lasting);
+        self.velocity_loop.preset(self.beside_cogging(guarded.lasting));
         self.current = guarded.current;
         output.current = guarded.current;
         output.limiting = if guarded.is_held { velocity_limits.met_by(limit) } else { limiting };

@@ -5,7 +5,8 @@
 
 use drive::remembering;
 use drive::{
-    Communication, CurrentControl, CurrentLink, Drive, Identity, InterruptLine, Motion, RingInterrupts, Scope, Tasks,
+    CoggingMemory, Communication, CurrentControl, CurrentLink, Drive, Identity, InterruptLine, Motion, RingInterrupts,
+    Scope, Tasks,
 };
 use embassy_futures::block_on;
 use memory::{Log, Memory};
@@ -74,6 +75,7 @@ impl HostDrive {
         // As in the application: link and oscilloscope live as long as the drive, which is for ever.
         let link = Box::leak(Box::new(CurrentLink::new()));
         let scope = Box::leak(Box::new(Scope::new()));
+        let cogging = Box::leak(Box::new(CoggingMemory::new()));
         let mut memory = Memory::new(HostFlash(flash.clone()));
         let mut buffer = Box::new([0; BUFFER]);
         let recollection = block_on(remembering::recall(&mut memory, &mut *buffer));
@@ -83,7 +85,7 @@ impl HostDrive {
             MotorSide::new(motor_side.clone()),
             SimulatedStage::new(motor_side.clone()),
             link,
-            scope,
+            (scope, cogging),
             &communication,
         )
         .map_err(|error| refused(&error))?;

@@ -42,8 +42,10 @@ sercos::data_blocks! {
     P 214 "Oscilloscope window" [""] U16/0 written ALWAYS (0 to 2_047) = 0 => ScopeWindow;
     /// Time between two points of the recording.
     P 215 "Oscilloscope interval" ["us"] U32/1 written NEVER () = 0 => ScopeInterval;
-    /// How far P-0-0224, P-0-0225 or P-0-0226 has come; 100 when it is done.
+    /// How far P-0-0224, P-0-0225, P-0-0226 or P-0-0250 has come; 100 when it is done.
     P 227 "Progress of the identification" ["%"] U16/0 written NEVER () = 0 => IdentificationProgress;
     /// Load of the chopper's resistor; it warns from 90 % on, is switched off at 100 % and works again below 80 %.
     P 238 "Load of the chopper resistor" ["%"] U16/1 written NEVER () = 0 => ChopperLoad;
+    /// 0: P-0-0252 is empty; 1: P-0-0251 is 0; 2: the index has not been seen since the start, or since the encoder or its place became unknown, or P-0-0117 is 0; 3: P-0-0252 acts.
+    P 253 "State of the cogging compensation" [""] U16/0 written NEVER () = 0 => CoggingState;
 }

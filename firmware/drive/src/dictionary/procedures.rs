@@ -40,6 +40,8 @@ sercos::data_blocks! {
     P 225 "Identify torque constant" [""] COMMAND/0 written IN_CP4 () = 0 => IdentifyFlux;
     /// Measures P-0-0221 with ramps P-0-0219 between P-0-0218 and half of it, and turns back to measure the friction, S-0-0155 and P-0-0142. Conditions as for P-0-0224.
     P 226 "Identify moment of inertia" [""] COMMAND/0 written IN_CP4 () = 0 => IdentifyInertia;
+    /// Learns P-0-0252: turns the motor at 1 rpm, by 1.25 revolutions in the direction of P-0-0218 and back, after at most 1.25 in search of the index, within P-0-0229, with the ramps P-0-0219. Takes 2.5 minutes, and up to 1.25 more for the search; P-0-0227 shows how far it is. Friction and a load that pulls one way are no cogging. Conditions as for P-0-0224; refused without index (P-0-0117 = 0), at a limit of the torque, and where the load is not the same a revolution further or in the other direction (P-0-0228).
+    P 250 "Learn cogging compensation" [""] COMMAND/0 written IN_CP4 () = 0 => LearnCogging;
 }
 
 impl Procedure {

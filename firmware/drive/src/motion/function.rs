@@ -1,4 +1,5 @@
-//! What the drive makes of the axis by itself, started over the service channel: homing S-0-0148 or an identification P-0-0224 to P-0-0226.
+//! What the drive makes of the axis by itself, started over the service channel: homing S-0-0148 or an identification P-0-0224 to
+//! P-0-0226 or P-0-0250.
 //!
 //! They exclude each other: neither begins while the other is under way, nor an identification while S-0-0148 holds the axis. An identification
 //! runs while the drive is in operation and halted, instead of the halt: the control unit keeps both hands on it, because the end of HALT, like
@@ -11,7 +12,7 @@
 use sercos::command::CommandState;
 use servo::axis::Mode;
 use servo::homing::{HomingInputs, HomingSettings};
-use servo::identification::IdentificationInputs;
+use servo::identification::{CoggingInputs, CoggingRecord, IdentificationInputs};
 use servo::path::MotionLimits;
 use servo::units::Position;
 
@@ -45,7 +46,7 @@ enum Active {
     /// The axis is the control's.
     #[default]
     None,
-    /// P-0-0224, P-0-0225 or P-0-0226 is under way.
+    /// P-0-0224, P-0-0225, P-0-0226 or P-0-0250 is under way.
     Identification(Identification),
     /// S-0-0148 has ended, and holds the axis until it is cancelled.
     Held,
@@ -84,9 +85,7 @@ impl Function {
         match &self.active {
             Active::None | Active::Held => None,
             Active::Homing(_) => Some(Mode::Travel),
-            Active::Identification(identification) if identification.turns() => Some(Mode::Velocity),
-            // The current along the magnets holds the rotor, and the loops look on.
-            Active::Identification(_) => Some(Mode::Off),
+            Active::Identification(identification) => Some(identification.axis_mode()),
         }
     }
 
@@ -197,9 +196,14 @@ impl Function {
     }
 
     /// One loop tick of an identification, before that of the axis: what it asks for, and whether it has ended.
-    pub(super) fn identify(&mut self, inputs: &IdentificationInputs) -> Option<(Request, bool)> {
+    pub(super) fn identify(
+        &mut self,
+        inputs: &IdentificationInputs,
+        cogging: &CoggingInputs,
+        record: &mut CoggingRecord,
+    ) -> Option<(Request, bool)> {
         let Active::Identification(identification) = &mut self.active else { return None };
-        let step = identification.tick(inputs);
+        let step = identification.tick(inputs, cogging, record);
         self.percent = step.percent;
         if let Some(result) = step.result {
             self.active = Active::None;

@@ -1,14 +1,17 @@
-//! The sequences that measure the motor, joined to what the commands P-0-0224 to P-0-0226 stand for.
+//! The sequences that measure the motor, joined to what the commands P-0-0224 to P-0-0226 and P-0-0250 stand for.
 //!
 //! What a sequence measures is summed up here; its result takes divisions and is therefore asked for in the background
 //! (`commissioning`).
 
+use servo::axis::Mode;
 use servo::identification::{
+    CoggingIdentification, CoggingIdentificationSettings, CoggingInputs, CoggingMeasurement, CoggingRecord,
     CurrentRequest, FluxIdentification, FluxMeasurement, FluxSettings, IdentificationError, IdentificationInputs,
     IdentificationOutput, IdentificationState, InductanceIdentification, InductanceMeasurement, InductanceSettings,
     InertiaIdentification, InertiaMeasurement, InertiaSettings, ResistanceIdentification, ResistanceMeasurement,
     ResistanceSettings,
 };
+use servo::path::MotionLimits;
 use servo::units::{CurrentFraction, Position, Velocity};
 
 /// What is to be measured, and how.
@@ -20,6 +23,8 @@ pub(crate) enum Plan {
     Flux(FluxSettings),
     /// P-0-0226.
     Inertia(InertiaSettings),
+    /// P-0-0250.
+    Cogging(CoggingIdentificationSettings),
 }
 
 impl Plan {
@@ -27,7 +32,7 @@ impl Plan {
     fn largest_load(&self) -> Option<CurrentFraction> {
         match self {
             Self::Winding(resistance, _) => Some(resistance.largest_load()),
-            Self::Flux(_) | Self::Inertia(_) => None,
+            Self::Flux(_) | Self::Inertia(_) | Self::Cogging(_) => None,
         }
     }
 
@@ -50,6 +55,8 @@ pub(crate) enum Measurement {
     Flux(FluxMeasurement),
     /// P-0-0226.
     Inertia(InertiaMeasurement),
+    /// P-0-0250, with the record.
+    Cogging(CoggingMeasurement),
 }
 
 /// Why nothing was measured.
@@ -73,6 +80,8 @@ pub(crate) enum Request {
     Current { angle: u32, current: CurrentRequest },
     /// A velocity.
     Velocity(Velocity),
+    /// A place, and how the axis gets there.
+    Place(MotionLimits, Position),
 }
 
 /// Result of a tick.
@@ -99,6 +108,7 @@ enum Stage {
     Inductance(ResistanceMeasurement, InductanceIdentification),
     Flux(FluxIdentification),
     Inertia(InertiaIdentification),
+    Cogging(CoggingIdentificationSettings, CoggingIdentification),
 }
 
 impl Identification {
@@ -113,18 +123,30 @@ impl Identification {
             }
             Plan::Flux(settings) => Stage::Flux(FluxIdentification::start(settings, position)),
             Plan::Inertia(settings) => Stage::Inertia(InertiaIdentification::start(settings, position)),
+            Plan::Cogging(settings) => Stage::Cogging(settings, CoggingIdentification::start(settings, position)),
         };
         Self { stage, angle: nearest_sixth(angle), percent: 0 }
     }
 
-    /// It needs a velocity loop; otherwise a current at an angle.
-    pub(crate) const fn turns(&self) -> bool {
-        matches!(self.stage, Stage::Flux(_) | Stage::Inertia(_))
+    /// What the axis does for it.
+    #[inline]
+    pub(crate) const fn axis_mode(&self) -> Mode {
+        match self.stage {
+            // The current along the magnets holds the rotor, and the loops look on.
+            Stage::Resistance(..) | Stage::Inductance(..) => Mode::Off,
+            Stage::Flux(_) | Stage::Inertia(_) => Mode::Velocity,
+            Stage::Cogging(..) => Mode::Travel,
+        }
     }
 
     /// One tick.
     #[inline]
-    pub(crate) fn tick(&mut self, inputs: &IdentificationInputs) -> Step {
+    pub(crate) fn tick(
+        &mut self,
+        inputs: &IdentificationInputs,
+        cogging: &CoggingInputs,
+        record: &mut CoggingRecord,
+    ) -> Step {
         let angle = self.angle;
         match &mut self.stage {
             Stage::Resistance(sequence, inductance) => {
@@ -158,6 +180,12 @@ impl Identification {
                 let output = sequence.tick(inputs);
                 self.percent = percent_of(&output);
                 self.ended(Request::Velocity(output.request), output.state, Measurement::Inertia)
+            }
+            Stage::Cogging(settings, sequence) => {
+                let (place, state) = sequence.tick(cogging, record);
+                let output = IdentificationOutput { request: Request::Place(settings.limits(), place), state };
+                self.percent = percent_of(&output);
+                self.ended(output.request, output.state, Measurement::Cogging)
             }
         }
     }

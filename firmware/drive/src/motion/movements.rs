@@ -1,9 +1,9 @@
 //! Movements of the drive's own, and the probes that look on: from the parts that know the way to axis, motor and hardware.
 
 use sercon816::Bus;
-use servo::axis::Mode;
+use servo::axis::{Mode, Travel};
 use servo::homing::HomingInputs;
-use servo::identification::IdentificationInputs;
+use servo::identification::{CoggingInputs, IdentificationInputs};
 use servo::probe::{ProbeInput as ProbeSide, ProbeInputs};
 use servo::units::Position;
 
@@ -11,6 +11,7 @@ use super::Motion;
 use super::function::Function;
 use super::identification::Request;
 use super::positioning::Scene;
+use super::status::TORQUE_LIMITS;
 use crate::hardware::{Hardware, ProbeInput};
 use crate::signal::control_bits::Enable;
 use crate::state::DriveState;
@@ -65,6 +66,7 @@ impl<B: Bus + Clone, H: Hardware> Motion<B, H> {
         self.encoder.set_position(self.encoder.position() + difference);
         self.axis.shift(difference);
         self.motor.shift(difference);
+        self.cogging.shift(difference);
         // What the last tick and the last t4 have left is read before the next.
         self.output.position_command = self.output.position_command + difference;
         self.shown.position = self.shown.position + difference;
@@ -79,10 +81,17 @@ impl<B: Bus + Clone, H: Hardware> Motion<B, H> {
             longest_voltage: self.motor.longest_voltage(),
             position: self.encoder.position(),
         };
-        let Some((request, ended)) = self.function.identify(&inputs) else { return };
+        let cogging = CoggingInputs {
+            position: self.encoder.position(),
+            origin: self.cogging.origin(),
+            current: self.output.current,
+            is_limited: self.output.limiting.intersects(TORQUE_LIMITS),
+        };
+        let Some((request, ended)) = self.function.identify(&inputs, &cogging, self.cogging_record) else { return };
         match request {
             Request::Current { angle, current } => self.motor.hold(Some((angle, current))),
             Request::Velocity(velocity) => self.axis.command_velocity(velocity),
+            Request::Place(limits, place) => self.axis.travel(limits, Travel::To(place)),
         }
         if ended {
             self.let_go();

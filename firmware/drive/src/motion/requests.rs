@@ -103,6 +103,7 @@ impl<B: Bus + Clone, H: Hardware> Motion<B, H> {
         let clock = settings.cycle.clock != self.settings.cycle.clock;
         // From here on from its own place: the compiler would copy all of it a second time for what is read below.
         self.settings = *settings;
+        self.cogging.apply_settings(settings.cogging);
         self.cyclic_limits.rescale(&self.settings.limits);
         if clock {
             self.restart_clock();
@@ -125,6 +126,7 @@ impl<B: Bus + Clone, H: Hardware> Motion<B, H> {
         let count = self.hardware.encoder_count();
         self.encoder = DoubleSampledEncoder::new(self.settings.encoder, self.counted(count));
         self.axis = Axis::new(self.with_lag, self.encoder.position());
+        self.cogging.forget_index();
         self.reference.forget();
         self.positioning.forget();
         self.apply_axis_settings();

@@ -1,5 +1,5 @@
 //! Commissioning over the service channel: gains from the data of the motor (P-0-0220), and the data of the motor from measurements
-//! (P-0-0224 to P-0-0226).
+//! (P-0-0224 to P-0-0226); what P-0-0250 does begins here, too.
 //!
 //! Everything that divides is here, in the background, and after the release of the step that asked for it. A command changes all of its
 //! parameters or none, and P-0-0228 says why.
@@ -15,13 +15,14 @@ use servo::axis::{
 };
 use servo::current::PwmFrequency;
 use servo::identification::{
-    FluxSettings, IdentificationError, IdentificationParameters, InductanceSettings, Inertia, InertiaSettings,
-    ResistanceSettings,
+    CoggingIdentificationSettings, FluxSettings, IdentificationError, IdentificationParameters, InductanceSettings,
+    Inertia, InertiaSettings, ResistanceSettings,
 };
 use servo::units::{Acceleration, Position, Velocity};
 
 use crate::dictionary::procedures::Procedure;
 use crate::motion::identification::{Failure, Measurement, Outcome, Plan};
+use crate::settings::cogging::has_index;
 use crate::settings::current::{amplitude, rms, torque_constant};
 use crate::settings::invalid::InvalidSetting;
 use crate::settings::torque::TorqueScale;
@@ -32,7 +33,7 @@ const P: fn(u16) -> Idn = Idn::product;
 /// Which identification runs, and what the last command has found.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub(crate) struct Commissioning {
-    /// P-0-0224, P-0-0225 or P-0-0226.
+    /// P-0-0224, P-0-0225, P-0-0226 or P-0-0250.
     pub(crate) identifying: Option<Procedure>,
     /// P-0-0228.
     pub(crate) finding: Option<Finding>,
@@ -53,6 +54,8 @@ pub(crate) enum Finding {
     Interrupted,
     /// P-0-0224 would have let a load go.
     Loaded,
+    /// P-0-0250 on an axis without index.
+    WithoutIndex,
 }
 
 impl From<SettingsError> for Finding {
@@ -92,6 +95,7 @@ impl fmt::Display for Finding {
             Self::Identification(error) => error.fmt(formatter),
             Self::Interrupted => formatter.write_str("interrupted: HALT, torque or operation have ended"),
             Self::Loaded => formatter.write_str("the axis holds a load that P-0-0224 would let go: take the load off"),
+            Self::WithoutIndex => formatter.write_str("a table begins at the index of the encoder, and P-0-0117 is 0"),
         }
     }
 }
@@ -164,10 +168,10 @@ pub(crate) fn compute_gains(
     )
 }
 
-/// What P-0-0224, P-0-0225 or P-0-0226 is to do.
+/// What P-0-0224, P-0-0225, P-0-0226 or P-0-0250 is to do.
 ///
 /// # Errors
-/// [`Finding::Settings`].
+/// [`Finding::Settings`], [`Finding::WithoutIndex`].
 pub(crate) fn plan(procedure: Procedure, parameters: &Parameters, frequency: PwmFrequency) -> Result<Plan, Finding> {
     let peak_current = amplitude(parameters.get(S(110)));
     let torque = TorqueScale::new(parameters).map_err(|invalid| Finding::Refused(invalid.idn))?;
@@ -195,6 +199,13 @@ pub(crate) fn plan(procedure: Procedure, parameters: &Parameters, frequency: Pwm
         Procedure::IdentifyInertia => {
             Plan::Inertia(InertiaSettings::new(&identification, torque_constant(parameters))?)
         }
+        Procedure::LearnCogging => {
+            if !has_index(parameters) {
+                return Err(Finding::WithoutIndex);
+            }
+            let IdentificationParameters { velocity, acceleration, movement, .. } = identification;
+            Plan::Cogging(CoggingIdentificationSettings::new(velocity < Velocity::ZERO, acceleration, None, movement)?)
+        }
         _ => Plan::Winding(ResistanceSettings::new(&identification)?, InductanceSettings::new(&identification)?),
     })
 }
@@ -217,6 +228,8 @@ pub(crate) fn take_over(
                 [(P(111), resistance.resistance()?), (P(112), inductances.direct), (P(113), inductances.quadrature)];
             put(parameters, values, check)
         }
+        // Of tables the file beside this one.
+        Measurement::Cogging(_) => Ok(()),
         Measurement::Flux(flux) => put(parameters, [(P(114), amplitude(flux.flux()?.torque_constant))], check),
         Measurement::Inertia(inertia) => {
             let Inertia { inertia, coulomb_friction, viscous_friction } = inertia.inertia()?;
@@ -368,6 +381,10 @@ mod tests {
             Finding::Limits { idn: P(4_095), actual: u32::MAX },
             Finding::Refused(P(4_095)),
             Finding::Interrupted,
+            Finding::WithoutIndex,
+            IdentificationError::TorqueLimit.into(),
+            IdentificationError::NoIndex.into(),
+            IdentificationError::UnevenLoad.into(),
             IdentificationError::OutOfRange { actual: i64::MIN, minimum: 10, maximum: 1_000_000_000 }.into(),
             IdentificationError::CurrentNotReached { actual: i32::MIN, expected: i32::MIN }.into(),
             IdentificationError::NoMovement.into(),

@@ -46,7 +46,7 @@ struct Effects {
     loops: Result<DriveSettings, InvalidSetting>,
     homing: Result<(HomingSettings, MotionLimits), InvalidSetting>,
     probing: Option<ProbeSettings>,
-    identifications: [Result<Plan, CommissioningFinding>; 3],
+    identifications: [Result<Plan, CommissioningFinding>; 4],
     gains: Result<[u32; 5], CommissioningFinding>,
     recording: Result<Configuration, ServiceError>,
     oscilloscope: (u64, u64),
@@ -54,6 +54,7 @@ struct Effects {
     commands: Vec<u32>,
     controlled: u32,
     commutation_angle: u64,
+    against_cogging: i32,
     locked: bool,
     kept: bool,
     amended: Option<Vec<u8>>,
@@ -62,6 +63,7 @@ struct Effects {
 impl Effects {
     fn of(rig: &mut Rig) -> Self {
         let message = rig.text(S(95));
+        let against_cogging = rig.motion.current_against_cogging();
         let commands = COMMAND_VALUES.iter().map(|&(_, value)| rig.motion.command_data(value)).collect();
         rig.step(|_, parameters, context| {
             let capabilities = checks::capabilities(context.identity.bit_rate, parameters);
@@ -74,8 +76,13 @@ impl Effects {
                 homing: loops.and_then(|settings| homing(parameters, &settings.motion)),
                 loops,
                 probing: ProbeSettings::new(parameters.get_word(PROBE_CONTROL)).ok(),
-                identifications: [Procedure::IdentifyWinding, Procedure::IdentifyFlux, Procedure::IdentifyInertia]
-                    .map(|procedure| commissioning::plan(procedure, parameters, FACTS.frequency)),
+                identifications: [
+                    Procedure::IdentifyWinding,
+                    Procedure::IdentifyFlux,
+                    Procedure::IdentifyInertia,
+                    Procedure::LearnCogging,
+                ]
+                .map(|procedure| commissioning::plan(procedure, parameters, FACTS.frequency)),
                 gains: gains.map(|()| [100, 101, 104, 106, 107].map(|number| computed.get(S(number)))),
                 recording: scope::configuration(parameters),
                 oscilloscope: (
@@ -86,6 +93,7 @@ impl Effects {
                 commands,
                 controlled: context.motion.lock(|motion| motion.controlled_bits()).0,
                 commutation_angle: context.read(DICTIONARY.find(P(118)).unwrap(), parameters),
+                against_cogging,
                 locked: context.is_locked(),
                 kept: {
                     context.note_stored(parameters);
@@ -115,6 +123,7 @@ impl Effects {
             ("commands", self.commands != other.commands),
             ("bits", self.controlled != other.controlled),
             ("commutation", self.commutation_angle != other.commutation_angle),
+            ("cogging", self.against_cogging != other.against_cogging),
             ("lock", self.locked != other.locked),
             ("memory", self.kept != other.kept),
             ("selection", self.amended != other.amended),
@@ -210,7 +219,7 @@ fn every_data_block_that_can_be_written_has_an_effect_or_refuses_to_be_changed()
     }
     assert!(without.is_empty(), "nothing reads {without:?}");
     // No kind of effect is there in vain.
-    assert_eq!(kinds.len(), 14, "{kinds:?}");
+    assert_eq!(kinds.len(), 15, "{kinds:?}");
 }
 
 #[test]

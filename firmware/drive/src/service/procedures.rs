@@ -9,6 +9,7 @@ use sercos::{Idn, Phase};
 use servo::motor::BoardKind;
 use servo::probe::ProbeSettings;
 
+use super::cogging;
 use super::commissioning::{self, Finding as CommissioningFinding};
 use super::context::Context;
 use super::finding::Finding;
@@ -16,6 +17,7 @@ use super::loops;
 use crate::dictionary::procedures::Procedure;
 use crate::hardware::Hardware;
 use crate::motion::Motion;
+use crate::motion::identification::Measurement;
 use crate::remembering::keeping::{MemoryFailure, Selected};
 use crate::settings::homing;
 
@@ -61,7 +63,10 @@ where
                 self.checks.started = Some(procedure);
                 Ok(CommandState::Executing)
             }
-            Procedure::IdentifyWinding | Procedure::IdentifyFlux | Procedure::IdentifyInertia => {
+            Procedure::IdentifyWinding
+            | Procedure::IdentifyFlux
+            | Procedure::IdentifyInertia
+            | Procedure::LearnCogging => {
                 self.unlocked()?;
                 if !self.motion.lock(|motion| motion.may_identify()) {
                     return Err(ServiceError::CommandNotExecutableNow);
@@ -102,7 +107,10 @@ where
     fn cancel(&mut self, procedure: Procedure) -> CommandState {
         match procedure {
             Procedure::CheckForCp3 | Procedure::CheckForCp4 => return self.give_up_check(),
-            Procedure::IdentifyWinding | Procedure::IdentifyFlux | Procedure::IdentifyInertia
+            Procedure::IdentifyWinding
+            | Procedure::IdentifyFlux
+            | Procedure::IdentifyInertia
+            | Procedure::LearnCogging
                 if self.commissioning.identifying == Some(procedure) =>
             {
                 self.commissioning.identifying = None;
@@ -161,6 +169,9 @@ where
         parameters: &Parameters,
     ) -> Result<(), CommissioningFinding> {
         let plan = commissioning::plan(procedure, parameters, <H::Board>::FACTS.frequency)?;
+        if procedure == Procedure::LearnCogging {
+            cogging::prepare(self.motion);
+        }
         self.motion.lock(|motion| motion.start_identification(&plan))?;
         self.commissioning.identifying = Some(procedure);
         Ok(())
@@ -170,7 +181,10 @@ where
     pub(crate) fn conclude_identification(&mut self, parameters: &mut Parameters) -> Option<(Idn, CommandState)> {
         let outcome = self.motion.lock(Motion::take_identified)?;
         let procedure = self.commissioning.identifying.take()?;
-        let result = commissioning::take_over(outcome, parameters, loops::accept::<H>);
+        let result = match outcome {
+            Ok(Measurement::Cogging(measurement)) => cogging::take_over(&measurement, parameters, self.motion),
+            outcome => commissioning::take_over(outcome, parameters, loops::accept::<H>),
+        };
         Some((procedure.idn(), self.taken(result, parameters)))
     }
 

@@ -78,6 +78,7 @@ where
             Number::ScopeInterval => {
                 self.ask(|motion| motion.oscilloscope().interval(const { current_loop_period(&<H::Board>::FACTS) }))
             }
+            Number::CoggingState => self.ask(|motion| motion.cogging().state() as u32),
             Number::IdentificationProgress => self.ask(|motion| motion.identification_percent().into()),
         }
     }

@@ -19,6 +19,7 @@ use crate::hardware::Hardware;
 use crate::motion::Motion;
 use crate::operation_mode::Direction;
 use crate::oscilloscope;
+use crate::settings::cogging::COGGING_TABLE;
 use crate::signal::word::Word;
 
 /// S-0-0393.
@@ -101,6 +102,9 @@ where
                 }
             };
             hand_over::by_parts(self.motion, &settings);
+            if block.idn == COGGING_TABLE {
+                hand_over::cogging(self.motion, parameters);
+            }
         }
         if block.idn == PROBE_CONTROL {
             // S-0-0170 has no end of its own after which it could be taken over.

@@ -1,0 +1,354 @@
+//! The current that the cogging needs, over one revolution of the motor in both directions.
+//!
+//! ```text
+//!        | run-up |            a revolution            | an eighth | run-out |
+//! index? ------->|==================================================|-------> there at 1 rpm
+//!                 |==================================================|<------- and back
+//! ```
+//!
+//! The axis is led at 1 rpm and the velocity loop holds it against the cogging: what it gives is summed up in a bin for each point of the
+//! table and each direction. Friction changes its sign with the direction and cogging does not; half the sum of both directions, less
+//! its mean (a load that pulls one way), is the cogging, see [`CoggingTable`](super::CoggingTable).
+//!
+//! At 1 rpm a harmonic of `h` periods is one of `h / 60` Hz. A velocity loop that crosses at `w` with an integral action time of `4 / w` leaves
+//! `4 (2 pi h / 60 / w)^2` of it to the inertia: at 40 Hz 0.4 % of 72 periods and 1.4 % of 144. A table that is in effect already is part of
+//! the current that is summed up, so that a second time leaves the square of it.
+//!
+//! The eighth is turned twice, a revolution apart: cogging is the same there, and a load that is not tells itself.
+//!
+//! Movement: from where the index is known 1.25 revolutions in the direction of the velocity, and back; before that at most 1.25 in search of
+//! the index. Takes 150 s, and up to 75 s for the search.
+
+use super::{IdentificationError, IdentificationState, Range};
+use crate::axis::cogging::COGGING_POINTS;
+use crate::error::{SettingsError, in_range};
+use crate::path::limits::MotionLimits;
+use crate::units::derivatives::Jerk;
+use crate::units::{Acceleration, CurrentFraction, Position, Velocity};
+
+/// Parts of the way, in 2^-32 revolution.
+const REVOLUTION: i64 = 1 << 32;
+const EIGHTH: i64 = REVOLUTION / 8;
+const RUN_UP: i64 = REVOLUTION / 16;
+/// Where the revolution ends, the eighth behind it, and the run-out.
+const ONCE: i64 = RUN_UP + REVOLUTION;
+const TWICE: i64 = ONCE + EIGHTH;
+const TURN: i64 = TWICE + RUN_UP;
+/// The place where the axis is to turn round or to end is reached within so much.
+const ARRIVED: i64 = REVOLUTION / 256;
+/// Way without an index after which there is none.
+const SEARCH: i64 = REVOLUTION + EIGHTH;
+
+/// 1 rpm.
+const SPEED: Velocity = Velocity::from_bits((1_i64 << 36).div_euclid(480_000) as i32);
+
+/// Ticks for a quarter more than the longest part of the way, 1.25 revolutions at 1 rpm, and 2 s.
+const LONGEST: u32 = 766_000;
+
+/// What is summed up of a point in both directions.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Bin {
+    /// Currents in 2^-15 of peak, forwards and backwards.
+    sums: [i32; 2],
+    /// How many of them.
+    visits: [u16; 2],
+}
+
+impl Bin {
+    /// Of currents in 2^-15 of peak, forwards and backwards, and how many of them: for tests of what is made of them.
+    #[must_use]
+    pub const fn new(sums: [i32; 2], visits: [u16; 2]) -> Self {
+        Self { sums, visits }
+    }
+
+    /// Mean current of a direction in 2^-`bits` of peak, for up to 31; `None` where the axis has not been. Divides.
+    #[must_use]
+    pub fn mean(&self, backwards: bool, bits: u32) -> Option<i32> {
+        let [sums, visits] = [self.sums.map(i64::from), self.visits.map(i64::from)];
+        let side = usize::from(backwards);
+        let sum = sums.get(side)?.checked_shl(bits.saturating_sub(15))?;
+        // Not more than its largest summand.
+        sum.checked_div(*visits.get(side)?).map(|mean| mean as i32)
+    }
+}
+
+/// The bins of a revolution. Keep one in a static and lend it.
+#[derive(Debug)]
+pub struct CoggingRecord {
+    bins: [Bin; COGGING_POINTS],
+}
+
+impl CoggingRecord {
+    /// Empty.
+    #[must_use]
+    pub const fn new() -> Self {
+        Self { bins: [Bin::new([0; 2], [0; 2]); COGGING_POINTS] }
+    }
+
+    /// Empties so many bins from one on; before a sequence begins.
+    pub fn clear(&mut self, from: usize, bins: usize) {
+        self.bins.iter_mut().skip(from).take(bins).for_each(|bin| *bin = Bin::default());
+    }
+
+    /// A bin as it is; an empty one beyond the end.
+    #[must_use]
+    pub fn bin(&self, index: usize) -> Bin {
+        self.bins.get(index).copied().unwrap_or_default()
+    }
+
+    /// Adds a current at an angle from the index, in 2^-32 revolution. The bin of a point reaches half way to its neighbours.
+    #[inline]
+    fn add(&mut self, angle: u32, backwards: bool, current: CurrentFraction) {
+        const BIN: u32 = (REVOLUTION as u64 / COGGING_POINTS as u64) as u32;
+        let index = (angle.wrapping_add(BIN / 2) / BIN) as usize % COGGING_POINTS;
+        let side = usize::from(backwards);
+        if let Some(Bin { sums, visits }) = self.bins.get_mut(index)
+            && let (Some(sum), Some(visits)) = (sums.get_mut(side), visits.get_mut(side))
+            && *visits < u16::MAX
+        {
+            // At most 2^16 of at most 2^15.
+            *sum = sum.wrapping_add(i32::from(current.to_bits()));
+            *visits = visits.wrapping_add(1);
+        }
+    }
+}
+
+impl Default for CoggingRecord {
+    fn default() -> Self {
+        Self::new()
+    }
+}
+
+/// Settings of the sequence.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
+pub struct CoggingIdentificationSettings {
+    limits: MotionLimits,
+    movement: Position,
+    is_reversed: bool,
+}
+
+impl CoggingIdentificationSettings {
+    /// * `is_reversed`: the axis turns backwards first.
+    /// * `acceleration`: of the ramps; with `jerk`, if there is one.
+    /// * `movement`: how far the motor may turn from where it stands; up to 2^20 revolutions.
+    ///
+    /// Divides.
+    ///
+    /// # Errors
+    /// [`SettingsError::OutOfRange`] for a movement below 1.30 revolutions, and those of [`MotionLimits::new`].
+    pub fn new(
+        is_reversed: bool,
+        acceleration: Acceleration,
+        jerk: Option<Jerk>,
+        movement: Position,
+    ) -> Result<Self, SettingsError> {
+        let hundredths = movement.to_bits().saturating_mul(100) >> 32;
+        let hundredths = u32::try_from(hundredths).unwrap_or(if hundredths < 0 { 0 } else { u32::MAX });
+        in_range("movement of the identification in 0.01 revolutions", hundredths, 130, 100 << 20)?;
+        let limits = MotionLimits::new(SPEED, acceleration, acceleration, jerk)?;
+        Ok(Self { limits, movement, is_reversed })
+    }
+
+    /// Limits of the movements that the sequence asks for.
+    #[must_use]
+    pub const fn limits(&self) -> MotionLimits {
+        self.limits
+    }
+
+    /// In the first direction of the sequence.
+    const fn along(&self, way: i64) -> i64 {
+        if self.is_reversed { way.wrapping_neg() } else { way }
+    }
+}
+
+/// What the sequence looks at in a tick.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct CoggingInputs {
+    /// Measured position.
+    pub position: Position,
+    /// Angle of the position at the index, see [`Cogging::origin`](crate::axis::Cogging::origin).
+    pub origin: Option<u32>,
+    /// Current command of the last tick, with all that is fed forward.
+    pub current: CurrentFraction,
+    /// It was at a limit of the torque.
+    pub is_limited: bool,
+}
+
+/// Sum of currents.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
+struct Sum {
+    current: i64,
+    ticks: u32,
+}
+
+impl Sum {
+    #[inline]
+    fn add(&mut self, current: CurrentFraction) {
+        self.current = self.current.wrapping_add(current.to_bits().into());
+        self.ticks = self.ticks.wrapping_add(1);
+    }
+
+    /// In 2^-17 of peak. Divides.
+    fn mean(self) -> i64 {
+        (self.current << 2).checked_div(self.ticks.into()).unwrap_or(0)
+    }
+}
+
+/// What was summed up beside the bins.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
+pub struct CoggingMeasurement {
+    /// Of the eighth, the first and the second time, there and back.
+    there: [Sum; 2],
+    back: [Sum; 2],
+}
+
+impl CoggingMeasurement {
+    /// How much more the same places needed a revolution further, in 2^-17 of peak; the larger one of both directions. Divides.
+    pub(super) fn unevenness(&self) -> i64 {
+        let of = |[near, far]: [Sum; 2]| far.mean().saturating_sub(near.mean()).saturating_abs();
+        of(self.there).max(of(self.back))
+    }
+}
+
+/// State of the sequence.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
+pub struct CoggingIdentification {
+    settings: CoggingIdentificationSettings,
+    range: Range,
+    state: IdentificationState<CoggingMeasurement>,
+    stage: Stage,
+    /// Where the way there begins.
+    start: Position,
+    /// Ticks of the stage.
+    elapsed: u32,
+    measured: CoggingMeasurement,
+}
+
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
+enum Stage {
+    /// For the index.
+    Search,
+    There,
+    Back,
+}
+
+impl CoggingIdentification {
+    /// Begins at this position; the motor stands, the position loop is closed, and the record has been emptied.
+    #[must_use]
+    pub fn start(settings: CoggingIdentificationSettings, position: Position) -> Self {
+        Self {
+            settings,
+            range: Range { origin: position, maximum: settings.movement },
+            state: IdentificationState::Running { percent: 0 },
+            stage: Stage::Search,
+            start: position,
+            elapsed: 0,
+            measured: CoggingMeasurement::default(),
+        }
+    }
+
+    /// One tick: where the axis is to go, at 1 rpm, and how far the sequence has come.
+    #[inline]
+    pub fn tick(
+        &mut self,
+        inputs: &CoggingInputs,
+        record: &mut CoggingRecord,
+    ) -> (Position, IdentificationState<CoggingMeasurement>) {
+        if let IdentificationState::Running { percent } = self.state {
+            self.elapsed = self.elapsed.wrapping_add(1);
+            self.state = match self.run(inputs, record) {
+                Ok(None) => IdentificationState::Running { percent: percent.max(self.percent(inputs.position)) },
+                Ok(Some(measurement)) => IdentificationState::Done(measurement),
+                Err(error) => IdentificationState::Failed(error),
+            };
+        }
+        let way = match self.stage {
+            Stage::Search => SEARCH + RUN_UP,
+            Stage::There => TURN,
+            Stage::Back => 0,
+        };
+        (self.start + Position::from_bits(self.settings.along(way)), self.state)
+    }
+
+    /// In the first direction, from where the way there begins.
+    #[inline]
+    fn way(&self, position: Position) -> i64 {
+        self.settings.along((position - self.start).to_bits())
+    }
+
+    #[inline]
+    fn percent(&self, position: Position) -> u8 {
+        let way = self.way(position);
+        let turned = match self.stage {
+            Stage::Search => 0,
+            Stage::There => way,
+            Stage::Back => (2 * TURN).wrapping_sub(way),
+        };
+        // 2.5 revolutions.
+        (turned.wrapping_mul(40) >> 32).clamp(0, 99) as u8
+    }
+
+    #[inline]
+    fn run(
+        &mut self,
+        inputs: &CoggingInputs,
+        record: &mut CoggingRecord,
+    ) -> Result<Option<CoggingMeasurement>, IdentificationError> {
+        self.range.check(inputs.position)?;
+        if inputs.is_limited {
+            return Err(IdentificationError::TorqueLimit);
+        }
+        if self.elapsed > LONGEST {
+            return Err(IdentificationError::NoMovement);
+        }
+        let way = self.way(inputs.position);
+        let Some(origin) = inputs.origin else {
+            // It was known once: increments have been lost.
+            let lost = self.stage != Stage::Search;
+            return if lost || way > SEARCH { Err(IdentificationError::NoIndex) } else { Ok(None) };
+        };
+        match self.stage {
+            Stage::Search => {
+                self.start = inputs.position;
+                self.begin(Stage::There);
+            }
+            Stage::There => {
+                self.sum_up(inputs, way, origin, record);
+                if way >= TURN - ARRIVED {
+                    self.begin(Stage::Back);
+                }
+            }
+            Stage::Back => {
+                self.sum_up(inputs, way, origin, record);
+                if way <= ARRIVED {
+                    return Ok(Some(self.measured));
+                }
+            }
+        }
+        Ok(None)
+    }
+
+    fn begin(&mut self, stage: Stage) {
+        self.stage = stage;
+        self.elapsed = 0;
+    }
+
+    #[inline]
+    fn sum_up(&mut self, inputs: &CoggingInputs, way: i64, origin: u32, record: &mut CoggingRecord) {
+        let backwards = self.stage == Stage::Back;
+        let [near, far] = if backwards { &mut self.measured.back } else { &mut self.measured.there };
+        if (RUN_UP..RUN_UP + EIGHTH).contains(&way) {
+            near.add(inputs.current);
+        } else if (ONCE..TWICE).contains(&way) {
+            far.add(inputs.current);
+        }
+        if (RUN_UP..ONCE).contains(&way) {
+            record.add((inputs.position.to_bits() as u32).wrapping_sub(origin), backwards, inputs.current);
+        }
+    }
+}
