@@ -52,15 +52,14 @@ pub(crate) fn has_index(parameters: &Parameters) -> bool {
 
 /// In ns, from the instant to which a measured position belongs to that at which the torque of the tick's order is there.
 ///
-/// The order is taken by the second cycle of the current loop in the tick, at 8 kHz by the first of the next one; its compare values act half
-/// a period later, the current follows with the time constant of its loop, and what is ordered stays for a tick, half of which is its middle.
+/// The order is taken by the second cycle of the current loop in the tick, at 8 kHz by the first of the next one; what is ordered stays for a
+/// tick, half of which is its middle; and the current is behind it by the time constant of its loop, in which the delay of the bridge
+/// cancels: `1 / (1 + s / w e^sT)` is late by `1 / w`.
 fn lead(facts: &Facts, motor: &MotorSettings) -> u32 {
     const TICK: u32 = LOOP_PERIOD_MICROSECONDS as u32 * 1_000;
-    let period = TICK.checked_div(facts.frequency.cycles_per_tick().into()).unwrap_or(TICK);
-    let taken = if facts.reads_the_encoder_twice() { TICK / 2 } else { TICK };
-    let age = if facts.reads_the_encoder_twice() { TICK / 4 } else { 0 };
-    let followed = motor.current_loop_time().unwrap_or(0).saturating_mul(1_000);
-    let acts = taken.saturating_add(period / 2).saturating_add(TICK / 2).saturating_add(followed);
+    let (taken, age) = if facts.reads_the_encoder_twice() { (TICK / 2, TICK / 4) } else { (TICK, 0) };
+    let behind = motor.current_loop_time().unwrap_or(0).saturating_mul(1_000);
+    let acts = taken.saturating_add(TICK / 2).saturating_add(behind);
     acts.saturating_add(age).saturating_sub(facts.sample_to_count.into())
 }
 
@@ -99,9 +98,9 @@ mod tests {
             parameters.set(Idn::standard(106), gain).unwrap();
             lead(&FACTS, &DriveSettings::new(&parameters, &FACTS, source).unwrap().motor)
         };
-        // 62.5 us to the cycle, 31.25 us to its middle, 62.5 us for half a tick, 29.05 us since the reading; 6 mH by 20 and by 10 V/A.
+        // 62.5 us to the cycle, 62.5 us for half a tick, 29.05 us since the reading; 6 mH by 20 and by 10 V/A.
         let (fast, slow) = (lead_with(20_000), lead_with(10_000));
-        assert!((484_000..487_000).contains(&fast), "{fast}");
-        assert!((784_000..788_000).contains(&slow), "{slow}");
+        assert!((453_000..456_000).contains(&fast), "{fast}");
+        assert!((753_000..757_000).contains(&slow), "{slow}");
     }
 }

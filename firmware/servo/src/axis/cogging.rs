@@ -61,9 +61,9 @@ impl CoggingSettings {
     /// Divides.
     #[must_use]
     pub fn new(is_on: bool, has_index: bool, lead: u32) -> Self {
-        let ticks = (i64::from(lead.min(999_000)) << 28).checked_div(i64::from(LOOP_PERIOD_MICROSECONDS) * 1_000);
+        const PERIOD: i64 = LOOP_PERIOD_MICROSECONDS as i64 * 1_000;
         // Below 8 ticks.
-        Self { is_on, has_index, lead: ticks.unwrap_or(0) as i32 }
+        Self { is_on, has_index, lead: ((i64::from(lead.min(999_000)) << 28) / PERIOD) as i32 }
     }
 }
 
