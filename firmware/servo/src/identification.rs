@@ -6,6 +6,7 @@
 //! | [`InductanceIdentification`] | d current, alternating voltage | inductances of d and q axis | as above, then it shivers |
 //! | [`FluxIdentification`] | two velocities | flux linkage, torque constant | revolutions, in one direction |
 //! | [`InertiaIdentification`] | two velocities, ramps between them | inertia and friction | revolutions, in one direction |
+//! | [`ExcitationIdentification`] | a velocity, a sine of the current | axis and open loop at a frequency | part of a revolution, in one direction |
 //!
 //! Each is ticked like the loops, every 125 us, and ends with a measurement or with an [`IdentificationError`]. A measurement carries what
 //! was summed up; its result takes divisions and is therefore asked for outside the tick. When a sequence has ended it asks for no current,
@@ -17,6 +18,7 @@
 //! All quantities are those of a phase, from terminal to star point, and of amplitudes: a d or q current of 1 A is a phase current with an
 //! amplitude of 1 A.
 
+mod excitation;
 mod flux;
 mod inductance;
 mod inertia;
@@ -28,6 +30,10 @@ mod window;
 
 use core::fmt;
 
+pub use excitation::{
+    Commanded, ExcitationFrequency, ExcitationIdentification, ExcitationMeasurement, ExcitationRequest,
+    ExcitationSettings,
+};
 pub use flux::{Flux, FluxIdentification, FluxMeasurement, FluxSettings};
 pub use inductance::{InductanceIdentification, InductanceMeasurement, InductanceSettings, Inductances};
 pub use inertia::{Inertia, InertiaIdentification, InertiaMeasurement, InertiaSettings};
@@ -63,6 +69,8 @@ pub enum IdentificationError {
     NoMovement,
     /// The bus voltage is too low for the current or speed: winding open, or the limit set too high for this motor.
     VoltageLimit,
+    /// A sine of the current was held back by a limit.
+    CurrentLimit,
     /// Current, voltage or speed do not settle, or do not go in proportion: loops not damped, a load that varies, a loose connection.
     Unstable,
     /// The motor turned further than the sequence may.
@@ -85,6 +93,7 @@ impl fmt::Display for IdentificationError {
             }
             Self::NoMovement => formatter.write_str("the motor does not turn"),
             Self::VoltageLimit => formatter.write_str("the bus voltage is too low for the identification"),
+            Self::CurrentLimit => formatter.write_str("a torque limit holds the excitation back"),
             Self::Unstable => formatter.write_str("current, voltage or speed do not settle"),
             Self::TooMuchMovement { actual, maximum } => {
                 write!(formatter, "the motor turned by {actual} in 2^-32 revolution, expected at most {maximum}")
