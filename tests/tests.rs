@@ -44,3 +44,4 @@ mod temperatures;
 mod tension;
 mod torque;
 mod travel;
+mod tuning;

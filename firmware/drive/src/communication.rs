@@ -460,6 +460,7 @@ impl<B: Bus + Clone> Communication<B> {
         self.checks.waits_for_lock = false;
         self.checks.started = None;
         self.commissioning.identifying = None;
+        self.commissioning.tuning.end();
         if matches!(phase, Phase::Cp0 | Phase::Cp1) {
             self.keeping.forget_command();
         }

@@ -23,6 +23,7 @@ use servo::scope::Scope;
 use servo::units::{LOOP_TICKS_PER_SUPERVISION, Position};
 
 mod control_bits;
+mod excitation;
 mod function;
 mod homing;
 pub(crate) mod identification;
@@ -46,6 +47,7 @@ mod tests;
 pub(crate) use homing::HomingFailure;
 
 use control_bits::ControlBits;
+use excitation::Excitation;
 use function::Function;
 use operation::{Operation, Selection};
 use positioning::Positioning;
@@ -97,6 +99,7 @@ pub struct Motion<B, H: Hardware> {
     clock_monitor: ClockMonitor,
     reference: Reference,
     function: Function,
+    excitation: Excitation,
     probing: Probing,
     oscilloscope: Oscilloscope<'static>,
     /// Halves of the supervision since the start.
@@ -146,6 +149,7 @@ impl<B: Bus + Clone, H: Hardware> Motion<B, H> {
             reference: Reference::default(),
             controls: ControlBits::default(),
             function: Function::default(),
+            excitation: Excitation::default(),
             probing: Probing::default(),
             oscilloscope: Oscilloscope::new(scope),
             halves: 0,
@@ -217,6 +221,9 @@ impl<B: Bus + Clone, H: Hardware> Motion<B, H> {
             position = self.encoder.position();
         }
         self.output = self.axis.tick(position, self.motor.torque_limits());
+        if self.accompanied {
+            self.excite();
+        }
         let trim = self.clock.on_tick();
         self.motor.command(position, self.output.current, self.output.loop_velocity, trim);
         if self.accompanied {

@@ -13,6 +13,8 @@ mod procedures;
 pub(crate) mod rescaling;
 pub mod scope;
 mod texts;
+mod tune;
+pub(crate) mod tuning;
 mod values;
 mod writes;
 

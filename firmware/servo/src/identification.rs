@@ -31,8 +31,8 @@ mod window;
 use core::fmt;
 
 pub use excitation::{
-    Commanded, ExcitationFrequency, ExcitationIdentification, ExcitationMeasurement, ExcitationRequest,
-    ExcitationSettings,
+    CLOSE_LOOK, Commanded, ExcitationFrequency, ExcitationIdentification, ExcitationMeasurement, ExcitationRequest,
+    ExcitationSettings, SWEEP,
 };
 pub use flux::{Flux, FluxIdentification, FluxMeasurement, FluxSettings};
 pub use inductance::{InductanceIdentification, InductanceMeasurement, InductanceSettings, Inductances};
@@ -69,7 +69,7 @@ pub enum IdentificationError {
     NoMovement,
     /// The bus voltage is too low for the current or speed: winding open, or the limit set too high for this motor.
     VoltageLimit,
-    /// A sine of the current was held back by a limit.
+    /// A sine of the current was held back by a limit of the torque, or by the bus voltage.
     CurrentLimit,
     /// Current, voltage or speed do not settle, or do not go in proportion: loops not damped, a load that varies, a loose connection.
     Unstable,
@@ -93,7 +93,7 @@ impl fmt::Display for IdentificationError {
             }
             Self::NoMovement => formatter.write_str("the motor does not turn"),
             Self::VoltageLimit => formatter.write_str("the bus voltage is too low for the identification"),
-            Self::CurrentLimit => formatter.write_str("a torque limit holds the excitation back"),
+            Self::CurrentLimit => formatter.write_str("a torque limit or the bus voltage holds the excitation back"),
             Self::Unstable => formatter.write_str("current, voltage or speed do not settle"),
             Self::TooMuchMovement { actual, maximum } => {
                 write!(formatter, "the motor turned by {actual} in 2^-32 revolution, expected at most {maximum}")

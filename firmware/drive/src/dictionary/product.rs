@@ -102,6 +102,10 @@ sercos::data_blocks! {
     P 236 "Continuous power of the chopper resistor" ["W"] U32/0 written IN_CP2_CP3 (1 to 1_000_000) = 100 => Parameter, stored, needed_for_cp4;
     /// Of the resistor. P-0-0236 times it is the energy of a short pulse that heats a cold resistor to 100 %.
     P 237 "Thermal time constant of the chopper resistor" ["s"] U32/3 written IN_CP2_CP3 (100 to 3_600_000) = 10_000 => Parameter, stored, needed_for_cp4;
+    /// What is left to -180 degrees where the open velocity loop of P-0-0240 crosses 1, at least.
+    P 241 "Phase margin of the tuning" ["deg"] U16/0 written ALWAYS (30 to 70) = 45 => Parameter, stored;
+    /// What is left to 1 where the phase of that loop passes -180 degrees, at least.
+    P 242 "Gain margin of the tuning" ["dB"] U16/1 written ALWAYS (60 to 200) = 80 => Parameter, stored;
     /// 0: there is no second encoder, telegram types 11 to 13 and S-0-0053 are refused; 1: the motor encoder stands in for it.
     P 2705 "Source of position feedback 2" [""] U16/0 written IN_CP2_CP3 (0 to 1) = 0 => Parameter, stored;
 }

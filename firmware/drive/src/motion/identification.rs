@@ -1,13 +1,13 @@
-//! The sequences that measure the motor, joined to what the commands P-0-0224 to P-0-0226 stand for.
+//! The sequences that measure motor and axis, joined to what the commands P-0-0224 to P-0-0226 and P-0-0240 stand for.
 //!
 //! What a sequence measures is summed up here; its result takes divisions and is therefore asked for in the background
 //! (`commissioning`).
 
 use servo::identification::{
-    CurrentRequest, FluxIdentification, FluxMeasurement, FluxSettings, IdentificationError, IdentificationInputs,
-    IdentificationOutput, IdentificationState, InductanceIdentification, InductanceMeasurement, InductanceSettings,
-    InertiaIdentification, InertiaMeasurement, InertiaSettings, ResistanceIdentification, ResistanceMeasurement,
-    ResistanceSettings,
+    Commanded, CurrentRequest, ExcitationIdentification, ExcitationMeasurement, ExcitationRequest, ExcitationSettings,
+    FluxIdentification, FluxMeasurement, FluxSettings, IdentificationError, IdentificationInputs, IdentificationOutput,
+    IdentificationState, InductanceIdentification, InductanceMeasurement, InductanceSettings, InertiaIdentification,
+    InertiaMeasurement, InertiaSettings, ResistanceIdentification, ResistanceMeasurement, ResistanceSettings,
 };
 use servo::units::{CurrentFraction, Position, Velocity};
 
@@ -20,6 +20,8 @@ pub(crate) enum Plan {
     Flux(FluxSettings),
     /// P-0-0226.
     Inertia(InertiaSettings),
+    /// P-0-0240: the answer at one frequency.
+    Excitation(ExcitationSettings),
 }
 
 impl Plan {
@@ -27,7 +29,7 @@ impl Plan {
     fn largest_load(&self) -> Option<CurrentFraction> {
         match self {
             Self::Winding(resistance, _) => Some(resistance.largest_load()),
-            Self::Flux(_) | Self::Inertia(_) => None,
+            Self::Flux(_) | Self::Inertia(_) | Self::Excitation(_) => None,
         }
     }
 
@@ -50,6 +52,8 @@ pub(crate) enum Measurement {
     Flux(FluxMeasurement),
     /// P-0-0226.
     Inertia(InertiaMeasurement),
+    /// P-0-0240.
+    Excitation(ExcitationMeasurement),
 }
 
 /// Why nothing was measured.
@@ -73,6 +77,8 @@ pub(crate) enum Request {
     Current { angle: u32, current: CurrentRequest },
     /// A velocity.
     Velocity(Velocity),
+    /// A velocity, and a current beside what the loops make of it.
+    Excite(ExcitationRequest),
 }
 
 /// Result of a tick.
@@ -99,6 +105,7 @@ enum Stage {
     Inductance(ResistanceMeasurement, InductanceIdentification),
     Flux(FluxIdentification),
     Inertia(InertiaIdentification),
+    Excitation(ExcitationIdentification),
 }
 
 impl Identification {
@@ -113,18 +120,19 @@ impl Identification {
             }
             Plan::Flux(settings) => Stage::Flux(FluxIdentification::start(settings, position)),
             Plan::Inertia(settings) => Stage::Inertia(InertiaIdentification::start(settings, position)),
+            Plan::Excitation(settings) => Stage::Excitation(ExcitationIdentification::start(settings, position)),
         };
         Self { stage, angle: nearest_sixth(angle), percent: 0 }
     }
 
     /// It needs a velocity loop; otherwise a current at an angle.
     pub(crate) const fn turns(&self) -> bool {
-        matches!(self.stage, Stage::Flux(_) | Stage::Inertia(_))
+        matches!(self.stage, Stage::Flux(_) | Stage::Inertia(_) | Stage::Excitation(_))
     }
 
-    /// One tick.
+    /// One tick; `commanded` is what the loops made of the last one.
     #[inline]
-    pub(crate) fn tick(&mut self, inputs: &IdentificationInputs) -> Step {
+    pub(crate) fn tick(&mut self, inputs: &IdentificationInputs, commanded: &Commanded) -> Step {
         let angle = self.angle;
         match &mut self.stage {
             Stage::Resistance(sequence, inductance) => {
@@ -158,6 +166,10 @@ impl Identification {
                 let output = sequence.tick(inputs);
                 self.percent = percent_of(&output);
                 self.ended(Request::Velocity(output.request), output.state, Measurement::Inertia)
+            }
+            Stage::Excitation(sequence) => {
+                let output = sequence.tick(inputs, commanded);
+                self.ended(Request::Excite(output.request), output.state, Measurement::Excitation)
             }
         }
     }

@@ -79,14 +79,25 @@ impl<B: Bus + Clone, H: Hardware> Motion<B, H> {
             longest_voltage: self.motor.longest_voltage(),
             position: self.encoder.position(),
         };
-        let Some((request, ended)) = self.function.identify(&inputs) else { return };
+        self.excitation.clear();
+        let Some((request, ended)) = self.function.identify(&inputs, self.excitation.commanded()) else { return };
         match request {
             Request::Current { angle, current } => self.motor.hold(Some((angle, current))),
             Request::Velocity(velocity) => self.axis.command_velocity(velocity),
+            Request::Excite(request) => {
+                self.axis.command_velocity(request.velocity);
+                self.excitation.ask(request.current);
+            }
         }
         if ended {
             self.let_go();
         }
+    }
+
+    /// Adds the current of an excitation to that of the loops in this tick.
+    #[cold]
+    pub(super) fn excite(&mut self) {
+        self.output.current = self.excitation.add_to(self.output.current, self.motor.torque_limits());
     }
 
     /// An identification has ended.

@@ -76,7 +76,10 @@ where
             self.rescaling.refresh(parameters);
             // What does not go together yet waits for the rest; S-0-0128 finds what is left of it.
             match loops::settings::<H>(parameters) {
-                Ok(settings) => self.motion.lock(|motion| motion.apply_settings(&settings)),
+                Ok(settings) => {
+                    self.motion.lock(|motion| motion.apply_settings(&settings));
+                    self.commissioning.tuning.disturb();
+                }
                 Err(_) => debug_assert!(!self.loops_work(), "what the loops work with was checked"),
             }
         }

@@ -61,7 +61,7 @@ where
                 self.checks.started = Some(procedure);
                 Ok(CommandState::Executing)
             }
-            Procedure::IdentifyWinding | Procedure::IdentifyFlux | Procedure::IdentifyInertia => {
+            Procedure::IdentifyWinding | Procedure::IdentifyFlux | Procedure::IdentifyInertia | Procedure::Tune => {
                 self.unlocked()?;
                 if !self.motion.lock(|motion| motion.may_identify()) {
                     return Err(ServiceError::CommandNotExecutableNow);
@@ -102,11 +102,14 @@ where
     fn cancel(&mut self, procedure: Procedure) -> CommandState {
         match procedure {
             Procedure::CheckForCp3 | Procedure::CheckForCp4 => return self.give_up_check(),
-            Procedure::IdentifyWinding | Procedure::IdentifyFlux | Procedure::IdentifyInertia
+            Procedure::IdentifyWinding | Procedure::IdentifyFlux | Procedure::IdentifyInertia | Procedure::Tune
                 if self.commissioning.identifying == Some(procedure) =>
             {
                 self.commissioning.identifying = None;
                 self.motion.lock(|motion| motion.cancel_identification());
+                if procedure == Procedure::Tune {
+                    self.abandon_tuning();
+                }
             }
             Procedure::ParkAxis => self.motion.lock(|motion| motion.park(false)),
             Procedure::Homing => self.motion.lock(|motion| motion.hold_for_homing(false)),
@@ -160,6 +163,9 @@ where
         procedure: Procedure,
         parameters: &Parameters,
     ) -> Result<(), CommissioningFinding> {
+        if procedure == Procedure::Tune {
+            return self.start_tuning(parameters);
+        }
         let plan = commissioning::plan(procedure, parameters, <H::Board>::FACTS.frequency)?;
         self.motion.lock(|motion| motion.start_identification(&plan))?;
         self.commissioning.identifying = Some(procedure);
@@ -168,6 +174,9 @@ where
 
     /// Takes over what an identification has measured, if one has ended.
     pub(crate) fn conclude_identification(&mut self, parameters: &mut Parameters) -> Option<(Idn, CommandState)> {
+        if self.commissioning.identifying == Some(Procedure::Tune) {
+            return self.tune(parameters).map(|state| (Procedure::Tune.idn(), state));
+        }
         let outcome = self.motion.lock(Motion::take_identified)?;
         let procedure = self.commissioning.identifying.take()?;
         let result = commissioning::take_over(outcome, parameters, loops::accept::<H>);
@@ -175,7 +184,7 @@ where
     }
 
     /// Found, and taken over into the parameters.
-    fn taken(&mut self, result: Result<(), CommissioningFinding>, parameters: &Parameters) -> CommandState {
+    pub(super) fn taken(&mut self, result: Result<(), CommissioningFinding>, parameters: &Parameters) -> CommandState {
         if result.is_ok() {
             self.note_stored(parameters);
         }

@@ -101,6 +101,7 @@ where
                 }
             };
             hand_over::by_parts(self.motion, &settings);
+            self.commissioning.tuning.disturb();
         }
         if block.idn == PROBE_CONTROL {
             // S-0-0170 has no end of its own after which it could be taken over.

@@ -41,6 +41,8 @@ pub struct Margins {
     pub crossing: u32,
     /// There against -180 degrees, in 2^-32 revolution.
     pub phase: i32,
+    /// Where the phase passes -180 degrees behind it, in 0.01 Hz; 0: nowhere.
+    pub turning: u32,
     /// What is left to 1 where the phase passes -180 degrees behind the crossing, as a logarithm to the base of 2 in 2^-16; the largest there is where it
     /// does not within the points.
     pub gain: i32,
@@ -97,6 +99,13 @@ impl LoopResponse {
         .map_or(Response::ONE, |point| point.open)
     }
 
+    /// Exchanges the open loop for what `shaped` makes of it.
+    pub fn reshape(&mut self, shaped: impl Fn(&LoopPoint) -> Response) {
+        for point in self.points.iter_mut().take(self.length) {
+            point.open = shaped(point);
+        }
+    }
+
     /// The margins of the open loop that `shaped` makes of the one at a point; `None`: it nowhere comes from above 1 to below.
     #[must_use]
     pub fn margins(&self, shaped: impl Fn(&LoopPoint) -> Response) -> Option<Margins> {
@@ -112,9 +121,11 @@ impl LoopResponse {
             let [above, below] = [before, behind].map(|response| response.negated().phase());
             let passes = above >= 0 && below < 0 && above.wrapping_sub(below) >= 0;
             let share = crate::axis::loop_response::part(above, above.wrapping_sub(below));
-            passes.then(|| before.between(behind, share).gain().saturating_neg())
+            let left = || before.between(behind, share).gain().saturating_neg();
+            passes.then(|| (between(low.frequency, high.frequency, share), left()))
         });
-        Some(Margins { crossing, phase, gain: gain.unwrap_or(i32::MAX) })
+        let (turning, gain) = gain.unwrap_or((0, i32::MAX));
+        Some(Margins { crossing, phase, turning, gain })
     }
 
     /// The first frequency at which the axis answers at least half as much again as beside it on either side, while its phase falls; `None`

@@ -18,7 +18,7 @@ use super::loop_response::{LoopPoint, LoopResponse, Margins, Resonance};
 use super::tuning::{NOISE_DAMPING, noise_filter};
 use crate::arithmetic::Response;
 use crate::arithmetic::division::{TEN_TO_15, TWO_PI_TIMES_TEN_TO_15, divide_rounding};
-use crate::arithmetic::response::{of_decibels, scaled};
+use crate::arithmetic::response::{decibels, degrees, of_decibels, scaled};
 use crate::arithmetic::trigonometry::Rotation;
 use crate::units::LOOP_TICKS_PER_SECOND;
 
@@ -44,6 +44,31 @@ pub struct ShapingRequest {
     pub has_room: bool,
 }
 
+impl ShapingRequest {
+    /// The margins that are asked for.
+    #[must_use]
+    pub fn margins(&self) -> Margins {
+        let gain = of_decibels(i32::from(self.gain_margin).saturating_mul(10));
+        Margins { phase: turn(self.phase_margin), gain, ..Margins::default() }
+    }
+
+    /// The same once more for a loop that works with `shaped` and falls short of the margins by so much, in the units of [`Margins`].
+    #[must_use]
+    pub fn with_more(&self, shaped: &Shaped, phase: i32, gain: i32) -> Self {
+        let degrees = (degrees(phase.max(0)) / 100).saturating_add(2) as u16;
+        let tenths = (decibels(gain.max(0)) / 10).saturating_add(5) as u16;
+        Self {
+            phase_margin: self.phase_margin.saturating_add(degrees),
+            gain_margin: self.gain_margin.saturating_add(tenths),
+            gain: shaped.gain,
+            integral_time: shaped.integral_time,
+            exchanged: self.exchanged.map(|_| shaped.low_pass),
+            has_room: self.has_room && shaped.notch == FilterSection::Off,
+            ..*self
+        }
+    }
+}
+
 /// What was found.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
@@ -58,6 +83,16 @@ pub struct Shaped {
     pub notch: FilterSection,
     /// Of the loop that was worked out.
     pub margins: Margins,
+}
+
+impl Shaped {
+    /// Makes of the loop that was measured for `request` the one that this is.
+    pub fn put_into(&self, request: &ShapingRequest, measured: &mut LoopResponse) {
+        let Self { integral_time, low_pass, notch, .. } = *self;
+        let exchange = Exchange { request, integral_time, low_pass, notch };
+        let raised = ratio(self.gain, request.gain);
+        measured.reshape(|point| exchange.open(point.frequency, point.open).then(raised));
+    }
 }
 
 /// The search, a candidate a step.
@@ -131,12 +166,9 @@ impl Shaping {
         let open = |point: &LoopPoint| exchange.open(point.frequency, point.open).then(raised);
         let keeps = measured.points().iter().all(|point| self.keeps_margins(point.frequency, open(point)));
         let margins = measured.margins(open)?;
-        let wanted = margins.phase >= turn(request.phase_margin) && margins.gain >= self.gain_margin();
+        let asked = request.margins();
+        let wanted = margins.phase >= asked.phase && margins.gain >= asked.gain;
         (keeps && wanted).then_some(Shaped { gain, integral_time, low_pass, notch: self.notch, margins })
-    }
-
-    fn gain_margin(&self) -> i32 {
-        of_decibels(i32::from(self.request.gain_margin).saturating_mul(10))
     }
 
     fn keeps_margins(&self, frequency: u32, open: Response) -> bool {
@@ -145,9 +177,9 @@ impl Shaping {
             return open.negated().phase() > turn(10).saturating_neg();
         }
         // The whole of it at 1 and above, and none of it where the gain margin begins.
-        let margin = self.gain_margin();
+        let Margins { phase, gain: margin, .. } = self.request.margins();
         let share = i64::from(open.gain().saturating_add(margin).clamp(0, margin));
-        let kept = i64::from(turn(self.request.phase_margin)).saturating_mul(share);
+        let kept = i64::from(phase).saturating_mul(share);
         let is_near = i64::from(open.negated().phase()).abs().saturating_mul(margin.into()) < kept;
         let is_behind = frequency >= self.candidate.saturating_mul(2);
         !is_near && !(is_behind && open.gain() >= 0)

@@ -30,9 +30,10 @@ use super::{
 };
 use crate::arithmetic::Response;
 use crate::arithmetic::division::divide_rounding;
+use crate::arithmetic::response::scaled;
 use crate::arithmetic::trigonometry::Rotation;
 use crate::error::{SettingsError, in_range};
-use crate::units::{CurrentFraction, LOOP_TICKS_PER_SECOND, Position, Velocity};
+use crate::units::{CurrentFraction, LOOP_TICKS_PER_SECOND, LOOP_TICKS_PER_SUPERVISION, Position, Velocity};
 
 /// A frequency of which whole periods fill a window of the loop's ticks.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -46,6 +47,20 @@ pub struct ExcitationFrequency {
 /// The shortest window is 256 ms, the longest 1 s.
 const SHORTEST: u32 = 11;
 const LONGEST: u32 = 13;
+/// Frequencies of a sweep.
+pub const SWEEP: u8 = 44;
+/// 10 Hz.
+const LOWEST: u32 = 1_000;
+/// 2^16 times the logarithm of 200 to the base of 2, over 43.
+const SWEEP_STEP: i32 = 11_650;
+/// Frequencies around one.
+pub const CLOSE_LOOK: u8 = 9;
+/// 3.2 %.
+const CLOSE_STEP: i32 = 2_949;
+/// Three phases by turns.
+const TICKS_OF_A_LOOK: u32 = 3 * LOOP_TICKS_PER_SUPERVISION;
+/// In frequencies of the longest window.
+const WIDEST_BAND: u32 = 64;
 /// Half of the ticks: above 2.4 kHz the samples of a period are too few.
 const HIGHEST: u32 = 240_000;
 
@@ -57,7 +72,34 @@ impl ExcitationFrequency {
         let hundredths = i128::from(hundredths.min(HIGHEST));
         let in_window = |bits: u32| divide_rounding(hundredths << bits, rate).max(1) as u32;
         let bits = (SHORTEST..LONGEST).find(|&bits| in_window(bits) >= periods).unwrap_or(LONGEST);
-        Self { periods: in_window(bits), bits }
+        let nearest = in_window(bits);
+        // Two bands are more than twice as far apart as one is wide.
+        let seen = (nearest..nearest.saturating_add(WIDEST_BAND)).map(|periods| Self { periods, bits });
+        seen.clone().find(|frequency| !frequency.stands_still()).unwrap_or(Self { periods: nearest, bits })
+    }
+
+    /// Each phase of the motor is looked at once in [`TICKS_OF_A_LOOK`] ticks, whether it carries what is asked of it
+    /// ([`OpenPhase`](crate::monitor::OpenPhase)). A sine that is at the same place at each look, or at the opposite one, may have nothing there but the lag of
+    /// the current loop: twelve looks have to see more than half of it. Below 100 Hz there is no lag.
+    const fn stands_still(self) -> bool {
+        let window = 1_u32 << self.bits;
+        let turned = self.periods.wrapping_mul(2 * TICKS_OF_A_LOOK) & window.wrapping_sub(1);
+        let back = window.wrapping_sub(turned);
+        let nearest = if turned < back { turned } else { back };
+        let is_slow = self.periods.wrapping_mul(LOOP_TICKS_PER_SECOND / 100) < window;
+        !is_slow && nearest < window >> 4
+    }
+
+    /// Those of a sweep from 10 Hz to 2 kHz, each 13 % above the last one. Divides.
+    #[must_use]
+    pub fn of_sweep(index: u8) -> Self {
+        Self::near(scaled(LOWEST, i32::from(index).saturating_mul(SWEEP_STEP)), 8)
+    }
+
+    /// Nine around one in 0.01 Hz, from 12 % below to 13 % above, for a look at what lies between those of the sweep. Divides.
+    #[must_use]
+    pub fn around(hundredths: u32, index: u8) -> Self {
+        Self::near(scaled(hundredths, i32::from(index).saturating_sub(4).saturating_mul(CLOSE_STEP)), 32)
     }
 
     /// In 0.01 Hz, to the nearest. Divides.
@@ -292,6 +334,7 @@ impl ExcitationIdentification {
         self.range.check(inputs.position)?;
         let moved = Velocity::of_a_tick(inputs.position - self.position);
         self.position = inputs.position;
+        self.is_limited |= inputs.is_at_voltage_limit();
         if let Some(rotation) = self.last.take() {
             // 2^-15 to 2^-26 of peak.
             let current = |current: CurrentFraction| i32::from(current.to_bits()) << 11;
