@@ -34,12 +34,7 @@ impl Halted {
 
     /// With position commands every so many us.
     pub(crate) fn with_cycle(cycle: u16) -> Self {
-        Self::on(DriveSetup::new(ADDRESS), script().drives.remove(0), cycle)
-    }
-
-    /// Any axis, with what is written into its drive, and with position commands every so many us.
-    pub(crate) fn on(setup: DriveSetup, drive: DriveScript, cycle: u16) -> Self {
-        let drive = drive.with(Idn::OPERATION_MODE, Value::Word(11));
+        let drive = script().drives.remove(0).with(Idn::OPERATION_MODE, Value::Word(11));
         let drive = DriveScript { telegram: Telegram::standard(4).unwrap(), ..drive };
         let halt = Rc::new(Cell::new(true));
         let asked = halt.clone();
@@ -48,7 +43,7 @@ impl Halted {
             ..CommandValues::at_position(point.start)
         });
         let mut bench = Bench::new(
-            setup,
+            DriveSetup::new(ADDRESS),
             MasterScript { cycle, motion: Some(motion), stops_at_refusals: false, ..MasterScript::new(vec![drive]) },
         );
         for _ in 0..1_000 {
@@ -78,13 +73,13 @@ impl Halted {
         panic!("{} does not end: {} %", Idn(command), self.bench.number(PROGRESS));
     }
 
-    pub(crate) fn revolutions(&mut self) -> f64 {
+    fn revolutions(&mut self) -> f64 {
         let now = self.bench.world.now().0;
         self.bench.drive.motor_side.borrow_mut().machine().angle(now)
     }
 
     /// Half a second later the motor stands, held by torque.
-    pub(crate) fn assert_held(&mut self) {
+    fn assert_held(&mut self) {
         self.bench.run(Nanoseconds::from_millis(500));
         let before = self.revolutions();
         self.bench.run(Nanoseconds::from_millis(200));

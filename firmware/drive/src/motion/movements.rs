@@ -87,6 +87,7 @@ impl<B: Bus + Clone, H: Hardware> Motion<B, H> {
             Request::Excite(request) => {
                 self.axis.command_velocity(request.velocity);
                 self.excitation.ask(request.current);
+                self.motor.note_excitation();
             }
         }
         if ended {

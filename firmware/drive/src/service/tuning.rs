@@ -27,6 +27,9 @@ use sercos::parameters::Parameters;
 
 mod values;
 
+#[cfg(test)]
+pub(crate) use values::shaping_request;
+
 use super::commissioning::{Finding, identification, inertia_values, put};
 use crate::motion::identification::{Failure, Measurement, Outcome, Plan};
 use crate::settings::current::torque_constant;

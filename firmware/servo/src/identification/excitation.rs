@@ -33,7 +33,7 @@ use crate::arithmetic::division::divide_rounding;
 use crate::arithmetic::response::scaled;
 use crate::arithmetic::trigonometry::Rotation;
 use crate::error::{SettingsError, in_range};
-use crate::units::{CurrentFraction, LOOP_TICKS_PER_SECOND, LOOP_TICKS_PER_SUPERVISION, Position, Velocity};
+use crate::units::{CurrentFraction, LOOP_TICKS_PER_SECOND, Position, Velocity};
 
 /// A frequency of which whole periods fill a window of the loop's ticks.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -57,10 +57,6 @@ const SWEEP_STEP: i32 = 11_650;
 pub const CLOSE_LOOK: u8 = 9;
 /// 3.2 %.
 const CLOSE_STEP: i32 = 2_949;
-/// Three phases by turns.
-const TICKS_OF_A_LOOK: u32 = 3 * LOOP_TICKS_PER_SUPERVISION;
-/// In frequencies of the longest window.
-const WIDEST_BAND: u32 = 64;
 /// Half of the ticks: above 2.4 kHz the samples of a period are too few.
 const HIGHEST: u32 = 240_000;
 
@@ -72,22 +68,7 @@ impl ExcitationFrequency {
         let hundredths = i128::from(hundredths.min(HIGHEST));
         let in_window = |bits: u32| divide_rounding(hundredths << bits, rate).max(1) as u32;
         let bits = (SHORTEST..LONGEST).find(|&bits| in_window(bits) >= periods).unwrap_or(LONGEST);
-        let nearest = in_window(bits);
-        // Two bands are more than twice as far apart as one is wide.
-        let seen = (nearest..nearest.saturating_add(WIDEST_BAND)).map(|periods| Self { periods, bits });
-        seen.clone().find(|frequency| !frequency.stands_still()).unwrap_or(Self { periods: nearest, bits })
-    }
-
-    /// Each phase of the motor is looked at once in [`TICKS_OF_A_LOOK`] ticks, whether it carries what is asked of it
-    /// ([`OpenPhase`](crate::monitor::OpenPhase)). A sine that is at the same place at each look, or at the opposite one, may have nothing there but the lag of
-    /// the current loop: twelve looks have to see more than half of it. Below 100 Hz there is no lag.
-    const fn stands_still(self) -> bool {
-        let window = 1_u32 << self.bits;
-        let turned = self.periods.wrapping_mul(2 * TICKS_OF_A_LOOK) & window.wrapping_sub(1);
-        let back = window.wrapping_sub(turned);
-        let nearest = if turned < back { turned } else { back };
-        let is_slow = self.periods.wrapping_mul(LOOP_TICKS_PER_SECOND / 100) < window;
-        !is_slow && nearest < window >> 4
+        Self { periods: in_window(bits), bits }
     }
 
     /// Those of a sweep from 10 Hz to 2 kHz, each 13 % above the last one. Divides.

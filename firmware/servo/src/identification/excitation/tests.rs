@@ -212,23 +212,14 @@ fn whole_periods_fill_the_window_and_a_way_that_does_not_fit_is_refused() {
 }
 
 #[test]
-fn no_sine_stands_still_under_the_look_at_the_phases() {
-    for (hertz, expected) in [(333.0, 354.0), (660.0, 688.0), (666.7, 688.0), (640.0, 640.0), (1_000.0, 1_021.0)] {
-        let frequency = ExcitationFrequency::near((hertz * 100.0) as u32, 8);
-        let actual = f64::from(frequency.hundredths()) / 100.0;
-        assert!((actual - expected).abs() < 4.0, "{hertz}: {actual}");
-    }
+fn a_sweep_goes_from_10_hz_to_2_khz_and_each_of_its_frequencies_is_found_again() {
     for index in 0..SWEEP {
         let frequency = ExcitationFrequency::of_sweep(index);
-        let hertz = f64::from(frequency.hundredths()) / 100.0;
-        // Every 1.5 ms, and a sine is the same with its sign turned round.
-        let turned = (hertz * 2.0 * 1.5e-3).rem_euclid(1.0);
-        assert!(hertz < 100.0 || (0.06..0.94).contains(&turned), "{hertz} Hz");
         assert_eq!(ExcitationFrequency::near(frequency.hundredths(), 32).hundredths(), frequency.hundredths());
     }
     assert_eq!(ExcitationFrequency::of_sweep(0).hundredths(), 977);
     let last = ExcitationFrequency::of_sweep(SWEEP - 1).hundredths();
-    assert!((195_000..206_000).contains(&last), "{last}");
+    assert!((199_000..201_000).contains(&last), "{last}");
 }
 
 #[test]
