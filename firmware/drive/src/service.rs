@@ -15,6 +15,7 @@ pub mod scope;
 mod texts;
 mod tune;
 pub(crate) mod tuning;
+pub(crate) mod undertaking;
 mod values;
 mod writes;
 

@@ -26,21 +26,8 @@ use crate::settings::current::{amplitude, rms, torque_constant};
 use crate::settings::invalid::InvalidSetting;
 use crate::settings::torque::TorqueScale;
 
-use super::tuning::Tuning;
-
 const S: fn(u16) -> Idn = Idn::standard;
 const P: fn(u16) -> Idn = Idn::product;
-
-/// Which identification runs, and what the last command has found.
-#[derive(Clone, Debug, Default)]
-pub(crate) struct Commissioning {
-    /// P-0-0224, P-0-0225, P-0-0226 or P-0-0240.
-    pub(crate) identifying: Option<Procedure>,
-    /// P-0-0228.
-    pub(crate) finding: Option<Finding>,
-    /// P-0-0240.
-    pub(crate) tuning: Tuning,
-}
 
 /// Why a command has failed.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

@@ -9,10 +9,10 @@ use sercos::transition::{CyclicConfiguration, InvalidData};
 use sercos::{Idn, Phase, PhaseMachine};
 
 use super::access::Access;
-use super::commissioning::Commissioning;
 use super::finding::Finding;
 use super::loops;
 use super::rescaling::Rescaling;
+use super::undertaking::Commissioning;
 use crate::crash::LastCrash;
 use crate::diagnosis::error_memory::ErrorMemory;
 use crate::diagnosis::table::{Diagnosis, diagnose};

@@ -1,8 +1,7 @@
 //! The open velocity loop as it was measured, frequency by frequency, and what can be read off it.
 
-use crate::arithmetic::Response;
 use crate::arithmetic::division::divide_rounding;
-use crate::arithmetic::response::{FRACTION, logarithm};
+use crate::arithmetic::response::{FRACTION, Response, logarithm};
 
 /// What was measured at one frequency.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]

@@ -16,9 +16,8 @@
 use super::filter::FilterSection;
 use super::loop_response::{LoopPoint, LoopResponse, Margins, Resonance};
 use super::tuning::{NOISE_DAMPING, noise_filter};
-use crate::arithmetic::Response;
 use crate::arithmetic::division::{TEN_TO_15, TWO_PI_TIMES_TEN_TO_15, divide_rounding};
-use crate::arithmetic::response::{decibels, degrees, of_decibels, scaled};
+use crate::arithmetic::response::{Response, decibels, degrees, of_decibels, scaled};
 use crate::arithmetic::trigonometry::Rotation;
 use crate::units::LOOP_TICKS_PER_SECOND;
 

@@ -28,9 +28,8 @@ use super::{
     IdentificationError, IdentificationInputs, IdentificationOutput, IdentificationParameters, IdentificationState,
     Range,
 };
-use crate::arithmetic::Response;
 use crate::arithmetic::division::divide_rounding;
-use crate::arithmetic::response::scaled;
+use crate::arithmetic::response::{Response, scaled};
 use crate::arithmetic::trigonometry::Rotation;
 use crate::error::{SettingsError, in_range};
 use crate::units::{CurrentFraction, LOOP_TICKS_PER_SECOND, Position, Velocity};
