@@ -222,8 +222,9 @@ impl Tuning {
 
     /// P-0-0227.
     pub(crate) fn percent(&self) -> u8 {
-        let share =
-            |of: u8, done: u32, all: u32| (u32::from(of).saturating_mul(done) / all.max(1)).min(of.into()) as u8;
+        let share = |of: u8, done: u32, all: u32| {
+            u32::from(of).saturating_mul(done).checked_div(all).unwrap_or(0).min(of.into()) as u8
+        };
         match self.stage {
             Stage::Idle => 100,
             Stage::Inertia => 0,
@@ -376,7 +377,7 @@ impl Tuning {
     /// [`Finding::NoMargin`].
     pub(crate) fn verify(&mut self) -> Result<Next, Finding> {
         let margins = self.shaped.map(|shaped| shaped.margins).unwrap_or_default();
-        let first = margins.crossing / 8 * 5;
+        let first = margins.crossing.saturating_mul(5) / 8;
         let turning = if margins.turning == 0 { margins.crossing.saturating_mul(4) } else { margins.turning };
         let last = turning.saturating_mul(4) / 3;
         match self.next_point(first, last) {

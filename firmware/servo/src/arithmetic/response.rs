@@ -147,16 +147,24 @@ pub(crate) fn scaled(value: u32, logarithm: i32) -> u32 {
 }
 
 /// 2^(1/2), 2^(1/4), ... in 2^-31.
-const ROOTS: [u64; FRACTION as usize] = {
-    let mut roots = [0; FRACTION as usize];
-    let (mut root, mut index) = (2_u64 << 31, 0);
-    while index < roots.len() {
-        root = (root << 31).isqrt();
-        roots[index] = root;
-        index += 1;
-    }
-    roots
-};
+const ROOTS: [u64; FRACTION as usize] = [
+    3_037_000_499,
+    2_553_802_833,
+    2_341_847_523,
+    2_242_560_871,
+    2_194_507_416,
+    2_170_868_211,
+    2_159_144_271,
+    2_153_306_066,
+    2_150_392_886,
+    2_148_937_774,
+    2_148_210_587,
+    2_147_847_086,
+    2_147_665_359,
+    2_147_574_501,
+    2_147_529_074,
+    2_147_506_360,
+];
 
 #[cfg(test)]
 mod tests {

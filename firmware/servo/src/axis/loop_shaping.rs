@@ -124,8 +124,7 @@ impl Shaping {
     pub fn step(&mut self, measured: &LoopResponse) -> Option<Option<Shaped>> {
         let found = self.try_candidate(measured);
         self.candidate = scaled(self.candidate, STEP);
-        let ended = found.is_some() || self.candidate < SLOWEST;
-        if !ended {
+        if found.is_none() && self.candidate >= SLOWEST {
             return None;
         }
         if self.notch != FilterSection::Off {
@@ -181,7 +180,7 @@ impl Shaping {
         let kept = i64::from(phase).saturating_mul(share);
         let is_near = i64::from(open.negated().phase()).abs().saturating_mul(margin.into()) < kept;
         let is_behind = frequency >= self.candidate.saturating_mul(2);
-        !is_near && !(is_behind && open.gain() >= 0)
+        !is_near && (!is_behind || open.gain() < 0)
     }
 }
 

@@ -123,7 +123,9 @@ pub(super) fn way_of_inertia(parameters: &Parameters) -> u64 {
     let speed = u128::from(parameters.get_signed(P(218)).unsigned_abs());
     let acceleration = u128::from(parameters.get(P(219))).max(1);
     // 0.0001 rpm are 1 / 600 000 revolutions in a second, and 0.001 rad/s^2 1 / 2 000 pi of them.
-    let ramps = speed.saturating_mul(speed).saturating_mul(17_453) / acceleration.saturating_mul(10_000_000_000);
+    let ramps =
+        speed.saturating_mul(speed).saturating_mul(17_453).checked_div(acceleration.saturating_mul(10_000_000_000));
+    let ramps = ramps.unwrap_or(u128::MAX);
     let steady = speed.saturating_mul(102) / 600_000;
     u64::try_from(ramps.saturating_add(steady)).unwrap_or(u64::MAX)
 }
