@@ -45,3 +45,4 @@ mod temperatures;
 mod tension;
 mod torque;
 mod travel;
+mod tuning;

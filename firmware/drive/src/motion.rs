@@ -25,6 +25,7 @@ use servo::units::{LOOP_TICKS_PER_SUPERVISION, Position};
 
 pub(crate) mod cogging;
 mod control_bits;
+mod excitation;
 mod function;
 mod homing;
 pub(crate) mod identification;
@@ -49,6 +50,7 @@ pub(crate) use homing::HomingFailure;
 
 use cogging::CoggingMemory;
 use control_bits::ControlBits;
+use excitation::Excitation;
 use function::Function;
 use operation::{Operation, Selection};
 use positioning::Positioning;
@@ -101,6 +103,7 @@ pub struct Motion<B, H: Hardware> {
     clock_monitor: ClockMonitor,
     reference: Reference,
     function: Function,
+    excitation: Excitation,
     probing: Probing,
     oscilloscope: Oscilloscope<'static>,
     cogging_record: &'static mut CoggingRecord,
@@ -154,6 +157,7 @@ impl<B: Bus + Clone, H: Hardware> Motion<B, H> {
             reference: Reference::default(),
             controls: ControlBits::default(),
             function: Function::default(),
+            excitation: Excitation::default(),
             probing: Probing::default(),
             oscilloscope: Oscilloscope::new(scope),
             halves: 0,
@@ -227,6 +231,9 @@ impl<B: Bus + Clone, H: Hardware> Motion<B, H> {
         self.axis.oppose_cogging(self.cogging.current(position, self.output.loop_velocity));
         let latest = self.encoder.velocity(self.counted(before), count);
         self.output = self.axis.tick(position, latest, self.motor.torque_limits());
+        if self.accompanied {
+            self.excite();
+        }
         let trim = self.clock.on_tick();
         self.motor.command(position, self.output.current, self.output.loop_velocity, trim);
         if self.accompanied {
@@ -251,7 +258,8 @@ impl<B: Bus + Clone, H: Hardware> Motion<B, H> {
     pub fn velocity_loop(&mut self) {
         let [before, now] = self.motor.half_counts();
         let latest = self.encoder.velocity(self.counted(before), self.counted(now));
-        if let Some(current) = self.axis.half_tick(latest, self.motor.torque_limits()) {
+        if let Some(own) = self.axis.half_tick(latest, self.motor.torque_limits()) {
+            let current = if self.accompanied { self.excite_half(own) } else { own };
             self.motor.correct(current);
         }
     }

@@ -14,6 +14,9 @@ mod procedures;
 pub(crate) mod rescaling;
 pub mod scope;
 mod texts;
+mod tune;
+pub(crate) mod tuning;
+pub(crate) mod undertaking;
 mod values;
 mod writes;
 

@@ -6,6 +6,8 @@ pub(crate) mod expected_lag;
 pub(crate) mod filter;
 pub(crate) mod friction;
 pub(crate) mod limits;
+pub(crate) mod loop_response;
+pub(crate) mod loop_shaping;
 pub(crate) mod position_loop;
 pub(crate) mod settings;
 pub(crate) mod tuning;
@@ -20,6 +22,8 @@ pub use friction::{FrictionParameters, FrictionSettings};
 pub use limits::{
     CommandedTorqueLimits, Limiting, TorqueLimitParameters, TorqueLimitSettings, TorqueLimits, VelocityLimits,
 };
+pub use loop_response::{LOOP_POINTS, LoopPoint, LoopResponse, Margins, Resonance};
+pub use loop_shaping::{Shaped, Shaping, ShapingRequest};
 pub use position_loop::{PositionLoopOutput, PositionLoopSettings};
 pub use settings::{AxisMovements, AxisParameters, AxisSettings};
 pub use tuning::{

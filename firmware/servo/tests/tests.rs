@@ -14,6 +14,7 @@ mod current_on_machine;
 mod current_tuning;
 mod feed_forward;
 mod field_weakening;
+mod frequency_responses;
 mod homing;
 mod identification;
 mod identification_bench;

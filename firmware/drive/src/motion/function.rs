@@ -1,5 +1,5 @@
 //! What the drive makes of the axis by itself, started over the service channel: homing S-0-0148 or an identification P-0-0224 to
-//! P-0-0226 or P-0-0250.
+//! P-0-0226 or P-0-0250. P-0-0240 is a row of identifications, and HALT holds the axis between them.
 //!
 //! They exclude each other: neither begins while the other is under way, nor an identification while S-0-0148 holds the axis. An identification
 //! runs while the drive is in operation and halted, instead of the halt: the control unit keeps both hands on it, because the end of HALT, like
@@ -12,7 +12,7 @@
 use sercos::command::CommandState;
 use servo::axis::Mode;
 use servo::homing::{HomingInputs, HomingSettings};
-use servo::identification::{CoggingInputs, CoggingRecord, IdentificationInputs};
+use servo::identification::{CoggingInputs, CoggingRecord, Commanded, IdentificationInputs};
 use servo::path::MotionLimits;
 use servo::units::Position;
 
@@ -46,7 +46,7 @@ enum Active {
     /// The axis is the control's.
     #[default]
     None,
-    /// P-0-0224, P-0-0225, P-0-0226 or P-0-0250 is under way.
+    /// P-0-0224, P-0-0225, P-0-0226, P-0-0250 or a measurement of P-0-0240 is under way.
     Identification(Identification),
     /// S-0-0148 has ended, and holds the axis until it is cancelled.
     Held,
@@ -199,11 +199,12 @@ impl Function {
     pub(super) fn identify(
         &mut self,
         inputs: &IdentificationInputs,
+        commanded: &Commanded,
         cogging: &CoggingInputs,
         record: &mut CoggingRecord,
     ) -> Option<(Request, bool)> {
         let Active::Identification(identification) = &mut self.active else { return None };
-        let step = identification.tick(inputs, cogging, record);
+        let step = identification.tick(inputs, commanded, cogging, record);
         self.percent = step.percent;
         if let Some(result) = step.result {
             self.active = Active::None;
@@ -221,6 +222,11 @@ impl Function {
             self.identified = Some(Err(Failure::Interrupted));
         }
         interrupted
+    }
+
+    /// What came of an identification, for as long as nobody has taken it and no other one has begun.
+    pub(super) const fn identified(&self) -> Option<&Outcome> {
+        self.identified.as_ref()
     }
 
     /// What came of an identification, once.

@@ -1,15 +1,15 @@
-//! The sequences that measure the motor, joined to what the commands P-0-0224 to P-0-0226 and P-0-0250 stand for.
+//! The sequences that measure motor and axis, joined to what the commands P-0-0224 to P-0-0226, P-0-0240 and P-0-0250 stand for.
 //!
 //! What a sequence measures is summed up here; its result takes divisions and is therefore asked for in the background
 //! (`commissioning`).
 
 use servo::axis::Mode;
 use servo::identification::{
-    CoggingIdentification, CoggingIdentificationSettings, CoggingInputs, CoggingMeasurement, CoggingRecord,
-    CurrentRequest, FluxIdentification, FluxMeasurement, FluxSettings, IdentificationError, IdentificationInputs,
-    IdentificationOutput, IdentificationState, InductanceIdentification, InductanceMeasurement, InductanceSettings,
-    InertiaIdentification, InertiaMeasurement, InertiaSettings, ResistanceIdentification, ResistanceMeasurement,
-    ResistanceSettings,
+    CoggingIdentification, CoggingIdentificationSettings, CoggingInputs, CoggingMeasurement, CoggingRecord, Commanded,
+    CurrentRequest, ExcitationIdentification, ExcitationMeasurement, ExcitationRequest, ExcitationSettings,
+    FluxIdentification, FluxMeasurement, FluxSettings, IdentificationError, IdentificationInputs, IdentificationOutput,
+    IdentificationState, InductanceIdentification, InductanceMeasurement, InductanceSettings, InertiaIdentification,
+    InertiaMeasurement, InertiaSettings, ResistanceIdentification, ResistanceMeasurement, ResistanceSettings,
 };
 use servo::path::MotionLimits;
 use servo::units::{CurrentFraction, Position, Velocity};
@@ -25,6 +25,8 @@ pub(crate) enum Plan {
     Inertia(InertiaSettings),
     /// P-0-0250.
     Cogging(CoggingIdentificationSettings),
+    /// P-0-0240: the answer at one frequency.
+    Excitation(ExcitationSettings),
 }
 
 impl Plan {
@@ -32,7 +34,7 @@ impl Plan {
     fn largest_load(&self) -> Option<CurrentFraction> {
         match self {
             Self::Winding(resistance, _) => Some(resistance.largest_load()),
-            Self::Flux(_) | Self::Inertia(_) | Self::Cogging(_) => None,
+            Self::Flux(_) | Self::Inertia(_) | Self::Cogging(_) | Self::Excitation(_) => None,
         }
     }
 
@@ -57,6 +59,8 @@ pub(crate) enum Measurement {
     Inertia(InertiaMeasurement),
     /// P-0-0250, with the record.
     Cogging(CoggingMeasurement),
+    /// P-0-0240.
+    Excitation(ExcitationMeasurement),
 }
 
 /// Why nothing was measured.
@@ -82,6 +86,8 @@ pub(crate) enum Request {
     Velocity(Velocity),
     /// A place, and how the axis gets there.
     Place(MotionLimits, Position),
+    /// A velocity, and a current beside what the loops make of it.
+    Excite(ExcitationRequest),
 }
 
 /// Result of a tick.
@@ -109,6 +115,7 @@ enum Stage {
     Flux(FluxIdentification),
     Inertia(InertiaIdentification),
     Cogging(CoggingIdentificationSettings, CoggingIdentification),
+    Excitation(ExcitationIdentification),
 }
 
 impl Identification {
@@ -124,6 +131,7 @@ impl Identification {
             Plan::Flux(settings) => Stage::Flux(FluxIdentification::start(settings, position)),
             Plan::Inertia(settings) => Stage::Inertia(InertiaIdentification::start(settings, position)),
             Plan::Cogging(settings) => Stage::Cogging(settings, CoggingIdentification::start(settings, position)),
+            Plan::Excitation(settings) => Stage::Excitation(ExcitationIdentification::start(settings, position)),
         };
         Self { stage, angle: nearest_sixth(angle), percent: 0 }
     }
@@ -134,16 +142,17 @@ impl Identification {
         match self.stage {
             // The current along the magnets holds the rotor, and the loops look on.
             Stage::Resistance(..) | Stage::Inductance(..) => Mode::Off,
-            Stage::Flux(_) | Stage::Inertia(_) => Mode::Velocity,
+            Stage::Flux(_) | Stage::Inertia(_) | Stage::Excitation(_) => Mode::Velocity,
             Stage::Cogging(..) => Mode::Travel,
         }
     }
 
-    /// One tick.
+    /// One tick; `commanded` is what the loops made of the last one.
     #[inline]
     pub(crate) fn tick(
         &mut self,
         inputs: &IdentificationInputs,
+        commanded: &Commanded,
         cogging: &CoggingInputs,
         record: &mut CoggingRecord,
     ) -> Step {
@@ -186,6 +195,10 @@ impl Identification {
                 let output = IdentificationOutput { request: Request::Place(settings.limits(), place), state };
                 self.percent = percent_of(&output);
                 self.ended(output.request, output.state, Measurement::Cogging)
+            }
+            Stage::Excitation(sequence) => {
+                let output = sequence.tick(inputs, commanded);
+                self.ended(Request::Excite(output.request), output.state, Measurement::Excitation)
             }
         }
     }

@@ -5,7 +5,7 @@ use servo::axis::{Mode, Travel};
 use servo::homing::HomingInputs;
 use servo::identification::{CoggingInputs, IdentificationInputs};
 use servo::probe::{ProbeInput as ProbeSide, ProbeInputs};
-use servo::units::Position;
+use servo::units::{CurrentFraction, Position};
 
 use super::Motion;
 use super::function::Function;
@@ -87,15 +87,36 @@ impl<B: Bus + Clone, H: Hardware> Motion<B, H> {
             current: self.output.current,
             is_limited: self.output.limiting.intersects(TORQUE_LIMITS),
         };
-        let Some((request, ended)) = self.function.identify(&inputs, &cogging, self.cogging_record) else { return };
+        self.excitation.clear();
+        let commanded = self.excitation.commanded();
+        let Some((request, ended)) = self.function.identify(&inputs, commanded, &cogging, self.cogging_record) else {
+            return;
+        };
         match request {
             Request::Current { angle, current } => self.motor.hold(Some((angle, current))),
             Request::Velocity(velocity) => self.axis.command_velocity(velocity),
             Request::Place(limits, place) => self.axis.travel(limits, Travel::To(place)),
+            Request::Excite(request) => {
+                self.axis.command_velocity(request.velocity);
+                self.excitation.ask(request.current);
+                self.motor.note_excitation();
+            }
         }
         if ended {
             self.let_go();
         }
+    }
+
+    /// Adds the current of an excitation to that of the loops in this tick.
+    #[cold]
+    pub(super) fn excite(&mut self) {
+        self.output.current = self.excitation.add_to(self.output.current, self.motor.torque_limits());
+    }
+
+    /// And to that of the second half of the tick.
+    #[cold]
+    pub(super) fn excite_half(&mut self, own: CurrentFraction) -> CurrentFraction {
+        self.excitation.add_to_half(own, self.motor.torque_limits())
     }
 
     /// An identification has ended.

@@ -10,7 +10,7 @@ use servo::encoder::DoubleSampledEncoder;
 use servo::homing::HomingSettings;
 use servo::path::MotionLimits;
 use servo::probe::ProbeSettings;
-use servo::units::SUPERVISION_PERIOD_MICROSECONDS;
+use servo::units::{Position, SUPERVISION_PERIOD_MICROSECONDS, Velocity};
 
 use super::Motion;
 use super::function::Function;
@@ -442,6 +442,31 @@ impl<B: Bus + Clone, H: Hardware> Motion<B, H> {
     /// An identification is under way.
     pub(crate) const fn is_identifying(&self) -> bool {
         self.function.is_identifying()
+    }
+
+    /// What came of an identification, for as long as nobody has taken it and no other one has begun.
+    pub(crate) fn identified(&self) -> Option<Outcome> {
+        self.function.identified().copied()
+    }
+
+    /// HALT holds the axis, and no function of the drive's own does.
+    pub(crate) const fn is_free_in_halt(&self) -> bool {
+        matches!(self.operation.state(), DriveState::Halted) && self.function.is_none()
+    }
+
+    /// Where the motor stands.
+    pub(crate) fn position(&self) -> Position {
+        self.encoder.position()
+    }
+
+    /// Longest voltage vector, 2^-14 V.
+    pub(crate) const fn longest_voltage(&self) -> i32 {
+        self.motor.longest_voltage()
+    }
+
+    /// The axis stops within this way from a velocity, by HALT. Divides.
+    pub(crate) fn halt_distance(&self, velocity: Velocity) -> Position {
+        self.axis.settings().halt_distance(velocity)
     }
 
     /// What came of an identification, once.

@@ -30,15 +30,6 @@ use crate::settings::torque::TorqueScale;
 const S: fn(u16) -> Idn = Idn::standard;
 const P: fn(u16) -> Idn = Idn::product;
 
-/// Which identification runs, and what the last command has found.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub(crate) struct Commissioning {
-    /// P-0-0224, P-0-0225, P-0-0226 or P-0-0250.
-    pub(crate) identifying: Option<Procedure>,
-    /// P-0-0228.
-    pub(crate) finding: Option<Finding>,
-}
-
 /// Why a command has failed.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Finding {
@@ -56,6 +47,10 @@ pub(crate) enum Finding {
     Loaded,
     /// P-0-0250 on an axis without index.
     WithoutIndex,
+    /// No velocity loop of this axis has the margins P-0-0241 and P-0-0242.
+    NoMargin,
+    /// Somebody has written parameters of the loops while P-0-0240 was at work.
+    Disturbed,
 }
 
 impl From<SettingsError> for Finding {
@@ -94,6 +89,10 @@ impl fmt::Display for Finding {
             }
             Self::Identification(error) => error.fmt(formatter),
             Self::Interrupted => formatter.write_str("interrupted: HALT, torque or operation have ended"),
+            Self::NoMargin => {
+                formatter.write_str("no velocity loop of this axis keeps P-0-0241 and P-0-0242 when it is measured")
+            }
+            Self::Disturbed => formatter.write_str("the loops were given other parameters during P-0-0240"),
             Self::Loaded => formatter.write_str("the axis holds a load that P-0-0224 would let go: take the load off"),
             Self::WithoutIndex => formatter.write_str("a table begins at the index of the encoder, and P-0-0117 is 0"),
         }
@@ -173,25 +172,7 @@ pub(crate) fn compute_gains(
 /// # Errors
 /// [`Finding::Settings`], [`Finding::WithoutIndex`].
 pub(crate) fn plan(procedure: Procedure, parameters: &Parameters, frequency: PwmFrequency) -> Result<Plan, Finding> {
-    let peak_current = amplitude(parameters.get(S(110)));
-    let torque = TorqueScale::new(parameters).map_err(|invalid| Finding::Refused(invalid.idn))?;
-    // An angle that is held makes torque as soon as the rotor is not where it is asked to be.
-    let [bipolar, positive, negative] = [92, 82, 83].map(|number| parameters.get_signed(S(number)).unsigned_abs());
-    let allowed = torque.milliamperes(u16::try_from(bipolar.min(positive).min(negative)).unwrap_or(u16::MAX));
-    let current = amplitude(parameters.get(S(111)).min(parameters.get(S(109))).min(allowed)).min(peak_current);
-    const COMMAND_REVERSED: u32 = 1 << 0;
-    let velocity = Velocity::from_ten_thousandths_rpm(parameters.get(P(218)).cast_signed());
-    let identification = IdentificationParameters {
-        peak_current,
-        current,
-        ripple: (current / 8).max(peak_current / 256).min(current / 2),
-        pole_pairs: u8::try_from(parameters.get(P(110))).unwrap_or(0),
-        // Its sign is that of velocity commands.
-        velocity: if parameters.get(S(43)) & COMMAND_REVERSED != 0 { -velocity } else { velocity },
-        acceleration: Acceleration::from_milliradians_per_second_squared(parameters.get(P(219))),
-        movement: Position::from_bits((i64::from(parameters.get(P(229))) << 32) / 100),
-        frequency,
-    };
+    let identification = identification(parameters, frequency)?;
     Ok(match procedure {
         Procedure::IdentifyFlux => {
             Plan::Flux(FluxSettings::new(&identification, parameters.get(P(111)), parameters.get(P(112)))?)
@@ -207,6 +188,35 @@ pub(crate) fn plan(procedure: Procedure, parameters: &Parameters, frequency: Pwm
             Plan::Cogging(CoggingIdentificationSettings::new(velocity < Velocity::ZERO, acceleration, None, movement)?)
         }
         _ => Plan::Winding(ResistanceSettings::new(&identification)?, InductanceSettings::new(&identification)?),
+    })
+}
+
+/// How hard and how far the motor may be driven.
+///
+/// # Errors
+/// [`Finding::Refused`].
+pub(super) fn identification(
+    parameters: &Parameters,
+    frequency: PwmFrequency,
+) -> Result<IdentificationParameters, Finding> {
+    let peak_current = amplitude(parameters.get(S(110)));
+    let torque = TorqueScale::new(parameters).map_err(|invalid| Finding::Refused(invalid.idn))?;
+    // An angle that is held makes torque as soon as the rotor is not where it is asked to be.
+    let [bipolar, positive, negative] = [92, 82, 83].map(|number| parameters.get_signed(S(number)).unsigned_abs());
+    let allowed = torque.milliamperes(u16::try_from(bipolar.min(positive).min(negative)).unwrap_or(u16::MAX));
+    let current = amplitude(parameters.get(S(111)).min(parameters.get(S(109))).min(allowed)).min(peak_current);
+    const COMMAND_REVERSED: u32 = 1 << 0;
+    let velocity = Velocity::from_ten_thousandths_rpm(parameters.get(P(218)).cast_signed());
+    Ok(IdentificationParameters {
+        peak_current,
+        current,
+        ripple: (current / 8).max(peak_current / 256).min(current / 2),
+        pole_pairs: u8::try_from(parameters.get(P(110))).unwrap_or(0),
+        // Its sign is that of velocity commands.
+        velocity: if parameters.get(S(43)) & COMMAND_REVERSED != 0 { -velocity } else { velocity },
+        acceleration: Acceleration::from_milliradians_per_second_squared(parameters.get(P(219))),
+        movement: Position::from_bits((i64::from(parameters.get(P(229))) << 32) / 100),
+        frequency,
     })
 }
 
@@ -232,20 +242,47 @@ pub(crate) fn take_over(
         Measurement::Cogging(_) => Ok(()),
         Measurement::Flux(flux) => put(parameters, [(P(114), amplitude(flux.flux()?.torque_constant))], check),
         Measurement::Inertia(inertia) => {
-            let Inertia { inertia, coulomb_friction, viscous_friction } = inertia.inertia()?;
-            // Friction never drives: below zero it is noise.
-            let resisting = |amplitude: i32| rms(amplitude.max(0).unsigned_abs());
-            let scale = TorqueScale::new(parameters).map_err(|invalid| Finding::Refused(invalid.idn))?;
-            let coulomb = scale.increments(resisting(coulomb_friction));
-            // Of 1000 rpm in uA to uA/rpm.
-            let viscous = resisting(viscous_friction).saturating_add(500) / 1_000;
-            put(parameters, [(P(221), inertia), (S(155), coulomb), (P(142), viscous)], check)
+            let values = inertia_values(&inertia.inertia()?, parameters)?;
+            put(parameters, values, check)
         }
+        // That of P-0-0240 goes another way.
+        Measurement::Excitation(_) => Err(Finding::Interrupted),
     }
 }
 
+/// What P-0-0226 writes.
+///
+/// # Errors
+/// [`Finding::Refused`].
+pub(super) fn inertia_values(inertia: &Inertia, parameters: &Parameters) -> Result<[(Idn, u32); 3], Finding> {
+    let &Inertia { inertia, coulomb_friction, viscous_friction } = inertia;
+    // Friction never drives: below zero it is noise.
+    let resisting = |amplitude: i32| rms(amplitude.max(0).unsigned_abs());
+    let scale = TorqueScale::new(parameters).map_err(|invalid| Finding::Refused(invalid.idn))?;
+    let coulomb = scale.increments(resisting(coulomb_friction));
+    // Of 1000 rpm in uA to uA/rpm.
+    let viscous = resisting(viscous_friction).saturating_add(500) / 1_000;
+    Ok([(P(221), inertia), (S(155), coulomb), (P(142), viscous)])
+}
+
+/// What `make` makes of the parameters with these values; afterwards they are what they were.
+pub(super) fn with_values<T, const N: usize>(
+    parameters: &mut Parameters,
+    values: [(Idn, u32); N],
+    make: impl FnOnce(&Parameters) -> Result<T, Finding>,
+) -> Result<T, Finding> {
+    let before = values.map(|(idn, _)| (idn, parameters.get(idn)));
+    put(parameters, values, |_| Ok(()))?;
+    let made = make(parameters);
+    for (idn, value) in before {
+        // It was there before.
+        let _ = parameters.set(idn, value.into());
+    }
+    made
+}
+
 /// Sets all of these or, when one of them is refused, none.
-fn put<const N: usize>(
+pub(super) fn put<const N: usize>(
     parameters: &mut Parameters,
     values: [(Idn, u32); N],
     check: impl Fn(&Parameters) -> Result<(), InvalidSetting>,
@@ -380,6 +417,11 @@ mod tests {
             Finding::Settings(SettingsError::Zero { parameter: "resistance of the winding" }),
             Finding::Limits { idn: P(4_095), actual: u32::MAX },
             Finding::Refused(P(4_095)),
+            out_of_range("way of P-0-0240 in 0.01 revolutions", u32::MAX, 0, u32::MAX),
+            out_of_range("way of the excitation in 0.01 revolutions", u32::MAX, 0, u32::MAX),
+            Finding::NoMargin,
+            Finding::Disturbed,
+            IdentificationError::CurrentLimit.into(),
             Finding::Interrupted,
             Finding::WithoutIndex,
             IdentificationError::TorqueLimit.into(),

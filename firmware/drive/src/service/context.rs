@@ -9,9 +9,9 @@ use sercos::transition::{CyclicConfiguration, InvalidData};
 use sercos::{Idn, Phase, PhaseMachine};
 
 use super::access::Access;
-use super::commissioning::Commissioning;
 use super::finding::Finding;
 use super::rescaling::Rescaling;
+use super::undertaking::Commissioning;
 use super::{hand_over, loops};
 use crate::crash::LastCrash;
 use crate::diagnosis::error_memory::ErrorMemory;
@@ -79,6 +79,7 @@ where
                 Ok(settings) => {
                     self.motion.lock(|motion| motion.apply_settings(&settings));
                     hand_over::cogging(self.motion, parameters);
+                    self.commissioning.tuning.disturb();
                 }
                 Err(_) => debug_assert!(!self.loops_work(), "what the loops work with was checked"),
             }

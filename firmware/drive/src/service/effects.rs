@@ -13,6 +13,7 @@ use sercos::error::ServiceError;
 use sercos::parameters::Parameters;
 use sercos::service::Live;
 use sercos::transition::{self, CyclicConfiguration, Invalid};
+use servo::axis::{ShapingRequest, VelocityRate};
 use servo::homing::HomingSettings;
 use servo::path::MotionLimits;
 use servo::probe::ProbeSettings;
@@ -21,7 +22,7 @@ use super::commissioning::{self, Finding as CommissioningFinding};
 use super::procedures::PROBE_CONTROL;
 use super::rig::{FACTS, Rig, Still, words_of};
 use super::tests::{P, S, attempts};
-use super::{checks, loops, scope};
+use super::{checks, loops, scope, tuning};
 use crate::dictionary::DICTIONARY;
 use crate::dictionary::procedures::Procedure;
 use crate::motion::identification::Plan;
@@ -48,6 +49,8 @@ struct Effects {
     probing: Option<ProbeSettings>,
     identifications: [Result<Plan, CommissioningFinding>; 4],
     gains: Result<[u32; 5], CommissioningFinding>,
+    tuning: ShapingRequest,
+    window: u64,
     recording: Result<Configuration, ServiceError>,
     oscilloscope: (u64, u64),
     message: String,
@@ -84,11 +87,13 @@ impl Effects {
                 ]
                 .map(|procedure| commissioning::plan(procedure, parameters, FACTS.frequency)),
                 gains: gains.map(|()| [100, 101, 104, 106, 107].map(|number| computed.get(S(number)))),
+                tuning: tuning::shaping_request(parameters, VelocityRate::TwiceATick),
                 recording: scope::configuration(parameters),
                 oscilloscope: (
                     context.read(DICTIONARY.find(oscilloscope::STATE).unwrap(), parameters),
                     context.read(DICTIONARY.find(oscilloscope::WINDOW).unwrap(), parameters),
                 ),
+                window: context.read(DICTIONARY.find(P(249)).unwrap(), parameters),
                 message,
                 commands,
                 controlled: context.motion.lock(|motion| motion.controlled_bits()).0,
@@ -118,6 +123,7 @@ impl Effects {
             ("probing", self.probing != other.probing),
             ("identification", self.identifications != other.identifications),
             ("gains", self.gains != other.gains),
+            ("tuning", self.tuning != other.tuning || self.window != other.window),
             ("recording", self.recording != other.recording || self.oscilloscope != other.oscilloscope),
             ("text", self.message != other.message),
             ("commands", self.commands != other.commands),

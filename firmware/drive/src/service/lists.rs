@@ -53,6 +53,7 @@ where
             Longs::ScopePoints2 => self.points(1, list),
             Longs::ScopePoints3 => self.points(2, list),
             Longs::ScopePoints4 => self.points(3, list),
+            Longs::FrequencyResponse => fill(list, self.commissioning.tuning.points()),
         }
     }
 

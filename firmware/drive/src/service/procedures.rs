@@ -66,7 +66,8 @@ where
             Procedure::IdentifyWinding
             | Procedure::IdentifyFlux
             | Procedure::IdentifyInertia
-            | Procedure::LearnCogging => {
+            | Procedure::LearnCogging
+            | Procedure::Tune => {
                 self.unlocked()?;
                 if !self.motion.lock(|motion| motion.may_identify()) {
                     return Err(ServiceError::CommandNotExecutableNow);
@@ -111,10 +112,14 @@ where
             | Procedure::IdentifyFlux
             | Procedure::IdentifyInertia
             | Procedure::LearnCogging
+            | Procedure::Tune
                 if self.commissioning.identifying == Some(procedure) =>
             {
                 self.commissioning.identifying = None;
                 self.motion.lock(|motion| motion.cancel_identification());
+                if procedure == Procedure::Tune {
+                    self.abandon_tuning();
+                }
             }
             Procedure::ParkAxis => self.motion.lock(|motion| motion.park(false)),
             Procedure::Homing => self.motion.lock(|motion| motion.hold_for_homing(false)),
@@ -168,6 +173,9 @@ where
         procedure: Procedure,
         parameters: &Parameters,
     ) -> Result<(), CommissioningFinding> {
+        if procedure == Procedure::Tune {
+            return self.start_tuning(parameters);
+        }
         let plan = commissioning::plan(procedure, parameters, <H::Board>::FACTS.frequency)?;
         if procedure == Procedure::LearnCogging {
             cogging::prepare(self.motion);
@@ -179,6 +187,9 @@ where
 
     /// Takes over what an identification has measured, if one has ended.
     pub(crate) fn conclude_identification(&mut self, parameters: &mut Parameters) -> Option<(Idn, CommandState)> {
+        if self.commissioning.identifying == Some(Procedure::Tune) {
+            return self.tune(parameters).map(|state| (Procedure::Tune.idn(), state));
+        }
         let outcome = self.motion.lock(Motion::take_identified)?;
         let procedure = self.commissioning.identifying.take()?;
         let result = match outcome {
@@ -189,7 +200,7 @@ where
     }
 
     /// Found, and taken over into the parameters.
-    fn taken(&mut self, result: Result<(), CommissioningFinding>, parameters: &Parameters) -> CommandState {
+    pub(super) fn taken(&mut self, result: Result<(), CommissioningFinding>, parameters: &Parameters) -> CommandState {
         if result.is_ok() {
             self.note_stored(parameters);
         }

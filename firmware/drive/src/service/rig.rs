@@ -21,9 +21,9 @@ use servo::monitor::{Divider, TemperatureSensor, Thermometers};
 use servo::motor::{BoardKind, CurrentLink, Facts};
 
 use super::access::Access;
-use super::commissioning::Commissioning;
 use super::context::{Checks, Context};
 use super::rescaling::Rescaling;
+use super::undertaking::Commissioning;
 use super::{checks, loops};
 use crate::amplifier::Amplifier;
 use crate::crash::LastCrash;

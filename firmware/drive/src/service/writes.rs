@@ -105,6 +105,7 @@ where
             if block.idn == COGGING_TABLE {
                 hand_over::cogging(self.motion, parameters);
             }
+            self.commissioning.tuning.disturb();
         }
         if block.idn == PROBE_CONTROL {
             // S-0-0170 has no end of its own after which it could be taken over.
