@@ -48,7 +48,7 @@ mod app {
     use drive::crash::{CrashRecord, MOST_CRASHES_IN_A_ROW};
     use drive::production::Production;
     use drive::remembering::{self, Forgetting, Recollection};
-    use drive::{CoggingMemory, Communication, CurrentControl, CurrentLink, Drive, DriveAddress};
+    use drive::{CoggingTables, Communication, CurrentControl, CurrentLink, Drive, DriveAddress};
     use drive::{Identity, Motion, RingInterrupts, Scope, Tasks};
     use embassy_futures::{block_on, yield_now};
     use memory::{Log, Memory};
@@ -93,7 +93,7 @@ mod app {
     /// 10 ms, and every 40 saves the 1 to 2 s of an erase.
     #[init(local = [
         scope: Scope = Scope::new(),
-        cogging: CoggingMemory = CoggingMemory::new(),
+        cogging: CoggingTables = CoggingTables::new(),
         page: [u8; BUFFER_BYTES] = [0; BUFFER_BYTES],
         place: MaybeUninit<Communication<SercosBus>> = MaybeUninit::uninit(),
     ])]

@@ -60,10 +60,10 @@ pub use hardware::{Hardware, Inputs, InterruptLine, LOOP_PERIOD_MICROSECONDS, Pr
 pub use identity::{DriveAddress, Identity};
 pub use interrupts::RingInterrupts;
 pub use motion::Motion;
-pub use motion::cogging::CoggingMemory;
 pub use operation_mode::{OperationMode, Polarity, Reaction};
 pub use service::access::{Access, LONGEST_PASSWORD, SHORTEST_PASSWORD};
 pub use service::loops::without_motor;
+pub use servo::axis::CoggingTables;
 pub use settings::invalid::InvalidSetting;
 pub use settings::{CycleSettings, DriveSettings, MotionSettings};
 pub use signal::bits::{BitSettings, SIGNAL_BITS};
@@ -108,7 +108,7 @@ pub fn new<B: Bus + Clone, H: Hardware, P: PowerStage<Board = H::Board>>(
     hardware: H,
     stage: P,
     link: &'static CurrentLink,
-    memories: (&'static mut Scope, &'static mut CoggingMemory),
+    memories: (&'static mut Scope, &'static mut CoggingTables),
     communication: &Communication<B>,
 ) -> Result<Drive<B, H, P>, InvalidSetting> {
     let settings = settings_at_start::<H>(communication);

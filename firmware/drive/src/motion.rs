@@ -15,9 +15,8 @@ use sercon816::Bus;
 use sercos::Phase;
 use sercos::diagnostic::Class1;
 use sercos::phase::PhaseError;
-use servo::axis::{Axis, AxisOutput, AxisSettings, Cogging};
+use servo::axis::{Axis, AxisOutput, AxisSettings, Cogging, CoggingTables};
 use servo::encoder::DoubleSampledEncoder;
-use servo::identification::CoggingRecord;
 use servo::motor::{CurrentLink, Motor, MotorFaults};
 use servo::path::CommandJump;
 use servo::scope::Scope;
@@ -48,7 +47,6 @@ mod tests;
 
 pub(crate) use homing::HomingFailure;
 
-use cogging::CoggingMemory;
 use control_bits::ControlBits;
 use excitation::Excitation;
 use function::Function;
@@ -106,7 +104,6 @@ pub struct Motion<B, H: Hardware> {
     excitation: Excitation,
     probing: Probing,
     oscilloscope: Oscilloscope<'static>,
-    cogging_record: &'static mut CoggingRecord,
     /// Halves of the supervision since the start.
     halves: u64,
     /// Limits of the MDT.
@@ -125,11 +122,10 @@ impl<B: Bus + Clone, H: Hardware> Motion<B, H> {
         address: u8,
         mut hardware: H,
         link: &'static CurrentLink,
-        (scope, cogging): (&'static mut Scope, &'static mut CoggingMemory),
+        (scope, cogging): (&'static mut Scope, &'static mut CoggingTables),
         settings: &DriveSettings,
     ) -> Self {
         let &DriveSettings { with_lag, without_lag, motor, motion: settings } = settings;
-        let (tables, cogging_record) = cogging.lend();
         let encoder = DoubleSampledEncoder::new(settings.encoder, hardware.encoder_count());
         hardware.set_bridge(false);
         hardware.set_brake(false);
@@ -140,8 +136,7 @@ impl<B: Bus + Clone, H: Hardware> Motion<B, H> {
             accompanied: false,
             encoder,
             output: AxisOutput::at_rest(position),
-            cogging: Cogging::new(tables, settings.cogging),
-            cogging_record,
+            cogging: Cogging::new(cogging, settings.cogging),
             axis: Axis::new(with_lag, position),
             motor: Motor::new(link, motor),
             clock: RingClock::new(settings.cycle.clock),

@@ -35,6 +35,7 @@ use core::fmt;
 
 pub use cogging::{
     Bin, CoggingIdentification, CoggingIdentificationSettings, CoggingInputs, CoggingMeasurement, CoggingRecord,
+    CoggingRow,
 };
 pub use cogging_table::CoggingTable;
 pub use excitation::{

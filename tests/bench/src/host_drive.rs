@@ -5,7 +5,7 @@
 
 use drive::remembering;
 use drive::{
-    CoggingMemory, Communication, CurrentControl, CurrentLink, Drive, Identity, InterruptLine, Motion, RingInterrupts,
+    CoggingTables, Communication, CurrentControl, CurrentLink, Drive, Identity, InterruptLine, Motion, RingInterrupts,
     Scope, Tasks,
 };
 use embassy_futures::block_on;
@@ -75,7 +75,7 @@ impl HostDrive {
         // As in the application: link and oscilloscope live as long as the drive, which is for ever.
         let link = Box::leak(Box::new(CurrentLink::new()));
         let scope = Box::leak(Box::new(Scope::new()));
-        let cogging = Box::leak(Box::new(CoggingMemory::new()));
+        let cogging = Box::leak(Box::new(CoggingTables::new()));
         let mut memory = Memory::new(HostFlash(flash.clone()));
         let mut buffer = Box::new([0; BUFFER]);
         let recollection = block_on(remembering::recall(&mut memory, &mut *buffer));

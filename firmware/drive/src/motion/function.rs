@@ -12,12 +12,13 @@
 use sercos::command::CommandState;
 use servo::axis::Mode;
 use servo::homing::{HomingInputs, HomingSettings};
-use servo::identification::{CoggingInputs, CoggingRecord, Commanded, IdentificationInputs};
+use servo::identification::{CoggingInputs, Commanded, IdentificationInputs};
 use servo::path::MotionLimits;
 use servo::units::Position;
 
 use super::homing::{HomingFailure, HomingRun, HomingStep};
 use super::identification::{Failure, Identification, Outcome, Plan, Request};
+use crate::oscilloscope::Oscilloscope;
 
 /// The function that is active, and how the last ones have ended.
 #[derive(Debug, Default)]
@@ -201,10 +202,10 @@ impl Function {
         inputs: &IdentificationInputs,
         commanded: &Commanded,
         cogging: &CoggingInputs,
-        record: &mut CoggingRecord,
+        scope: &mut Oscilloscope<'_>,
     ) -> Option<(Request, bool)> {
         let Active::Identification(identification) = &mut self.active else { return None };
-        let step = identification.tick(inputs, commanded, cogging, record);
+        let step = identification.tick(inputs, commanded, cogging, scope);
         self.percent = step.percent;
         if let Some(result) = step.result {
             self.active = Active::None;

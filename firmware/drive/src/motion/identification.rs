@@ -14,6 +14,8 @@ use servo::identification::{
 use servo::path::MotionLimits;
 use servo::units::{CurrentFraction, Position, Velocity};
 
+use crate::oscilloscope::Oscilloscope;
+
 /// What is to be measured, and how.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Plan {
@@ -154,7 +156,7 @@ impl Identification {
         inputs: &IdentificationInputs,
         commanded: &Commanded,
         cogging: &CoggingInputs,
-        record: &mut CoggingRecord,
+        scope: &mut Oscilloscope<'_>,
     ) -> Step {
         let angle = self.angle;
         match &mut self.stage {
@@ -191,7 +193,7 @@ impl Identification {
                 self.ended(Request::Velocity(output.request), output.state, Measurement::Inertia)
             }
             Stage::Cogging(settings, sequence) => {
-                let (place, state) = sequence.tick(cogging, record);
+                let (place, state) = sequence.tick(cogging, &mut CoggingRecord::new(scope.lend()));
                 let output = IdentificationOutput { request: Request::Place(settings.limits(), place), state };
                 self.percent = percent_of(&output);
                 self.ended(output.request, output.state, Measurement::Cogging)

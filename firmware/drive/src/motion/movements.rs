@@ -89,7 +89,8 @@ impl<B: Bus + Clone, H: Hardware> Motion<B, H> {
         };
         self.excitation.clear();
         let commanded = self.excitation.commanded();
-        let Some((request, ended)) = self.function.identify(&inputs, commanded, &cogging, self.cogging_record) else {
+        let Some((request, ended)) = self.function.identify(&inputs, commanded, &cogging, &mut self.oscilloscope)
+        else {
             return;
         };
         match request {

@@ -225,7 +225,7 @@ fn every_data_block_that_can_be_written_has_an_effect_or_refuses_to_be_changed()
     }
     assert!(without.is_empty(), "nothing reads {without:?}");
     // No kind of effect is there in vain.
-    assert_eq!(kinds.len(), 15, "{kinds:?}");
+    assert_eq!(kinds.len(), 16, "{kinds:?}");
 }
 
 #[test]

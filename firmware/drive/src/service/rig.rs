@@ -33,10 +33,10 @@ use crate::hardware::{Hardware, Inputs, InterruptLine, ProbeInput, ResetCause};
 use crate::identity::DriveAddress;
 use crate::identity::Identity;
 use crate::motion::Motion;
-use crate::motion::cogging::CoggingMemory;
 use crate::production::Production;
 use crate::remembering::keeping::Keeping;
 use crate::remembering::set;
+use servo::axis::CoggingTables;
 
 /// Registers and RAM that keep what is written.
 #[derive(Clone, Debug, Default)]
@@ -196,7 +196,7 @@ impl Rig {
         let settings = loops::settings::<Still>(&parameters).unwrap();
         let link = Box::leak(Box::new(CurrentLink::new()));
         let scope = Box::leak(Box::new(servo::scope::Scope::new()));
-        let cogging = Box::leak(Box::new(CoggingMemory::new()));
+        let cogging = Box::leak(Box::new(CoggingTables::new()));
         let mut rig = Self {
             motion: Motion::new(bus.clone(), 5, Still, link, (scope, cogging), &settings),
             checks: Checks::default(),

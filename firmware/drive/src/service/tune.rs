@@ -21,6 +21,8 @@ where
     M: Mutex<T = Motion<B, H>>,
 {
     /// P-0-0240 begins.
+    #[cold]
+    #[inline(never)]
     pub(super) fn start_tuning(&mut self, parameters: &Parameters) -> Result<(), Finding> {
         let position = self.motion.lock(|motion| motion.position());
         self.commissioning.tuning.begin(position);
@@ -34,6 +36,8 @@ where
     }
 
     /// P-0-0240 goes on, if it is under way and anything has happened; how it has ended.
+    #[cold]
+    #[inline(never)]
     pub(super) fn tune(&mut self, parameters: &mut Parameters) -> Option<CommandState> {
         match self.tuning_step(parameters) {
             Ok(false) => None,
@@ -82,6 +86,8 @@ where
     }
 
     /// The next measurement begins, or waits until the axis stands.
+    #[cold]
+    #[inline(never)]
     fn measure(&mut self, parameters: &Parameters) -> Result<(), Finding> {
         let tuning = &mut self.commissioning.tuning;
         tuning.look()?;
@@ -100,6 +106,8 @@ where
     }
 
     /// The loops work with what was found; the parameters stay what they are.
+    #[cold]
+    #[inline(never)]
     fn try_out(&mut self, parameters: &mut Parameters) -> Result<(), Finding> {
         let values = self.commissioning.tuning.loop_values(parameters)?;
         let settings = with_values(parameters, values, |parameters| {
@@ -109,6 +117,8 @@ where
         Ok(())
     }
 
+    #[cold]
+    #[inline(never)]
     fn write_what_was_found(&mut self, parameters: &mut Parameters) -> Result<(), Finding> {
         self.commissioning.tuning.write(parameters, loops::accept::<H>)
     }

@@ -175,6 +175,8 @@ impl Tuning {
     }
 
     /// Begins, with the axis at `position`. The next to do is [`Next::Measure`].
+    #[cold]
+    #[inline(never)]
     pub(crate) fn begin(&mut self, position: Position) {
         *self = Self { stage: Stage::Inertia, origin: position, window: self.window, ..Self::default() };
     }

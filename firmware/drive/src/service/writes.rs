@@ -15,6 +15,7 @@ use super::{hand_over, loops, scope};
 use crate::dictionary::access::Access;
 use crate::dictionary::access_of;
 use crate::dictionary::numbers::Number;
+use crate::dictionary::procedures::Procedure;
 use crate::hardware::Hardware;
 use crate::motion::Motion;
 use crate::operation_mode::Direction;
@@ -35,6 +36,10 @@ where
     pub(super) fn refusal(&mut self, block: &DataBlock, value: u64, parameters: &Parameters) -> Option<ServiceError> {
         let (idn, access) = (block.idn, access_of(block));
         if idn == oscilloscope::CONTROL && value == 1 {
+            if self.commissioning.identifying == Some(Procedure::LearnCogging) {
+                // It sums up in the memory of the oscilloscope.
+                return Some(ServiceError::ProtectedBySettings);
+            }
             return scope::configuration(parameters).err();
         }
         if let Some(error) = scope::refuses_setting(idn, value, parameters) {

@@ -72,28 +72,32 @@ impl Bin {
     }
 }
 
-/// The bins of a revolution. Keep one in a static and lend it.
+/// A bin in memory that is lent for it: both sums, then how many currents there are in each.
+pub type CoggingRow = [i32; 4];
+
+/// The bins of a revolution, in memory that is somebody else's between two learnings: a row a bin, [`COGGING_POINTS`] of them.
 #[derive(Debug)]
-pub struct CoggingRecord {
-    bins: [Bin; COGGING_POINTS],
+pub struct CoggingRecord<'a> {
+    rows: &'a mut [CoggingRow],
 }
 
-impl CoggingRecord {
-    /// Empty.
+impl<'a> CoggingRecord<'a> {
+    /// As the rows were left.
     #[must_use]
-    pub const fn new() -> Self {
-        Self { bins: [Bin::new([0; 2], [0; 2]); COGGING_POINTS] }
+    pub const fn new(rows: &'a mut [CoggingRow]) -> Self {
+        Self { rows }
     }
 
     /// Empties so many bins from one on; before a sequence begins.
     pub fn clear(&mut self, from: usize, bins: usize) {
-        self.bins.iter_mut().skip(from).take(bins).for_each(|bin| *bin = Bin::default());
+        self.rows.iter_mut().skip(from).take(bins).for_each(|row| *row = [0; 4]);
     }
 
     /// A bin as it is; an empty one beyond the end.
     #[must_use]
     pub fn bin(&self, index: usize) -> Bin {
-        self.bins.get(index).copied().unwrap_or_default()
+        let [there, back, visits_there, visits_back] = self.rows.get(index).copied().unwrap_or_default();
+        Bin::new([there, back], [visits_there as u16, visits_back as u16])
     }
 
     /// Adds a current at an angle from the index, in 2^-32 revolution. The bin of a point reaches half way to its neighbours.
@@ -101,21 +105,14 @@ impl CoggingRecord {
     fn add(&mut self, angle: u32, backwards: bool, current: CurrentFraction) {
         const BIN: u32 = (REVOLUTION as u64 / COGGING_POINTS as u64) as u32;
         let index = (angle.wrapping_add(BIN / 2) / BIN) as usize % COGGING_POINTS;
-        let side = usize::from(backwards);
-        if let Some(Bin { sums, visits }) = self.bins.get_mut(index)
-            && let (Some(sum), Some(visits)) = (sums.get_mut(side), visits.get_mut(side))
-            && *visits < u16::MAX
+        if let Some([there, back, visits_there, visits_back]) = self.rows.get_mut(index)
+            && let (sum, visits) = if backwards { (back, visits_back) } else { (there, visits_there) }
+            && *visits < i32::from(u16::MAX)
         {
             // At most 2^16 of at most 2^15.
             *sum = sum.wrapping_add(i32::from(current.to_bits()));
             *visits = visits.wrapping_add(1);
         }
-    }
-}
-
-impl Default for CoggingRecord {
-    fn default() -> Self {
-        Self::new()
     }
 }
 
@@ -257,7 +254,7 @@ impl CoggingIdentification {
     pub fn tick(
         &mut self,
         inputs: &CoggingInputs,
-        record: &mut CoggingRecord,
+        record: &mut CoggingRecord<'_>,
     ) -> (Position, IdentificationState<CoggingMeasurement>) {
         if let IdentificationState::Running { percent } = self.state {
             self.elapsed = self.elapsed.wrapping_add(1);
@@ -297,7 +294,7 @@ impl CoggingIdentification {
     fn run(
         &mut self,
         inputs: &CoggingInputs,
-        record: &mut CoggingRecord,
+        record: &mut CoggingRecord<'_>,
     ) -> Result<Option<CoggingMeasurement>, IdentificationError> {
         self.range.check(inputs.position)?;
         if inputs.is_limited {
@@ -339,7 +336,7 @@ impl CoggingIdentification {
     }
 
     #[inline]
-    fn sum_up(&mut self, inputs: &CoggingInputs, way: i64, origin: u32, record: &mut CoggingRecord) {
+    fn sum_up(&mut self, inputs: &CoggingInputs, way: i64, origin: u32, record: &mut CoggingRecord<'_>) {
         let backwards = self.stage == Stage::Back;
         let [near, far] = if backwards { &mut self.measured.back } else { &mut self.measured.there };
         if (RUN_UP..RUN_UP + EIGHTH).contains(&way) {

@@ -76,10 +76,10 @@ impl CoggingTable {
     ///   was found and 0.1 % of peak, or where the two directions differ by more than cogging and 1 % of peak beside a constant.
     /// * [`IdentificationError::NoMovement`] where a bin is missing.
     pub fn finish(
-        mut self,
+        &mut self,
         measurement: &CoggingMeasurement,
         scale: &CoggingScale,
-    ) -> Result<[i16; COGGING_POINTS], IdentificationError> {
+    ) -> Result<&[i16; COGGING_POINTS], IdentificationError> {
         const POINTS: i64 = COGGING_POINTS as i64;
         if let Some(fault) = self.fault {
             return Err(match fault {
@@ -93,7 +93,8 @@ impl CoggingTable {
         let mean = (self.total / POINTS) as i32;
         self.look_at_the_load(measurement, mean)?;
         let widened = |point: i16| i32::from(point);
-        let [first, .., last] = self.points.map(widened);
+        let [first, .., last] = self.points;
+        let (first, last) = (widened(first), widened(last));
         let (mut before, mut left) = (last, self.points.iter_mut().peekable());
         while let Some(place) = left.next() {
             let here = widened(*place);
@@ -108,7 +109,7 @@ impl CoggingTable {
             before = here;
             *place = current as i16;
         }
-        Ok(self.points)
+        Ok(&self.points)
     }
 
     /// What is no cogging beside it.
@@ -180,7 +181,7 @@ mod tests {
     fn learnt(bins: &[Bin]) -> Result<[i16; COGGING_POINTS], IdentificationError> {
         let mut table = CoggingTable::new();
         bins.iter().for_each(|&bin| table.take(bin));
-        table.finish(&CoggingMeasurement::default(), &scale())
+        table.finish(&CoggingMeasurement::default(), &scale()).copied()
     }
 
     /// Of 100 A, whose thousandth is 100 mA.

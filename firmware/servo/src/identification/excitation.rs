@@ -98,7 +98,6 @@ impl ExcitationFrequency {
 
 /// Settings of the sequence.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-#[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub struct ExcitationSettings {
     motion: Motion,
     frequency: ExcitationFrequency,
@@ -150,7 +149,6 @@ const RESTING: u32 = 800;
 
 /// What the velocity loop and the excitation have made of the last tick.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-#[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub struct Commanded {
     /// Current of the loop, behind its filters.
     pub own: CurrentFraction,
@@ -167,7 +165,6 @@ impl Commanded {
 
 /// What is asked for until the next tick.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-#[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub struct ExcitationRequest {
     /// Command of the velocity loop.
     pub velocity: Velocity,
@@ -217,7 +214,6 @@ fn of_phasor(phasor: Phasor) -> Result<Response, IdentificationError> {
 
 /// State of the sequence.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-#[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub struct ExcitationIdentification {
     settings: ExcitationSettings,
     range: Range,
