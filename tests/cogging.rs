@@ -343,6 +343,27 @@ fn a_zero_that_moves_and_another_weight_of_the_data_leave_the_table_at_its_rotor
     }
 }
 
+#[test]
+fn the_low_pass_of_the_current_command_does_not_make_the_table_late_and_its_limits_hold() {
+    let ripple = |low_pass: u16| {
+        let filter = [(P | 174, Value::Word(low_pass)), (P | 175, Value::Word(10_000))];
+        let filter = filter.map(|(idn, value)| (Idn(idn), value));
+        let mut drive = Axis::new(axis(), None, told(&axis()).into_iter().chain(filter).collect());
+        drive.bench.write(TABLE, ideal(&axis())).unwrap();
+        // The index comes by.
+        drive.ripples([60.0]);
+        let ripple = drive.ripples([300.0])[0];
+        // 2 % of 5 A, and what is left of it is told: the law watches the current.
+        drive.bench.write(92, Value::Word(20)).unwrap();
+        drive.bench.run(Nanoseconds::from_millis(500));
+        ripple
+    };
+    let (without, with) = (ripple(0), ripple(1));
+    within("counts without", without, 0.3..5.0);
+    // 225 us at 300 Hz would be 8 counts more.
+    within("counts with the low-pass", with, 0.3..6.0);
+}
+
 /// Puts the table into `docs/motor-side.md`, or compares.
 #[track_caller]
 fn is_on_the_page(table: &str) {
