@@ -286,6 +286,84 @@ fn what_is_learnt_at_1_rpm_takes_the_cogging_away_at_any_speed_in_both_direction
     is_on_the_page(&page);
 }
 
+/// The table that the plant's formula asks for, in mA RMS, from the index on.
+fn ideal(axis: &ReferenceAxis) -> Value {
+    let machine = &axis.machine;
+    let current = |at: f64| {
+        let harmonics = machine.effects.cogging.iter().flat_map(|cogging| &cogging.harmonics);
+        let torque: f64 = harmonics
+            .map(|harmonic| {
+                let periods = f64::from(harmonic.per_revolution) * (machine.encoder.index_at + at) + harmonic.phase;
+                harmonic.amplitude * (std::f64::consts::TAU * periods).sin()
+            })
+            .sum();
+        -torque / machine.torque_constant() * std::f64::consts::FRAC_1_SQRT_2 * 1_000.0
+    };
+    let points = (0..1_024).map(|point| current(f64::from(point) / 1_024.0).round() as i16);
+    Value::Bytes(points.flat_map(i16::to_le_bytes).collect())
+}
+
+#[test]
+fn a_zero_that_moves_and_another_weight_of_the_data_leave_the_table_at_its_rotor() {
+    // S-0-0147 without switch and marker: S-0-0148 makes the place where the motor stands S-0-0052.
+    let homing = [(147, Value::Word(0x60)), (52, Value::Long(1_234_567))];
+    // Positions in other increments and the other way round.
+    let data = [(79, Value::Long(3_000_000)), (76, Value::Word(0x0A)), (55, Value::Word(5))];
+    for (changes, homes) in [(&homing[..], true), (&data[..], false)] {
+        let changes = changes.iter().map(|(idn, value)| (Idn(*idn), value.clone()));
+        let mut drive = Axis::new(axis(), None, told(&axis()).into_iter().chain(changes).collect());
+        drive.bench.write(TABLE, ideal(&axis())).unwrap();
+        assert_eq!(drive.state(), WAITS);
+        if homes {
+            let rpm = drive.ripples([60.0])[0];
+            within("counts before", rpm, 0.3..5.0);
+            assert_eq!(command(&mut drive.bench, 148), Ok(3));
+            assert_eq!(drive.bench.number(51) as u32 / 1_000, 1_234, "a new zero");
+            within("counts with another zero", drive.ripples([60.0])[0], 0.3..5.0);
+        } else {
+            // The shaft turns against the commands, and by more than its increments.
+            drive.wanted.speed.set(1.0);
+            let begin = drive.bench.number(51) as u32;
+            *drive.wanted.begin.borrow_mut() = Some(begin.cast_signed().into());
+            drive.wanted.halt.set(false);
+            drive.bench.run(Nanoseconds::from_millis(2_000));
+            let rpm = drive.bench.rpm();
+            within("rpm the other way", rpm, -73.0..-71.0);
+            let at: Vec<f64> = (0..2_000)
+                .map(|_| {
+                    drive.bench.run(Nanoseconds::from_microseconds(500));
+                    drive.angle()
+                })
+                .collect();
+            let beside = at.iter().enumerate().map(|(n, place)| (place + 1.2 * 500e-6 * n as f64) * COUNTS);
+            let (low, high) = beside.fold((f64::MAX, f64::MIN), |(low, high), at| (low.min(at), high.max(at)));
+            within("counts the other way round", high - low, 0.3..6.0);
+        }
+        assert_eq!(drive.state(), IN_EFFECT);
+    }
+}
+
+#[test]
+fn the_low_pass_of_the_current_command_does_not_make_the_table_late_and_its_limits_hold() {
+    let ripple = |low_pass: u16| {
+        let filter = [(P | 174, Value::Word(low_pass)), (P | 175, Value::Word(10_000))];
+        let filter = filter.map(|(idn, value)| (Idn(idn), value));
+        let mut drive = Axis::new(axis(), None, told(&axis()).into_iter().chain(filter).collect());
+        drive.bench.write(TABLE, ideal(&axis())).unwrap();
+        // The index comes by.
+        drive.ripples([60.0]);
+        let ripple = drive.ripples([300.0])[0];
+        // 2 % of 5 A, and what is left of it is told: the law watches the current.
+        drive.bench.write(92, Value::Word(20)).unwrap();
+        drive.bench.run(Nanoseconds::from_millis(500));
+        ripple
+    };
+    let (without, with) = (ripple(0), ripple(1));
+    within("counts without", without, 0.3..5.0);
+    // 225 us at 300 Hz would be 8 counts more.
+    within("counts with the low-pass", with, 0.3..6.0);
+}
+
 /// Puts the table into `docs/motor-side.md`, or compares.
 #[track_caller]
 fn is_on_the_page(table: &str) {

@@ -40,7 +40,7 @@ const ARRIVED: i64 = REVOLUTION / 256;
 const SEARCH: i64 = REVOLUTION + EIGHTH;
 
 /// 1 rpm.
-const SPEED: Velocity = Velocity::from_bits((1_i64 << 36).div_euclid(480_000) as i32);
+const SPEED: Velocity = Velocity::from_bits(((1_i64 << 36) + 240_000).div_euclid(480_000) as i32);
 
 /// Ticks for a quarter more than the longest part of the way, 1.25 revolutions at 1 rpm, and 2 s.
 const LONGEST: u32 = 766_000;
@@ -140,7 +140,7 @@ impl CoggingIdentificationSettings {
         jerk: Option<Jerk>,
         movement: Position,
     ) -> Result<Self, SettingsError> {
-        let hundredths = movement.to_bits().saturating_mul(100) >> 32;
+        let hundredths = movement.to_bits().saturating_mul(100).saturating_add(1 << 31) >> 32;
         let hundredths = u32::try_from(hundredths).unwrap_or(if hundredths < 0 { 0 } else { u32::MAX });
         in_range("movement of the identification in 0.01 revolutions", hundredths, 130, 100 << 20)?;
         let limits = MotionLimits::new(SPEED, acceleration, acceleration, jerk)?;
@@ -347,5 +347,176 @@ impl CoggingIdentification {
         if (RUN_UP..ONCE).contains(&way) {
             record.add((inputs.position.to_bits() as u32).wrapping_sub(origin), backwards, inputs.current);
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    extern crate std;
+
+    use super::*;
+    use crate::axis::cogging::CoggingScale;
+    use crate::identification::CoggingTable;
+    use crate::units::Velocity;
+    use std::boxed::Box;
+    use std::f64::consts::TAU;
+
+    /// Of 100 A.
+    const PEAK: u32 = 100_000;
+    const TURN_BITS: f64 = 4_294_967_296.0;
+
+    fn settings(is_reversed: bool, hundredths: i64) -> Result<CoggingIdentificationSettings, SettingsError> {
+        let acceleration = Acceleration::from_milliradians_per_second_squared(100_000);
+        CoggingIdentificationSettings::new(
+            is_reversed,
+            acceleration,
+            None,
+            Position::from_bits((hundredths << 32) / 100),
+        )
+    }
+
+    /// An axis that is exactly where it is led to at 1 rpm, and the current in shares of peak that it needs at a place, in a direction, and
+    /// at a time in s.
+    struct Ideal<F> {
+        current: F,
+        /// Where the index is; `None`: it has none.
+        index: Option<i64>,
+        is_known: bool,
+        position: i64,
+        limit: f64,
+    }
+
+    type End = (Result<CoggingMeasurement, IdentificationError>, Box<CoggingRecord>, [i64; 2]);
+
+    impl<F: Fn(f64, f64, f64) -> f64> Ideal<F> {
+        fn new(current: F) -> Self {
+            Self { current, index: Some(1 << 30), is_known: true, position: 77 << 20, limit: 1.0 }
+        }
+
+        /// How it ends, and how far it went.
+        fn run(mut self, settings: CoggingIdentificationSettings) -> End {
+            let mut record = Box::new(CoggingRecord::new());
+            let start = self.position;
+            let mut sequence = CoggingIdentification::start(settings, Position::from_bits(start));
+            let step = i64::from(SPEED.to_bits()) >> 4;
+            let (mut reached, mut last, mut direction) = ([0, 0], 0, 1.0);
+            for tick in 0..3_000_000_u32 {
+                let current = (self.current)(self.position as f64 / TURN_BITS, direction, f64::from(tick) / 8_000.0);
+                let inputs = CoggingInputs {
+                    position: Position::from_bits(self.position),
+                    origin: self.index.filter(|_| self.is_known).map(|index| index as u32),
+                    current: CurrentFraction::saturating_from_num(current.clamp(-self.limit, self.limit)),
+                    is_limited: current.abs() > self.limit,
+                };
+                let (target, state) = sequence.tick(&inputs, &mut record);
+                match state {
+                    IdentificationState::Running { percent } => assert!(percent >= last && percent < 100),
+                    IdentificationState::Done(measurement) => return (Ok(measurement), record, reached),
+                    IdentificationState::Failed(error) => return (Err(error), record, reached),
+                }
+                if let IdentificationState::Running { percent } = state {
+                    last = percent;
+                }
+                let before = self.position;
+                self.position += (target.to_bits() - before).clamp(-step, step);
+                direction = if self.position < before { -1.0 } else { 1.0 };
+                let passes = |index: i64| (before - index) >> 32 != (self.position - index) >> 32;
+                self.is_known |= self.index.is_some_and(passes);
+                let way = self.position - start;
+                reached = [reached[0].min(way), reached[1].max(way)];
+            }
+            panic!("it does not end");
+        }
+    }
+
+    fn table(end: &End) -> Result<[i16; COGGING_POINTS], IdentificationError> {
+        let mut table = CoggingTable::new();
+        (0..COGGING_POINTS).for_each(|bin| table.take(end.1.bin(bin)));
+        table.finish(&end.0.unwrap(), &CoggingScale::new(PEAK).unwrap())
+    }
+
+    #[test]
+    fn the_table_begins_at_the_index_whichever_way_the_axis_turns_first() {
+        for is_reversed in [false, true] {
+            for is_known in [false, true] {
+                let mut axis = Ideal::new(|place, direction, _| {
+                    0.03 * direction + 0.1 + 0.02 * (TAU * 11.0 * (place - 0.25)).sin()
+                });
+                axis.is_known = is_known;
+                let end = axis.run(settings(is_reversed, 300).unwrap());
+                let points = table(&end).unwrap();
+                for (at, point) in points.iter().enumerate() {
+                    let exact = 2_000.0 * (TAU * 11.0 * at as f64 / COGGING_POINTS as f64).sin();
+                    assert!((f64::from(*point) - exact).abs() < 12.0, "{is_reversed}, {is_known}, {at}: {point}");
+                }
+                // 1.25 revolutions, and what the search takes: to the index at a quarter.
+                let [back, there] = end.2.map(|way| way as f64 / TURN_BITS);
+                let way = if is_reversed { -back } else { there };
+                let searched = if is_known {
+                    0.0
+                } else if is_reversed {
+                    0.768
+                } else {
+                    0.232
+                };
+                assert!((way - 1.25 - searched).abs() < 0.01, "{is_reversed}, {is_known}: {way}");
+                assert!(if is_reversed { there } else { -back } < 0.001);
+            }
+        }
+    }
+
+    #[test]
+    fn without_an_index_the_axis_turns_little_more_than_a_revolution_and_nothing_is_learnt() {
+        let mut axis = Ideal::new(|_, _, _| 0.0);
+        (axis.index, axis.is_known) = (None, false);
+        let (end, _, [_, there]) = axis.run(settings(false, 300).unwrap());
+        assert_eq!(end, Err(IdentificationError::NoIndex));
+        assert!((there as f64 / TURN_BITS - 1.125).abs() < 0.001);
+    }
+
+    #[test]
+    fn a_limit_of_the_torque_or_of_the_movement_ends_it() {
+        let mut axis = Ideal::new(|place, _, _| 0.05 * (TAU * place).sin());
+        axis.limit = 0.04;
+        assert_eq!(axis.run(settings(false, 300).unwrap()).0, Err(IdentificationError::TorqueLimit));
+        let mut axis = Ideal::new(|_, _, _| 0.0);
+        axis.is_known = false;
+        // The search takes 0.23 revolutions of it.
+        let end = axis.run(settings(false, 140).unwrap()).0;
+        assert!(matches!(end, Err(IdentificationError::TooMuchMovement { .. })), "{end:?}");
+        assert!(settings(false, 130).is_ok());
+        assert!(matches!(settings(false, 129), Err(SettingsError::OutOfRange { actual: 129, minimum: 130, .. })));
+    }
+
+    #[test]
+    fn a_load_that_grows_with_the_way_or_comes_and_goes_is_no_cogging() {
+        // A spring; a load of a minute and a half.
+        let spring =
+            |stiffness: f64| Ideal::new(move |place, _, _| stiffness * place).run(settings(false, 300).unwrap());
+        assert_eq!(table(&spring(0.01)), Err(IdentificationError::UnevenLoad));
+        assert!(table(&spring(0.000_5)).is_ok(), "in the noise");
+        let swing = Ideal::new(|_, _, time| 0.05 * (TAU * time / 90.0).sin()).run(settings(false, 300).unwrap());
+        assert_eq!(table(&swing), Err(IdentificationError::UnevenLoad));
+    }
+
+    #[test]
+    fn an_axis_that_does_not_move_is_given_up() {
+        let mut record = CoggingRecord::new();
+        let mut sequence = CoggingIdentification::start(settings(false, 300).unwrap(), Position::ZERO);
+        let inputs = CoggingInputs {
+            position: Position::ZERO,
+            origin: Some(0),
+            current: CurrentFraction::ZERO,
+            is_limited: false,
+        };
+        let end = (0..800_000).find_map(|tick| match sequence.tick(&inputs, &mut record).1 {
+            IdentificationState::Running { .. } => None,
+            state => Some((tick, state)),
+        });
+        let (ticks, state) = end.unwrap();
+        assert_eq!(state, IdentificationState::Failed(IdentificationError::NoMovement));
+        // A quarter more than 75 s, and two.
+        assert!((760_000..770_000).contains(&ticks), "{ticks}");
+        assert_eq!(Velocity::from_ten_thousandths_rpm(10_000).to_bits().abs_diff(SPEED.to_bits()), 0);
     }
 }
