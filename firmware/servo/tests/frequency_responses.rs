@@ -14,8 +14,8 @@ use plant::ReferenceAxis;
 use servo::axis::Mode;
 
 /// Seconds of small times in the velocity loop beside its filter and the current loop: half a tick for the difference of two positions, half
-/// a tick until the current loop takes the command, half a tick for holding it.
-const SMALL_TIMES: f64 = 1.5 * TICK;
+/// a tick until the current loop takes the command, a quarter for holding it.
+const SMALL_TIMES: f64 = 1.25 * TICK;
 /// Of the outer loops.
 const TICK: f64 = 125e-6;
 
@@ -194,17 +194,21 @@ fn measured_velocity(design: &Design) -> Figures {
         .map(|hertz| {
             let length = length_of(hertz, TICKS_PER_SECOND) / 4 * 4;
             let hertz = whole_periods(hertz, length, TICKS_PER_SECOND);
-            let (mut errors, mut velocities) = (Vec::new(), Vec::new());
+            let (mut commands, mut velocities) = (Vec::new(), Vec::new());
             for cycle in 0..(2_000 + length) / 4 {
                 let command = 300.0 + swing * (TAU * hertz * cycle as f64 * 4.0 / TICKS_PER_SECOND).sin();
                 for seen in bench.velocity_cycle(rpm(command)) {
                     assert!(seen.limiting.is_empty(), "the test is of small signals");
-                    let velocity = to_rpm(seen.output.loop_velocity);
-                    errors.push(to_rpm(seen.output.velocity_command) - velocity);
-                    velocities.push(velocity);
+                    commands.push(to_rpm(seen.output.velocity_command));
+                    velocities.push(to_rpm(seen.output.loop_velocity));
                 }
             }
-            (hertz, over(&velocities[2_000..], &errors[2_000..], hertz, TICKS_PER_SECOND))
+            // The command of a tick holds from its middle on, half a tick later.
+            let turned = product(
+                over(&velocities[2_000..], &commands[2_000..], hertz, TICKS_PER_SECOND),
+                turned(TAU * hertz * TICK / 2.0),
+            );
+            (hertz, quotient(turned, (1.0 - turned.0, -turned.1)))
         })
         .collect();
     crossing(&points, 1.0, size)
@@ -256,8 +260,9 @@ fn without_drift(values: &[f64]) -> Vec<f64> {
     values.iter().enumerate().map(|(n, value)| value - slope * n as f64).collect()
 }
 
-/// How far a measured figure may be beside that of the design: a share of the frequency, and degrees.
-const TOLERANCES: [(&str, f64, f64); 3] = [("current", 0.055, 2.0), ("velocity", 0.045, 2.0), ("position", 0.025, 2.0)];
+/// How far a measured figure may be beside that of the design: a share of the frequency, and degrees. That the current loop is a lag of first order
+/// to the velocity loop costs the precise axis, which crosses at a tenth of its bandwidth, 2.7 degrees to the safe side.
+const TOLERANCES: [(&str, f64, f64); 3] = [("current", 0.055, 2.0), ("velocity", 0.045, 3.0), ("position", 0.025, 2.0)];
 
 /// Puts the table into `docs/frequency-responses.md`, or compares.
 #[track_caller]

@@ -358,8 +358,9 @@ mod tests {
     use crate::axis::cogging::CoggingScale;
     use crate::identification::CoggingTable;
     use crate::units::Velocity;
-    use std::boxed::Box;
     use std::f64::consts::TAU;
+    use std::vec;
+    use std::vec::Vec;
 
     /// Of 100 A.
     const PEAK: u32 = 100_000;
@@ -386,7 +387,7 @@ mod tests {
         limit: f64,
     }
 
-    type End = (Result<CoggingMeasurement, IdentificationError>, Box<CoggingRecord>, [i64; 2]);
+    type End = (Result<CoggingMeasurement, IdentificationError>, Vec<CoggingRow>, [i64; 2]);
 
     impl<F: Fn(f64, f64, f64) -> f64> Ideal<F> {
         fn new(current: F) -> Self {
@@ -395,7 +396,8 @@ mod tests {
 
         /// How it ends, and how far it went.
         fn run(mut self, settings: CoggingIdentificationSettings) -> End {
-            let mut record = Box::new(CoggingRecord::new());
+            let mut rows = vec![[0; 4]; COGGING_POINTS];
+            let mut record = CoggingRecord::new(&mut rows);
             let start = self.position;
             let mut sequence = CoggingIdentification::start(settings, Position::from_bits(start));
             let step = i64::from(SPEED.to_bits()) >> 4;
@@ -411,8 +413,8 @@ mod tests {
                 let (target, state) = sequence.tick(&inputs, &mut record);
                 match state {
                     IdentificationState::Running { percent } => assert!(percent >= last && percent < 100),
-                    IdentificationState::Done(measurement) => return (Ok(measurement), record, reached),
-                    IdentificationState::Failed(error) => return (Err(error), record, reached),
+                    IdentificationState::Done(measurement) => return (Ok(measurement), rows, reached),
+                    IdentificationState::Failed(error) => return (Err(error), rows, reached),
                 }
                 if let IdentificationState::Running { percent } = state {
                     last = percent;
@@ -430,9 +432,10 @@ mod tests {
     }
 
     fn table(end: &End) -> Result<[i16; COGGING_POINTS], IdentificationError> {
-        let mut table = CoggingTable::new();
-        (0..COGGING_POINTS).for_each(|bin| table.take(end.1.bin(bin)));
-        table.finish(&end.0.unwrap(), &CoggingScale::new(PEAK).unwrap())
+        let (mut table, mut rows) = (CoggingTable::new(), end.1.clone());
+        let record = CoggingRecord::new(&mut rows);
+        (0..COGGING_POINTS).for_each(|bin| table.take(record.bin(bin)));
+        table.finish(&end.0.unwrap(), &CoggingScale::new(PEAK).unwrap()).copied()
     }
 
     #[test]
@@ -501,7 +504,8 @@ mod tests {
 
     #[test]
     fn an_axis_that_does_not_move_is_given_up() {
-        let mut record = CoggingRecord::new();
+        let mut rows = vec![[0; 4]; COGGING_POINTS];
+        let mut record = CoggingRecord::new(&mut rows);
         let mut sequence = CoggingIdentification::start(settings(false, 300).unwrap(), Position::ZERO);
         let inputs = CoggingInputs {
             position: Position::ZERO,

@@ -64,10 +64,7 @@ mod tests {
         fake.run(300, 0xC000, 0xC000);
         fake.write(TUNE.0, &[3]);
         fake.sight.machine.velocity = velocity;
-        for _ in 0..2_500 {
-            fake.sight.machine.angle += velocity * 0.002 / std::f64::consts::TAU;
-            fake.run(1, 0xC000, 0xC000);
-        }
+        fake.run(2_500, 0xC000, 0xC000);
         fake
     }
 
