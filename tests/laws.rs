@@ -128,8 +128,7 @@ fn every_law_looks_at_an_ordinary_life_and_none_is_broken() {
     armed(&life_of_a_press(), &mut all);
     armed(&life_of_a_vertical_axis(), &mut all);
     armed(&life_of_an_axis_that_positions_itself(), &mut all);
-    armed(&crate::tuning::tuned_for_a_while(), &mut all);
     let blind: Vec<_> = all.iter().filter(|(_, armed)| **armed == 0).map(|(law, _)| law).collect();
     assert!(blind.is_empty(), "never looked: {blind:?}");
-    assert!(all.len() >= 25, "{} laws", all.len());
+    assert!(all.len() >= 24, "{} laws", all.len());
 }

@@ -38,11 +38,11 @@ fn the_flashed_elf_keeps_pace_with_59_us_from_mdt_to_at() {
     assert_released_in_time(report.drives[0].service_release.as_ref().unwrap());
 }
 
-/// Well within the 59 us of the tight ring, and not so fast that the measurement must be wrong.
+/// Within the 59 us of the tight ring, and not so fast that the measurement must be wrong. The velocity loop, 2.7 us, may come in between.
 fn assert_released_in_time(release: &bench::report::Durations) {
     println!("INT_SC to release: {release:?}");
     assert!(release.count > 50, "{release:?}");
-    assert!((5_000..50_000).contains(&release.longest_ns), "{release:?}");
+    assert!((5_000..55_000).contains(&release.longest_ns), "{release:?}");
 }
 
 /// Seconds of CPU that this process and the children that it has waited for have taken.

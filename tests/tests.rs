@@ -5,7 +5,6 @@
 mod amplifier;
 mod blocked;
 mod bridge_and_brake;
-mod cogging;
 mod commissioning;
 mod common;
 mod coordinates;
@@ -45,4 +44,3 @@ mod temperatures;
 mod tension;
 mod torque;
 mod travel;
-mod tuning;

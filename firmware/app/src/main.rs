@@ -48,7 +48,7 @@ mod app {
     use drive::crash::{CrashRecord, MOST_CRASHES_IN_A_ROW};
     use drive::production::Production;
     use drive::remembering::{self, Forgetting, Recollection};
-    use drive::{CoggingTables, Communication, CurrentControl, CurrentLink, Drive, DriveAddress};
+    use drive::{Communication, CurrentControl, CurrentLink, Drive, DriveAddress};
     use drive::{Identity, Motion, RingInterrupts, Scope, Tasks};
     use embassy_futures::{block_on, yield_now};
     use memory::{Log, Memory};
@@ -93,7 +93,6 @@ mod app {
     /// 10 ms, and every 40 saves the 1 to 2 s of an erase.
     #[init(local = [
         scope: Scope = Scope::new(),
-        cogging: CoggingTables = CoggingTables::new(),
         page: [u8; BUFFER_BYTES] = [0; BUFFER_BYTES],
         place: MaybeUninit<Communication<SercosBus>> = MaybeUninit::uninit(),
     ])]
@@ -129,8 +128,7 @@ mod app {
             defmt::warn!("parameters: {=str}", trouble);
         }
         let communication = communication(context.local.place, bus.clone(), identity, recollection);
-        let memories = (context.local.scope, context.local.cogging);
-        let mut drive = match drive::new(bus, motor_side, inverter, &LINK, memories, communication) {
+        let mut drive = match drive::new(bus, motor_side, inverter, &LINK, context.local.scope, communication) {
             Ok(drive) => drive,
             Err(error) => {
                 defmt::error!("default parameters: {}", error);

@@ -28,10 +28,10 @@ use crate::remembering::log::{KeptPosition, Log, Moment};
 use crate::remembering::set::{self, Recollection};
 use crate::service::access::Access;
 use crate::service::checks::amplifier_is_unknown;
+use crate::service::commissioning::Commissioning;
 use crate::service::context::{Checks, Context};
 use crate::service::finding::Finding;
 use crate::service::rescaling::Rescaling;
-use crate::service::undertaking::Commissioning;
 use crate::service::{hand_over, loops};
 
 /// Why the drive cannot start.
@@ -254,7 +254,6 @@ impl<B: Bus + Clone> Communication<B> {
         // What does not go together is found by S-0-0128.
         if let Ok(settings) = loops::settings::<H>(&self.parameters) {
             hand_over::by_parts(motion, &settings);
-            hand_over::cogging(motion, &self.parameters);
         }
         Ok(())
     }
@@ -461,7 +460,6 @@ impl<B: Bus + Clone> Communication<B> {
         self.checks.waits_for_lock = false;
         self.checks.started = None;
         self.commissioning.identifying = None;
-        self.commissioning.tuning.end();
         if matches!(phase, Phase::Cp0 | Phase::Cp1) {
             self.keeping.forget_command();
         }

@@ -63,7 +63,6 @@ pub use motion::Motion;
 pub use operation_mode::{OperationMode, Polarity, Reaction};
 pub use service::access::{Access, LONGEST_PASSWORD, SHORTEST_PASSWORD};
 pub use service::loops::without_motor;
-pub use servo::axis::CoggingTables;
 pub use settings::invalid::InvalidSetting;
 pub use settings::{CycleSettings, DriveSettings, MotionSettings};
 pub use signal::bits::{BitSettings, SIGNAL_BITS};
@@ -96,7 +95,7 @@ pub struct Drive<B, H: Hardware, P: 'static> {
 }
 
 /// A drive with the parameters that its communication has recalled, torque-free; the chip is not touched before [`Communication::start`]. `link` is its own,
-/// for the current loop, and so are the memories of its oscilloscope and of the compensation of its cogging.
+/// for the current loop, and so is `scope`, the memory of its oscilloscope.
 ///
 /// It has a frame of its own, so that the start, which holds what it returns on its stack, does not hold what it works with besides.
 ///
@@ -108,14 +107,13 @@ pub fn new<B: Bus + Clone, H: Hardware, P: PowerStage<Board = H::Board>>(
     hardware: H,
     stage: P,
     link: &'static CurrentLink,
-    memories: (&'static mut Scope, &'static mut CoggingTables),
+    scope: &'static mut Scope,
     communication: &Communication<B>,
 ) -> Result<Drive<B, H, P>, InvalidSetting> {
     let settings = settings_at_start::<H>(communication);
     let settings = settings.as_ref().map_err(|error| *error)?;
     let current = CurrentControl::new(stage, link, settings.motor.current);
-    let mut motion = Motion::new(bus.clone(), communication.address(), hardware, link, memories, settings);
-    service::hand_over::cogging_at_start(&mut motion, communication.parameters());
+    let motion = Motion::new(bus.clone(), communication.address(), hardware, link, scope, settings);
     Ok(Drive { current, interrupts: RingInterrupts::new(bus), motion })
 }
 

@@ -15,16 +15,14 @@ use sercon816::Bus;
 use sercos::Phase;
 use sercos::diagnostic::Class1;
 use sercos::phase::PhaseError;
-use servo::axis::{Axis, AxisOutput, AxisSettings, Cogging, CoggingTables};
+use servo::axis::{Axis, AxisOutput, AxisSettings};
 use servo::encoder::DoubleSampledEncoder;
 use servo::motor::{CurrentLink, Motor, MotorFaults};
 use servo::path::CommandJump;
 use servo::scope::Scope;
 use servo::units::{LOOP_TICKS_PER_SUPERVISION, Position};
 
-pub(crate) mod cogging;
 mod control_bits;
-mod excitation;
 mod function;
 mod homing;
 pub(crate) mod identification;
@@ -48,7 +46,6 @@ mod tests;
 pub(crate) use homing::HomingFailure;
 
 use control_bits::ControlBits;
-use excitation::Excitation;
 use function::Function;
 use operation::{Operation, Selection};
 use positioning::Positioning;
@@ -86,7 +83,6 @@ pub struct Motion<B, H: Hardware> {
     clock: RingClock,
     /// What the loops gave in the last tick.
     output: AxisOutput,
-    cogging: Cogging,
     axis: Axis,
     status: Status,
     operation: Operation,
@@ -101,7 +97,6 @@ pub struct Motion<B, H: Hardware> {
     clock_monitor: ClockMonitor,
     reference: Reference,
     function: Function,
-    excitation: Excitation,
     probing: Probing,
     oscilloscope: Oscilloscope<'static>,
     /// Halves of the supervision since the start.
@@ -122,7 +117,7 @@ impl<B: Bus + Clone, H: Hardware> Motion<B, H> {
         address: u8,
         mut hardware: H,
         link: &'static CurrentLink,
-        (scope, cogging): (&'static mut Scope, &'static mut CoggingTables),
+        scope: &'static mut Scope,
         settings: &DriveSettings,
     ) -> Self {
         let &DriveSettings { with_lag, without_lag, motor, motion: settings } = settings;
@@ -136,7 +131,6 @@ impl<B: Bus + Clone, H: Hardware> Motion<B, H> {
             accompanied: false,
             encoder,
             output: AxisOutput::at_rest(position),
-            cogging: Cogging::new(cogging, settings.cogging),
             axis: Axis::new(with_lag, position),
             motor: Motor::new(link, motor),
             clock: RingClock::new(settings.cycle.clock),
@@ -152,7 +146,6 @@ impl<B: Bus + Clone, H: Hardware> Motion<B, H> {
             reference: Reference::default(),
             controls: ControlBits::default(),
             function: Function::default(),
-            excitation: Excitation::default(),
             probing: Probing::default(),
             oscilloscope: Oscilloscope::new(scope),
             halves: 0,
@@ -223,12 +216,8 @@ impl<B: Bus + Clone, H: Hardware> Motion<B, H> {
             // Homing may just have moved the zero.
             position = self.encoder.position();
         }
-        self.axis.oppose_cogging(self.cogging.current(position, self.output.loop_velocity));
         let latest = self.encoder.velocity(self.counted(before), count);
         self.output = self.axis.tick(position, latest, self.motor.torque_limits());
-        if self.accompanied {
-            self.excite();
-        }
         let trim = self.clock.on_tick();
         self.motor.command(position, self.output.current, self.output.loop_velocity, trim);
         if self.accompanied {
@@ -253,8 +242,7 @@ impl<B: Bus + Clone, H: Hardware> Motion<B, H> {
     pub fn velocity_loop(&mut self) {
         let [before, now] = self.motor.half_counts();
         let latest = self.encoder.velocity(self.counted(before), self.counted(now));
-        if let Some(own) = self.axis.half_tick(latest, self.motor.torque_limits()) {
-            let current = if self.accompanied { self.excite_half(own) } else { own };
+        if let Some(current) = self.axis.half_tick(latest, self.motor.torque_limits()) {
             self.motor.correct(current);
         }
     }
@@ -389,7 +377,6 @@ impl<B: Bus + Clone, H: Hardware> Motion<B, H> {
     #[cold]
     #[inline(never)]
     fn take_jump(&mut self, faults: MotorFaults) {
-        self.cogging.forget_index();
         self.fail(faults.into());
     }
 

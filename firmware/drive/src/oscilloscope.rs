@@ -310,12 +310,6 @@ impl<'memory> Oscilloscope<'memory> {
         self.scope.arm(configuration.settings);
     }
 
-    /// Its memory for something else, see [`Scope::lend`].
-    #[inline]
-    pub(crate) const fn lend(&mut self) -> &mut [[i32; SCOPE_CHANNELS]] {
-        self.scope.lend()
-    }
-
     /// P-0-0209 = 0.
     pub const fn stop(&mut self) {
         self.scope.stop();

@@ -2,7 +2,6 @@
 
 pub(crate) mod access;
 pub(crate) mod checks;
-mod cogging;
 pub(crate) mod commissioning;
 pub(crate) mod context;
 pub(crate) mod finding;
@@ -14,9 +13,6 @@ mod procedures;
 pub(crate) mod rescaling;
 pub mod scope;
 mod texts;
-mod tune;
-pub(crate) mod tuning;
-pub(crate) mod undertaking;
 mod values;
 mod writes;
 

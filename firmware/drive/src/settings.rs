@@ -5,8 +5,8 @@ use sercos::parameters::Parameters;
 use sercos::transition::OPERATION_MODES;
 use servo::SettingsError;
 use servo::axis::{
-    AxisParameters, AxisSettings, CoggingSettings, CurrentFilterSettings, FilterSection, FrictionParameters,
-    FrictionSettings, VelocityRate,
+    AxisParameters, AxisSettings, CurrentFilterSettings, FilterSection, FrictionParameters, FrictionSettings,
+    VelocityRate,
 };
 use servo::clock::LoopClockSettings;
 use servo::encoder::DoubleSampledSettings;
@@ -16,7 +16,6 @@ use servo::motor::{Facts, MotorSettings};
 use servo::path::{Interpolation, MotionLimits};
 use servo::units::{Position, PositionScale, SUPERVISION_PERIOD_MICROSECONDS, Velocity, VelocityScale};
 
-pub(crate) mod cogging;
 pub(crate) mod current;
 pub(crate) mod increments;
 pub(crate) mod invalid;
@@ -166,8 +165,6 @@ pub struct MotionSettings {
     pub bits: BitSettings,
     /// S-0-0147 bit 2: the home switch is an input of the drive, not S-0-0400.
     pub home_switch_at_drive: bool,
-    /// P-0-0251.
-    pub cogging: CoggingSettings,
 }
 
 /// P-0-2705: where position feedback 2 comes from; 0: there is none. The number is far from those that controls write to every drive of
@@ -236,7 +233,6 @@ impl DriveSettings {
         if feedback_type & !REVERSED != 0 {
             return Err(unsupported(277));
         }
-        let motor = motor::settings(parameters, facts, &limit_scale.torque_limits(&limits), increments, fastest)?;
         Ok(Self {
             with_lag: AxisSettings::new(&axis).map_err(blamed)?.with_setpoint_ahead(ahead),
             without_lag: AxisSettings::new(&AxisParameters {
@@ -247,7 +243,7 @@ impl DriveSettings {
             })
             .map_err(blamed)?
             .with_setpoint_ahead(ahead),
-            motor,
+            motor: motor::settings(parameters, facts, &limit_scale.torque_limits(&limits), increments, fastest)?,
             motion: MotionSettings {
                 modes: modes(parameters)?,
                 position,
@@ -288,7 +284,6 @@ impl DriveSettings {
                 class_3_mask: parameters.get_word(Idn::standard(98)),
                 bits: BitSettings::new(parameters, sources),
                 home_switch_at_drive: parameters.get_word(Idn::standard(147)) & SWITCH_AT_DRIVE != 0,
-                cogging: cogging::settings(parameters, facts, &motor)?,
             },
         })
     }

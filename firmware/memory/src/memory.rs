@@ -8,7 +8,7 @@ use crate::error::Error;
 use crate::set::{Condition, Saves, Written, numbered};
 
 /// Most bytes of a set or a log.
-pub const MOST_BYTES: usize = 3_584;
+pub const MOST_BYTES: usize = 3 * 1024;
 
 /// Bytes that [`Memory::start`] leaves for what is kept until the next start; of a small page half.
 pub const RESERVE: u32 = 48 * 1024;

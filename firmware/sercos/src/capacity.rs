@@ -9,9 +9,6 @@ pub const LIST_ENTRIES: usize = 16;
 /// Most entries of a parameter that is a list of four-byte items (P-0-0007).
 pub const LONG_ENTRIES: usize = 8;
 
-/// Entries of a parameter that is a table: a list of two-byte numbers with sign that has all of them, or none.
-pub const TABLE_ENTRIES: usize = 1_024;
-
 /// Most bytes of a text parameter (S-0-0141, S-0-0142).
 pub const TEXT_BYTES: usize = 40;
 
@@ -41,9 +38,6 @@ pub(crate) const WORD_LISTS: usize = 4;
 
 /// Most parameters that are a list of four-byte items.
 pub(crate) const LONG_LISTS: usize = 2;
-
-/// Most parameters that are a table.
-pub(crate) const TABLES: usize = 1;
 
 /// Most text parameters.
 pub(crate) const TEXTS: usize = 4;

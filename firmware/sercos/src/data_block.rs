@@ -55,8 +55,6 @@ pub(crate) enum Place {
     Words(u8),
     /// A list of four-byte numbers.
     Longs(u8),
-    /// A list of two-byte numbers with sign, of one length.
-    Table(u8),
     /// A text.
     Text(u8),
     /// A procedure command.
@@ -189,11 +187,6 @@ impl DataBlock {
     /// True if the operation data are a text.
     pub const fn is_text(&self) -> bool {
         matches!(self.attribute.format(), Format::Text)
-    }
-
-    /// True if the operation data are a parameter that is a table ([`crate::capacity::TABLE_ENTRIES`]).
-    pub const fn is_table(&self) -> bool {
-        matches!(self.place, Place::Table(_))
     }
 
     /// Where the block stands in its table, from 0: for those who have something to say of each row.

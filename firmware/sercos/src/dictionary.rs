@@ -102,8 +102,6 @@ pub mod formats {
     pub const HEXES: u32 = 0x0035_0001;
     /// A list of two-byte numbers.
     pub const NUMBERS: u32 = 0x0015_0001;
-    /// A list of two-byte numbers with sign.
-    pub const SIGNED_NUMBERS: u32 = 0x0025_0001;
     /// A list of four-byte numbers.
     pub const LONGS: u32 = 0x0016_0001;
     /// A list of four-byte numbers, hexadecimal.
@@ -356,7 +354,7 @@ pub const fn collect<const N: usize>(rows: &[DataBlock], selection: Selection) -
 pub const fn lay_out<A: Copy, const N: usize>(rows: &[(DataBlock, A)]) -> [DataBlock; N] {
     assert!(N == rows.len() && N <= capacity::DATA_BLOCKS, "more data blocks than `capacity` has room for");
     let mut laid_out = [rows[0].0; N];
-    let mut taken = Taken { values: 0, idns: 0, words: 0, longs: 0, tables: 0, texts: 0, commands: 0 };
+    let mut taken = Taken { values: 0, idns: 0, words: 0, longs: 0, texts: 0, commands: 0 };
     let mut row = 0;
     while row < N {
         let block = rows[row].0;
@@ -391,7 +389,6 @@ struct Taken {
     idns: usize,
     words: usize,
     longs: usize,
-    tables: usize,
     texts: usize,
     commands: usize,
 }
@@ -414,7 +411,6 @@ impl Taken {
             }
             (Length::ListOfBytes, _) => Place::Text(next(&mut self.texts)),
             (Length::ListOfTwo, Format::Idn) => Place::Idns(next(&mut self.idns)),
-            (Length::ListOfTwo, Format::Signed) => Place::Table(next(&mut self.tables)),
             (Length::ListOfTwo, _) => Place::Words(next(&mut self.words)),
             (Length::ListOfFour, _) => Place::Longs(next(&mut self.longs)),
             (Length::Eight | Length::ListOfEight | Length::Reserved, _) => {
@@ -429,7 +425,6 @@ impl Taken {
                 && self.idns <= capacity::IDN_LISTS
                 && self.words <= capacity::WORD_LISTS
                 && self.longs <= capacity::LONG_LISTS
-                && self.tables <= capacity::TABLES
                 && self.texts <= capacity::TEXTS
                 && self.commands <= capacity::COMMANDS,
             "more parameters or commands than `capacity` has room for"

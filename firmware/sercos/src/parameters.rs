@@ -1,8 +1,6 @@
 //! The values of all data blocks with [`Location::Parameter`](crate::data_block::Location::Parameter), in RAM.
 
-use crate::capacity::{
-    IDN_LISTS, LIST_ENTRIES, LONG_ENTRIES, LONG_LISTS, TABLE_ENTRIES, TABLES, TEXT_BYTES, TEXTS, VALUES, WORD_LISTS,
-};
+use crate::capacity::{IDN_LISTS, LIST_ENTRIES, LONG_ENTRIES, LONG_LISTS, TEXT_BYTES, TEXTS, VALUES, WORD_LISTS};
 use crate::data_block::{DataBlock, Place, Selection};
 use crate::dictionary::Dictionary;
 use crate::error::ServiceError;
@@ -28,7 +26,6 @@ pub struct Parameters {
     idns: [Vec<Idn, LIST_ENTRIES>; IDN_LISTS],
     words: [Vec<u16, LIST_ENTRIES>; WORD_LISTS],
     longs: [Vec<u32, LONG_ENTRIES>; LONG_LISTS],
-    tables: [Vec<u16, TABLE_ENTRIES>; TABLES],
     texts: [String<TEXT_BYTES>; TEXTS],
     written: BlockSet,
     told: BlockSet,
@@ -43,7 +40,6 @@ impl Parameters {
             idns: [const { Vec::new() }; IDN_LISTS],
             words: [const { Vec::new() }; WORD_LISTS],
             longs: [const { Vec::new() }; LONG_LISTS],
-            tables: [const { Vec::new() }; TABLES],
             texts: [const { String::new() }; TEXTS],
             written: BlockSet::new(),
             told: BlockSet::new(),
@@ -118,16 +114,6 @@ impl Parameters {
         };
         debug_assert!(list.is_some(), "{idn} is not a list of four-byte numbers");
         list.map_or(&[], |list| list.as_slice())
-    }
-
-    /// A table, as it is transmitted: [`TABLE_ENTRIES`] of them or none; empty for an IDN that is none (debug builds panic).
-    pub fn table(&self, idn: Idn) -> &[u16] {
-        let table = match self.place_of(idn) {
-            Place::Table(index) => self.tables.get(usize::from(index)),
-            _ => None,
-        };
-        debug_assert!(table.is_some(), "{idn} is not a table");
-        table.map_or(&[], |table| table.as_slice())
     }
 
     /// A text parameter; empty for an IDN that is none (debug builds panic).
@@ -224,66 +210,6 @@ impl Parameters {
         Ok(())
     }
 
-    /// Sets a table to [`TABLE_ENTRIES`] entries or to none; otherwise like [`Parameters::set`].
-    ///
-    /// # Errors
-    /// [`ServiceError::InvalidData`] for any other number of them; [`ServiceError::IdnNotAvailable`] if there is no such table.
-    pub fn set_table(&mut self, idn: Idn, entries: &[u16]) -> Result<(), ServiceError> {
-        let table = self.table_mut(idn).ok_or(ServiceError::IdnNotAvailable)?;
-        if !matches!(entries.len(), 0 | TABLE_ENTRIES) {
-            return Err(ServiceError::InvalidData);
-        }
-        table.clear();
-        table.extend_from_slice(entries).map_err(|_| ServiceError::InvalidData)
-    }
-
-    /// Puts more entries behind those that a table has, for a memory that gives it in parts: until the last of them it is not whole.
-    ///
-    /// # Errors
-    /// [`ServiceError::InvalidData`] for more than it takes: then it has none. [`ServiceError::IdnNotAvailable`] if there is no such table.
-    pub fn extend_table(&mut self, idn: Idn, entries: impl Iterator<Item = u16>) -> Result<(), ServiceError> {
-        let table = self.table_mut(idn).ok_or(ServiceError::IdnNotAvailable)?;
-        for entry in entries {
-            if table.push(entry).is_err() {
-                table.clear();
-                return Err(ServiceError::InvalidData);
-            }
-        }
-        Ok(())
-    }
-
-    /// Exchanges a table with what is written in its place; done once more it is as it was. There is no room for a second one.
-    ///
-    /// # Errors
-    /// As [`Parameters::set_table`]: nothing is exchanged then.
-    pub(crate) fn exchange_table<const N: usize>(
-        &mut self,
-        idn: Idn,
-        written: &mut Vec<u16, N>,
-        head: usize,
-    ) -> Result<(), ServiceError> {
-        let table = self.table_mut(idn).ok_or(ServiceError::IdnNotAvailable)?;
-        let (had, has) = (table.len(), written.len().saturating_sub(head));
-        if !matches!(has, 0 | TABLE_ENTRIES) {
-            return Err(ServiceError::InvalidData);
-        }
-        // Both take a whole one.
-        let _ = (table.resize(TABLE_ENTRIES, 0), written.resize(head.saturating_add(TABLE_ENTRIES), 0));
-        for (one, other) in table.iter_mut().zip(written.iter_mut().skip(head)) {
-            core::mem::swap(one, other);
-        }
-        table.truncate(has);
-        written.truncate(head.saturating_add(had));
-        Ok(())
-    }
-
-    fn table_mut(&mut self, idn: Idn) -> Option<&mut Vec<u16, TABLE_ENTRIES>> {
-        match self.place_of(idn) {
-            Place::Table(index) => self.tables.get_mut(usize::from(index)),
-            _ => None,
-        }
-    }
-
     /// Sets a text parameter; otherwise like [`Parameters::set`].
     ///
     /// # Errors
@@ -299,10 +225,10 @@ impl Parameters {
         Ok(())
     }
 
-    /// What a parameter is, for [`Parameters::restore`]; nothing of a table, see [`Parameters::exchange_table`].
+    /// What a parameter is, for [`Parameters::restore`].
     pub(crate) fn save(&self, idn: Idn) -> Saved {
         match self.place_of(idn) {
-            Place::None | Place::Command(_) | Place::Table(_) => Saved::Nothing,
+            Place::None | Place::Command(_) => Saved::Nothing,
             Place::Value(_) => Saved::Value(self.get(idn)),
             Place::Idns(index) => Saved::Idns(self.idns.get(usize::from(index)).cloned().unwrap_or_default()),
             Place::Words(index) => Saved::Words(self.words.get(usize::from(index)).cloned().unwrap_or_default()),
@@ -335,7 +261,6 @@ impl Parameters {
                 Place::Idns(_) => self.set_list(block.idn, &[]),
                 Place::Words(_) => self.set_words(block.idn, &[]),
                 Place::Longs(_) => self.set_longs(block.idn, &[]),
-                Place::Table(_) => self.set_table(block.idn, &[]),
                 Place::Text(_) => self.set_text(block.idn, &[]),
             };
         }
@@ -354,10 +279,6 @@ impl Parameters {
                 Place::Idns(_) => self.list(block.idn).iter().for_each(|entry| sum.add(entry.0.into())),
                 Place::Words(_) => self.words(block.idn).iter().for_each(|&entry| sum.add(entry.into())),
                 Place::Longs(_) => self.longs(block.idn).iter().for_each(|&entry| sum.add(entry)),
-                Place::Table(_) => {
-                    let (pairs, _) = self.table(block.idn).as_chunks::<2>();
-                    pairs.iter().for_each(|&[low, high]| sum.add(u32::from(low) | u32::from(high) << 16));
-                }
                 Place::Text(_) => self.text(block.idn).bytes().for_each(|byte| sum.add(byte.into())),
             }
         }
@@ -447,7 +368,7 @@ impl Parameters {
 /// The value of one parameter, whatever its kind.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub(crate) enum Saved {
-    /// The data block is no parameter, or a table.
+    /// The data block is no parameter.
     Nothing,
     Value(u32),
     Idns(Vec<Idn, LIST_ENTRIES>),

@@ -8,8 +8,7 @@ mod transfer;
 
 use crate::attribute::{Format, Length};
 use crate::capacity::{
-    LIST_ENTRIES, LIVE_LIST_ENTRIES, LIVE_LONG_ENTRIES, LIVE_TEXT_BYTES, LONG_ENTRIES, SEGMENT_WORDS, TABLE_ENTRIES,
-    TEXT_BYTES,
+    LIST_ENTRIES, LIVE_LIST_ENTRIES, LIVE_LONG_ENTRIES, LIVE_TEXT_BYTES, LONG_ENTRIES, SEGMENT_WORDS, TEXT_BYTES,
 };
 use crate::command::{CommandAction, CommandState, CommandStatus, Commands};
 use crate::data_block::{DataBlock, Location, Selection};
@@ -360,7 +359,6 @@ impl Server {
                         transfer::stage_list(staging, parameters.words(block.idn).iter().copied(), LIST_ENTRIES);
                     }
                     ListKind::Longs => transfer::stage_longs(staging, parameters.longs(block.idn), LONG_ENTRIES),
-                    ListKind::Table => transfer::stage_table(staging, parameters.table(block.idn), TABLE_ENTRIES),
                 },
                 (Location::Live, None) => match list_kind(block) {
                     ListKind::Text => {
@@ -370,7 +368,7 @@ impl Server {
                         }
                         transfer::stage_text(staging, &text, LIVE_TEXT_BYTES);
                     }
-                    ListKind::Idns | ListKind::Words | ListKind::Table => {
+                    ListKind::Idns | ListKind::Words => {
                         let mut list = Vec::new();
                         live.read_list(block, &mut list);
                         transfer::stage_list(staging, list.iter().copied(), LIVE_LIST_ENTRIES);
@@ -426,10 +424,6 @@ impl Server {
         }
         if let Err(error) = live.written(block, parameters) {
             parameters.restore(idn, before);
-            if block.is_table() {
-                // It was exchanged before.
-                let _ = parameters.exchange_table(idn, &mut self.staging, transfer::LENGTH_WORDS);
-            }
             return Err(error);
         }
         parameters.mark_written(idn);
@@ -472,7 +466,6 @@ impl Server {
                 }
                 ListKind::Words => parameters.set_words(idn, self.staging.get(2..).unwrap_or(&[])),
                 ListKind::Longs => parameters.set_longs(idn, &transfer::written_longs(&self.staging)),
-                ListKind::Table => parameters.exchange_table(idn, &mut self.staging, transfer::LENGTH_WORDS),
             },
         }
     }
@@ -502,14 +495,12 @@ enum ListKind {
     Idns,
     Words,
     Longs,
-    Table,
 }
 
 const fn list_kind(block: &DataBlock) -> ListKind {
     match (block.attribute.length(), block.attribute.format()) {
         (Length::ListOfFour, _) => ListKind::Longs,
         (Length::ListOfTwo, Format::Idn) => ListKind::Idns,
-        (Length::ListOfTwo, Format::Signed) => ListKind::Table,
         (Length::ListOfTwo, _) => ListKind::Words,
         _ => ListKind::Text,
     }

@@ -3,7 +3,6 @@
 use crate::sample::DICTIONARY;
 use crate::support::{Boundary, Slave};
 use sercos::Idn;
-use sercos::capacity::TABLE_ENTRIES;
 use sercos::command::CommandState;
 use sercos::data_block::{Location, Selection};
 use sercos::error::{Element, ServiceError};
@@ -247,32 +246,6 @@ fn a_write_that_the_drive_cannot_work_with_is_refused_and_leaves_everything_as_i
     slave.drive.after = Some(ServiceError::InvalidData);
     refused(slave, s(2), &[4000], 0x7008);
     assert!(!slave.parameters.is_written(s(2)));
-}
-
-#[test]
-fn a_table_is_written_as_a_whole_or_taken_away_and_a_refused_one_leaves_that_before() {
-    const TABLE: Idn = Idn::product(9);
-    let bytes = 2 * TABLE_ENTRIES as u16;
-    let table = |of: fn(u16) -> u16| [bytes, bytes].into_iter().chain((0..bytes / 2).map(of)).collect::<Vec<_>>();
-    let mut slave = Slave::in_cp2();
-    slave.open(TABLE).unwrap();
-    let (first, second) = (table(|entry| entry), table(|entry| !entry));
-    slave.write(&first).unwrap();
-    assert_eq!(slave.read_list(7).unwrap(), first);
-    refused(&mut slave, TABLE, &[4, bytes, 1, 2], 0x7008);
-    refused(&mut slave, TABLE, &[bytes + 2, bytes + 2], 0x7003);
-    refused(&mut slave, TABLE, &[3, bytes, 1, 2], 0x7008);
-    slave.drive.after = Some(ServiceError::ProtectedBySettings);
-    for words in [&second[..], &[0, 0]] {
-        refused(&mut slave, TABLE, words, 0x700C);
-        slave.open(TABLE).unwrap();
-        assert_eq!(slave.read_list(7).unwrap(), first);
-    }
-    slave.drive.after = None;
-    slave.write(&second).unwrap();
-    assert_eq!(slave.read_list(7).unwrap(), second);
-    slave.write(&[0, 0]).unwrap();
-    assert_eq!((slave.read_list(7).unwrap(), slave.parameters.table(TABLE)), (vec![0, bytes], [].as_slice()));
 }
 
 #[test]

@@ -4,11 +4,9 @@ pub(crate) mod arctangent;
 pub(crate) mod division;
 pub(crate) mod gain;
 pub(crate) mod limited_gain;
-pub(crate) mod response;
 pub(crate) mod share;
 pub(crate) mod trigonometry;
 pub(crate) mod wide;
 
 pub use gain::Gain;
-pub use response::Response;
 pub use trigonometry::Rotation;

@@ -1,13 +1,10 @@
 //! One axis: modes, loops and their bumpless hand-over.
 
 pub(crate) mod acceleration_gain;
-pub(crate) mod cogging;
 pub(crate) mod expected_lag;
 pub(crate) mod filter;
 pub(crate) mod friction;
 pub(crate) mod limits;
-pub(crate) mod loop_response;
-pub(crate) mod loop_shaping;
 pub(crate) mod position_loop;
 pub(crate) mod settings;
 pub(crate) mod tuning;
@@ -16,14 +13,11 @@ pub(crate) mod velocity_guard;
 pub(crate) mod velocity_loop;
 pub(crate) mod velocity_rate;
 
-pub use cogging::{COGGING_POINTS, Cogging, CoggingScale, CoggingSettings, CoggingState, CoggingTables};
 pub use filter::{CurrentFilter, CurrentFilterSettings, FilterSection};
 pub use friction::{FrictionParameters, FrictionSettings};
 pub use limits::{
     CommandedTorqueLimits, Limiting, TorqueLimitParameters, TorqueLimitSettings, TorqueLimits, VelocityLimits,
 };
-pub use loop_response::{LOOP_POINTS, LoopPoint, LoopResponse, Margins, Resonance};
-pub use loop_shaping::{Shaped, Shaping, ShapingRequest};
 pub use position_loop::{PositionLoopOutput, PositionLoopSettings};
 pub use settings::{AxisMovements, AxisParameters, AxisSettings};
 pub use tuning::{
@@ -164,8 +158,8 @@ pub struct Axis {
     /// For the acceleration of the path to a position command.
     fed_forward: FedForward,
     velocity_command: Velocity,
-    /// What acceleration and cogging need in this tick, known before anything is measured, and what friction needs, in 2^-25 of the peak current.
-    known: i32,
+    /// What acceleration and friction need, of the last tick, in 2^-25 of the peak current.
+    acceleration: i32,
     friction: i32,
     torque_command: CurrentFraction,
     /// Movement of [`Mode::Travel`] and [`Mode::Halt`], and ramp of velocity commands.
@@ -174,8 +168,6 @@ pub struct Axis {
     travel_limits: MotionLimits,
     /// Of the velocity loop or of the torque command in the last tick.
     current: CurrentFraction,
-    /// Of the table against the cogging, in 2^-25 of the peak current.
-    against_cogging: i32,
     filter: CurrentFilter,
     /// The next current that passes the filter is the first one.
     filter_begins: bool,
@@ -210,14 +202,13 @@ impl Axis {
             velocity_loop: VelocityLoop::new(),
             fed_forward: FedForward::NONE,
             velocity_command: Velocity::ZERO,
-            known: 0,
+            acceleration: 0,
             friction: 0,
             torque_command: CurrentFraction::ZERO,
             trajectory: Trajectory::start(here),
             travel: Travel::Hold,
             travel_limits: settings.halt,
             current: CurrentFraction::ZERO,
-            against_cogging: 0,
             filter: CurrentFilter::new(),
             filter_begins: false,
         }
@@ -443,7 +434,7 @@ impl Axis {
 
     /// Starts the velocity loop with this current: what held the load when the axis was last switched off.
     pub fn preload(&mut self, current: CurrentFraction) {
-        self.velocity_loop.preset(self.beside_cogging(current));
+        self.velocity_loop.preset(current);
         self.current = current;
         self.filter.reset(fine(current));
     }
@@ -459,18 +450,6 @@ impl Axis {
             self.setpoint_velocities = [Velocity::ZERO; 2];
             self.expected_velocity = FilteredVelocity::new(Velocity::ZERO);
         }
-    }
-
-    /// The current against the cogging in the tick that follows ([`Cogging::current`]), wherever the velocity loop is closed.
-    #[inline]
-    pub const fn oppose_cogging(&mut self, current: i32) {
-        self.against_cogging = current;
-    }
-
-    /// What the velocity loop has to give so that this current flows.
-    #[inline]
-    fn beside_cogging(&self, current: CurrentFraction) -> CurrentFraction {
-        current.saturating_sub(CurrentFraction::from_bits((self.against_cogging >> (CURRENT_BITS - 15)) as i16))
     }
 
     /// One loop period: the measured position goes in, the current command comes out, within these limits of the torque.
@@ -650,7 +629,7 @@ impl Axis {
     /// Takes the velocity command of a tick, and the current that its acceleration needs.
     #[inline]
     fn feed_forward(&mut self, acceleration: i32, command: Velocity) {
-        self.known = acceleration.saturating_add(self.against_cogging);
+        self.acceleration = acceleration;
         self.friction = self.settings.friction.current(command);
         self.velocity_command = command;
     }
@@ -667,16 +646,16 @@ impl Axis {
     #[inline]
     fn control(&mut self, command: Velocity, measured: Velocity, limits: &TorqueLimits) -> (CurrentFraction, Limiting) {
         let settings = &self.settings;
-        let fed_forward = self.known.saturating_add(self.friction);
+        let fed_forward = self.acceleration.saturating_add(self.friction);
         let controlled = self.velocity_loop.tick(&settings.velocity_loop, limits, command, measured, fed_forward);
         self.current = controlled.current;
         if !settings.filter.is_active() {
             return (controlled.current, controlled.limiting);
         }
-        // The current for the acceleration comes from commands, that against the cogging from the place, without the noise of a measurement: filtered
-        // they would only be late. What the limits take of them must not stand in the filter with the opposite sign when it ends.
+        // The current for the acceleration comes from commands, without the noise of a measurement: filtered it would only be late. What
+        // the limits take of it must not stand in the filter with the opposite sign when it ends.
         let [lowest, highest] = bounds(limits);
-        let beside = self.known.min(highest).max(lowest) << (31 - CURRENT_BITS);
+        let beside = self.acceleration.min(highest).max(lowest) << (31 - CURRENT_BITS);
         let fed_back = fine(controlled.current).saturating_sub(beside);
         if core::mem::take(&mut self.filter_begins) {
             self.filter.reset(fed_back);
@@ -696,7 +675,7 @@ impl Axis {
         let limit = if wanted >= CurrentFraction::ZERO { velocity_limits.positive } else { velocity_limits.negative };
         let velocities = [limit, output.loop_velocity];
         let guarded = self.guard.tick(&settings.velocity_loop, limits, velocities, wanted);
-        self.velocity_loop.preset(self.beside_cogging(guarded.lasting));
+        self.velocity_loop.preset(guarded.lasting);
         self.current = guarded.current;
         output.current = guarded.current;
         output.limiting = if guarded.is_held { velocity_limits.met_by(limit) } else { limiting };

@@ -6,8 +6,6 @@
 //! | [`InductanceIdentification`] | d current, alternating voltage | inductances of d and q axis | as above, then it shivers |
 //! | [`FluxIdentification`] | two velocities | flux linkage, torque constant | revolutions, in one direction |
 //! | [`InertiaIdentification`] | two velocities, ramps between them | inertia and friction | revolutions, in one direction |
-//! | [`CoggingIdentification`] | places, at 1 rpm | table against the cogging | 1.25 revolutions there and back |
-//! | [`ExcitationIdentification`] | a velocity, a sine of the current | axis and open loop at a frequency | part of a revolution, in one direction |
 //!
 //! Each is ticked like the loops, every 125 us, and ends with a measurement or with an [`IdentificationError`]. A measurement carries what
 //! was summed up; its result takes divisions and is therefore asked for outside the tick. When a sequence has ended it asks for no current,
@@ -19,9 +17,6 @@
 //! All quantities are those of a phase, from terminal to star point, and of amplitudes: a d or q current of 1 A is a phase current with an
 //! amplitude of 1 A.
 
-mod cogging;
-mod cogging_table;
-mod excitation;
 mod flux;
 mod inductance;
 mod inertia;
@@ -33,15 +28,6 @@ mod window;
 
 use core::fmt;
 
-pub use cogging::{
-    Bin, CoggingIdentification, CoggingIdentificationSettings, CoggingInputs, CoggingMeasurement, CoggingRecord,
-    CoggingRow,
-};
-pub use cogging_table::CoggingTable;
-pub use excitation::{
-    CLOSE_LOOK, Commanded, ExcitationFrequency, ExcitationIdentification, ExcitationMeasurement, ExcitationRequest,
-    ExcitationSettings, SWEEP,
-};
 pub use flux::{Flux, FluxIdentification, FluxMeasurement, FluxSettings};
 pub use inductance::{InductanceIdentification, InductanceMeasurement, InductanceSettings, Inductances};
 pub use inertia::{Inertia, InertiaIdentification, InertiaMeasurement, InertiaSettings};
@@ -77,16 +63,8 @@ pub enum IdentificationError {
     NoMovement,
     /// The bus voltage is too low for the current or speed: winding open, or the limit set too high for this motor.
     VoltageLimit,
-    /// A sine of the current was held back by a limit of the torque, or by the bus voltage.
-    CurrentLimit,
     /// Current, voltage or speed do not settle, or do not go in proportion: loops not damped, a load that varies, a loose connection.
     Unstable,
-    /// The current was at a limit of the torque: the load, or the limits, see S-0-0092.
-    TorqueLimit,
-    /// No index pulse within more than a revolution, or the index has been lost again.
-    NoIndex,
-    /// The load is not the same a revolution further, or in the other direction.
-    UnevenLoad,
     /// The motor turned further than the sequence may.
     TooMuchMovement {
         /// Way from the start, in 2^-32 revolution.
@@ -107,11 +85,7 @@ impl fmt::Display for IdentificationError {
             }
             Self::NoMovement => formatter.write_str("the motor does not turn"),
             Self::VoltageLimit => formatter.write_str("the bus voltage is too low for the identification"),
-            Self::CurrentLimit => formatter.write_str("a torque limit or the bus voltage holds the excitation back"),
             Self::Unstable => formatter.write_str("current, voltage or speed do not settle"),
-            Self::TorqueLimit => formatter.write_str("the current has met a limit of the torque"),
-            Self::NoIndex => formatter.write_str("no index pulse of the encoder within more than a revolution"),
-            Self::UnevenLoad => formatter.write_str("the load is not the same in each revolution and direction"),
             Self::TooMuchMovement { actual, maximum } => {
                 write!(formatter, "the motor turned by {actual} in 2^-32 revolution, expected at most {maximum}")
             }

@@ -147,8 +147,6 @@ pub struct Motor<B: BoardKind> {
     loop_time: Option<u32>,
     /// Its current was asked for in the last step.
     tested: bool,
-    /// Looks at the phases that are left out, because a sine of the current has been asked for.
-    excited: u8,
     /// Ticks of the supervision for which switching on has waited for the zero of the current sensors.
     uncalibrated: u16,
     weakening: FieldWeakening,
@@ -235,7 +233,6 @@ impl<B: BoardKind> Motor<B> {
             phase_test: PhaseTest::default(),
             loop_time: settings.model.loop_time(&settings.current.current_loop),
             tested: false,
-            excited: 0,
             uncalibrated: 0,
             weakening: FieldWeakening::new(),
             weakened: CurrentFraction::ZERO,
@@ -379,13 +376,6 @@ impl<B: BoardKind> Motor<B> {
     #[inline]
     pub const fn measured(&self) -> &Measured {
         &self.measured
-    }
-
-    /// A sine was added to the current in this tick: what flows in a phase is not looked at before a few ticks without one. Until then an open phase
-    /// is found where all the voltage makes no current (F110), and after it.
-    #[inline]
-    pub const fn note_excitation(&mut self) {
-        self.excited = 8;
     }
 
     /// Limits of the torque.

@@ -180,15 +180,6 @@ pub struct Scope {
     previous: Option<i32>,
 }
 
-impl Scope {
-    /// The memory of the rows, for something else: nothing is recorded any more, and what was is gone.
-    #[inline]
-    pub const fn lend(&mut self) -> &mut [[i32; SCOPE_CHANNELS]; SCOPE_POINTS] {
-        self.state = ScopeState::Idle;
-        &mut self.points
-    }
-}
-
 impl fmt::Debug for Scope {
     fn fmt(&self, formatter: &mut fmt::Formatter<'_>) -> fmt::Result {
         // Nobody wants to see 8 192 numbers.

@@ -5,8 +5,7 @@
 
 use drive::remembering;
 use drive::{
-    CoggingTables, Communication, CurrentControl, CurrentLink, Drive, Identity, InterruptLine, Motion, RingInterrupts,
-    Scope, Tasks,
+    Communication, CurrentControl, CurrentLink, Drive, Identity, InterruptLine, Motion, RingInterrupts, Scope, Tasks,
 };
 use embassy_futures::block_on;
 use memory::{Log, Memory};
@@ -75,7 +74,6 @@ impl HostDrive {
         // As in the application: link and oscilloscope live as long as the drive, which is for ever.
         let link = Box::leak(Box::new(CurrentLink::new()));
         let scope = Box::leak(Box::new(Scope::new()));
-        let cogging = Box::leak(Box::new(CoggingTables::new()));
         let mut memory = Memory::new(HostFlash(flash.clone()));
         let mut buffer = Box::new([0; BUFFER]);
         let recollection = block_on(remembering::recall(&mut memory, &mut *buffer));
@@ -85,7 +83,7 @@ impl HostDrive {
             MotorSide::new(motor_side.clone()),
             SimulatedStage::new(motor_side.clone()),
             link,
-            (scope, cogging),
+            scope,
             &communication,
         )
         .map_err(|error| refused(&error))?;

@@ -40,8 +40,8 @@ const FINDING: u16 = 0x8000 | 3;
 const OVERVOLTAGE_THRESHOLD: u16 = 0x8000 | 105;
 /// This share of it.
 const FULL: f64 = 0.93;
-/// Commands that write parameters: S-0-0262, P-0-0220, 224, 225, 226, 250.
-const WRITERS: [u16; 6] = [262, 0x8000 | 220, 0x8000 | 224, 0x8000 | 225, 0x8000 | 226, 0x8000 | 250];
+/// Commands that write parameters: S-0-0262, P-0-0220, 224, 225, 226.
+const WRITERS: [u16; 5] = [262, 0x8000 | 220, 0x8000 | 224, 0x8000 | 225, 0x8000 | 226];
 /// Data blocks that follow from what the axis does; nobody restores them.
 const COMMANDS_AND_BITS: [u16; 16] =
     [36, 37, 47, 48, 80, 81, 145, 258, 282, 346, 400, 405, 406, 407, PASSWORD, COMMUTATION_ANGLE];

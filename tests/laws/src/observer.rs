@@ -25,32 +25,11 @@ pub type SharedObserver = Rc<RefCell<Observer>>;
 /// How often the axis is looked at: a period of the current loop.
 const PERIOD: Nanoseconds = Nanoseconds(62_500);
 /// Commands that change settings by themselves, and what they change.
-const CHANGERS: [(u16, &[u16]); 6] = [
-    (0x8000 | 220, &[100, 101, 104, 106, 107, 348, 392, 0x8000 | 231, 0x8000 | 174, 0x8000 | 175, 0x8000 | 176]),
+const CHANGERS: [(u16, &[u16]); 4] = [
+    (0x8000 | 220, &[100, 101, 104, 106, 107]),
     (0x8000 | 224, &[0x8000 | 111, 0x8000 | 112, 0x8000 | 113]),
     (0x8000 | 225, &[0x8000 | 114]),
     (0x8000 | 226, &[0x8000 | 221]),
-    (0x8000 | 250, &[0x8000 | 252]),
-    (
-        0x8000 | 240,
-        &[
-            100,
-            101,
-            104,
-            155,
-            348,
-            0x8000 | 142,
-            0x8000 | 170,
-            0x8000 | 171,
-            0x8000 | 172,
-            0x8000 | 173,
-            0x8000 | 174,
-            0x8000 | 175,
-            0x8000 | 176,
-            0x8000 | 221,
-            0x8000 | 231,
-        ],
-    ),
 ];
 
 /// Commands that begin with an axis without a reference, or end with another one.

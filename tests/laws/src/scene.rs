@@ -66,7 +66,7 @@ pub struct Scene {
 }
 
 /// Procedure commands by which the drive moves the axis itself.
-const MOVERS: [u16; 8] = [148, 149, 152, 0x8000 | 224, 0x8000 | 225, 0x8000 | 226, 0x8000 | 240, 0x8000 | 250];
+const MOVERS: [u16; 6] = [148, 149, 152, 0x8000 | 224, 0x8000 | 225, 0x8000 | 226];
 
 /// A temperature may be measured so many degrees wrong.
 const SENSOR: f64 = 5.0;

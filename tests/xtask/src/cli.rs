@@ -6,7 +6,7 @@ use crate::identity;
 use crate::mutants::{self, Sorts};
 use crate::parameters::ParametersCommand;
 use crate::report::data::Platform;
-use crate::scope::{BodeOrder, Edge, Order, Settings, Signal};
+use crate::scope::{Edge, Order, Settings, Signal};
 use crate::setup::Installing;
 use clap::builder::{PossibleValuesParser, TypedValueParser};
 use clap::{Args, Parser, Subcommand, ValueEnum, error::ErrorKind};
@@ -150,8 +150,6 @@ pub(crate) enum Command {
     /// One drive on a simulated ring, on this computer. A signal is a data block (`S-0-0040`) or a signal inside the loops, by its
     /// number: `F000` and `F001` position feedback and setpoint, `F002` following error, `F003` and `F004` velocity feedback and
     /// setpoint, `F005` velocity error, `F006` current setpoint, `F010` to `F019` the current loop.
-    ///
-    /// With `--bode` the drive tunes its axis instead, and what it has measured is drawn: gain and phase over the frequency.
     Scope(ScopeArguments),
     /// Save, load, compare and print the parameters of a drive: a text file for people and version control
     ///
@@ -332,19 +330,6 @@ pub(crate) struct ScopeArguments {
     /// Write the points as a table, too: time in microseconds from the trigger, then a column a signal
     #[arg(long, value_name = "FILE")]
     csv: Option<PathBuf>,
-    /// Tune the axis (P-0-0240) and draw its frequency response and that of the open velocity loop, with the margins
-    #[arg(long, conflicts_with_all = ["signals", "trigger_channel", "edge", "level", "pre_trigger", "sampling", "points", "rpm", "csv"])]
-    bode: bool,
-    /// With `--bode`: write margins and points as JSON, too
-    #[arg(long, value_name = "FILE", requires = "bode")]
-    json: Option<PathBuf>,
-}
-
-impl ScopeArguments {
-    /// What `--bode` asks for.
-    pub(crate) fn bode_order(&self) -> Option<BodeOrder> {
-        self.bode.then(|| BodeOrder { output: self.output.clone(), json: self.json.clone() })
-    }
 }
 
 impl From<ScopeArguments> for Order {

@@ -88,10 +88,7 @@ fn run(command_line: CommandLine) -> anyhow::Result<Verdict> {
         Command::Faults { check, on: cli::On::Host } => faults::run(check),
         Command::Explore(arguments) => arguments.run(),
         Command::Mutants(arguments) => mutants::run(&arguments.into(), installing),
-        Command::Scope(arguments) => match arguments.bode_order() {
-            Some(order) => scope::run_bode(&order),
-            None => scope::run(&arguments.into()),
-        },
+        Command::Scope(arguments) => scope::run(&arguments.into()),
         Command::Parameters { command } => {
             let (action, which) = command.into();
             parameters::run(&action, &which, installing)

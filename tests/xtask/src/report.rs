@@ -2,7 +2,6 @@
 
 pub(crate) use bench::report as data;
 
-pub(crate) mod bode;
 pub(crate) mod checks;
 #[cfg(test)]
 pub(crate) mod examples;

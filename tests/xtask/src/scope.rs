@@ -1,19 +1,17 @@
 //! The drive's oscilloscope: a velocity step on the simulated ring, recorded in the drive and read over the service channel.
 
-mod bode;
 mod channel;
 mod recorder;
 mod ring_channel;
 mod signal;
 
-pub(crate) use bode::{Bode, BodePoint};
 #[cfg(test)]
 pub(crate) use recorder::Channel;
 pub(crate) use recorder::{Edge, Recording, Settings};
 pub(crate) use signal::Signal;
 
 use crate::progress::PhaseBars;
-use crate::report::{bode as bode_report, scope as report};
+use crate::report::scope as report;
 use crate::{Verdict, workspace};
 use anyhow::{Result, bail, ensure};
 use channel::{ChannelError, ServiceChannel};
@@ -60,45 +58,6 @@ pub(crate) fn run(order: &Order) -> Result<Verdict> {
             Ok(Verdict::Failed)
         }
     }
-}
-
-/// What the command line asks for with `--bode`.
-#[derive(Clone, Debug, PartialEq, Eq)]
-pub(crate) struct BodeOrder {
-    /// Folder of the page; `None`: `scope` in Cargo's target folder.
-    pub(crate) output: Option<PathBuf>,
-    pub(crate) json: Option<PathBuf>,
-}
-
-/// Runs a drive up, lets it tune its axis, prints what it has measured, and draws it.
-pub(crate) fn run_bode(order: &BodeOrder) -> Result<Verdict> {
-    let folder = order.output.clone().map_or_else(|| workspace::target_folder().map(|it| it.join("scope")), Ok)?;
-    let mut bars = PhaseBars::new();
-    let measured = RingChannel::run_up_halted(&mut |progress| bars.show(progress))
-        .map_err(bode::BodeError::from)
-        .and_then(|mut channel| {
-            let clock = channel.clock();
-            bode::measure(&mut channel, &mut |what, done, of| {
-                bars.show(&ring_channel::progress(clock.get(), what, done, of));
-            })
-        });
-    bars.finish();
-    let bode = match measured {
-        Ok(bode) => bode,
-        Err(failure) => {
-            eprintln!("failed: {failure}");
-            return Ok(Verdict::Failed);
-        }
-    };
-    print!("{}", bode_report::text(&bode));
-    let page = folder.join("bode.html");
-    workspace::write_whole(&page, &bode_report::html(&bode))?;
-    println!("plot: {}", page.display());
-    if let Some(json) = &order.json {
-        workspace::write_beside(json, &bode_report::json(&bode))?;
-        println!("table: {}", json.display());
-    }
-    Ok(Verdict::Passed)
 }
 
 /// What the drive would refuse anyway, in the words of the command line and before anything runs.

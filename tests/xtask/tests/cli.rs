@@ -77,8 +77,6 @@ fn bad_arguments_are_refused_in_one_line() {
         (&["scope", "--signal", "F007"], "neither a data block of the drive"),
         (&["scope", "--pre-trigger", "2048"], "2048 is not in 0..=2047"),
         (&["scope", "--trigger-channel", "0"], "0 is not in 1..=4"),
-        (&["scope", "--bode", "--rpm", "100"], "cannot be used with"),
-        (&["scope", "--json", "bode.json"], "--bode"),
         (&["explore", "--for", "1d"], "'1d' is no span of time"),
         (&["explore", "--lives", "0"], "0 is not in 1.."),
         (&["explore", "--life", "0xZ"], "'0xZ' is no seed"),

@@ -44,6 +44,4 @@ sercos::data_blocks! {
     P 212 "Oscilloscope points 3" [""] SIGNED_LONGS/0 written NEVER () = 0 => ScopePoints3;
     /// As P-0-0210, for channel 4.
     P 213 "Oscilloscope points 4" [""] SIGNED_LONGS/0 written NEVER () = 0 => ScopePoints4;
-    /// What P-0-0240 has measured, in order of frequency, from point P-0-0249 on and at most six: five numbers a point. Frequency in 0.01 Hz; gain of the axis in 0.01 dB of 1 rad/s per A and its phase in 0.01 degrees, from the current command to the movement of a tick; gain in 0.01 dB and phase in 0.01 degrees of the open velocity loop with the gains that were written. Empty behind the last point.
-    P 248 "Frequency response" [""] SIGNED_LONGS/0 written NEVER () = 0 => FrequencyResponse;
 }

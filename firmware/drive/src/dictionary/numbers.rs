@@ -42,22 +42,8 @@ sercos::data_blocks! {
     P 214 "Oscilloscope window" [""] U16/0 written ALWAYS (0 to 2_047) = 0 => ScopeWindow;
     /// Time between two points of the recording.
     P 215 "Oscilloscope interval" ["us"] U32/1 written NEVER () = 0 => ScopeInterval;
-    /// How far P-0-0224, P-0-0225, P-0-0226, P-0-0240 or P-0-0250 has come; 100 when it is done.
+    /// How far P-0-0224, P-0-0225 or P-0-0226 has come; 100 when it is done.
     P 227 "Progress of the identification" ["%"] U16/0 written NEVER () = 0 => IdentificationProgress;
-    /// What P-0-0240 has found last: bit 0 the axis has a resonance (P-0-0247), bit 1 a notch was put on it, bit 2 both filters of the current command were in use already and were kept, bit 3 the low-pass of P-0-0220 was set, bit 4 the loop was made slower than worked out because its measurement asked for it.
-    P 243 "Result of the tuning" [""] BITS/0 written NEVER () = 0 => TuningResult;
-    /// As P-0-0240 has measured it with the gains that it has written.
-    P 244 "Phase margin of the velocity loop" ["deg"] U16/1 written NEVER () = 0 => PhaseMargin;
-    /// As P-0-0244; 6553.5: the phase passes -180 degrees nowhere below 2 kHz.
-    P 245 "Gain margin of the velocity loop" ["dB"] U16/1 written NEVER () = 0 => GainMargin;
-    /// Where the open velocity loop of P-0-0240 crosses 1.
-    P 246 "Crossing of the velocity loop" ["Hz"] U32/2 written NEVER () = 0 => LoopCrossing;
-    /// The first frequency at which P-0-0240 has seen motor and load swing against each other; 0: none below 2 kHz.
-    P 247 "First resonance of the axis" ["Hz"] U32/2 written NEVER () = 0 => AxisResonance;
-    /// First point that P-0-0248 shows.
-    P 249 "Window of the frequency response" [""] U16/0 written ALWAYS (0 to 63) = 0 => ResponseWindow;
     /// Load of the chopper's resistor; it warns from 90 % on, is switched off at 100 % and works again below 80 %.
     P 238 "Load of the chopper resistor" ["%"] U16/1 written NEVER () = 0 => ChopperLoad;
-    /// 0: P-0-0252 is empty; 1: P-0-0251 is 0; 2: the index has not been seen since the start, or since the encoder or its place became unknown, or P-0-0117 is 0; 3: P-0-0252 acts.
-    P 253 "State of the cogging compensation" [""] U16/0 written NEVER () = 0 => CoggingState;
 }

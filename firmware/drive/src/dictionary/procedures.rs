@@ -40,10 +40,6 @@ sercos::data_blocks! {
     P 225 "Identify torque constant" [""] COMMAND/0 written IN_CP4 () = 0 => IdentifyFlux;
     /// Measures P-0-0221 with ramps P-0-0219 between P-0-0218 and half of it, and turns back to measure the friction, S-0-0155 and P-0-0142. Conditions as for P-0-0224.
     P 226 "Identify moment of inertia" [""] COMMAND/0 written IN_CP4 () = 0 => IdentifyInertia;
-    /// Measures moment of inertia and friction as P-0-0226 does, then the frequency response of the turning axis from 10 Hz to 2 kHz (P-0-0248), and makes of both the fastest velocity loop with the margins P-0-0241 and P-0-0242: S-0-0100, S-0-0101, S-0-0104, S-0-0348, P-0-0231, P-0-0221, S-0-0155, P-0-0142, the low-pass of P-0-0220, and a notch on the first resonance where P-0-0170 is 0 and it makes the loop faster by a tenth. The loop is measured with these before any of them is written. Conditions as for P-0-0224; the axis turns at a quarter of P-0-0218 to and fro, and stays within P-0-0229, way of braking included. All parameters are written or none; takes about a minute. The current loop has to be set before.
-    P 240 "Tune the axis" [""] COMMAND/0 written IN_CP4 () = 0 => Tune;
-    /// Learns P-0-0252: turns the motor at 1 rpm, by 1.25 revolutions in the direction of P-0-0218 and back, after at most 1.25 in search of the index, within P-0-0229, with the ramps P-0-0219. Takes 2.5 minutes, and up to 1.25 more for the search; P-0-0227 shows how far it is. Friction and a load that pulls one way are no cogging. Conditions as for P-0-0224; refused without index (P-0-0117 = 0), at a limit of the torque, and where the load is not the same a revolution further or in the other direction (P-0-0228).
-    P 250 "Learn cogging compensation" [""] COMMAND/0 written IN_CP4 () = 0 => LearnCogging;
 }
 
 impl Procedure {

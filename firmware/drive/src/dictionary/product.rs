@@ -102,16 +102,6 @@ sercos::data_blocks! {
     P 236 "Continuous power of the chopper resistor" ["W"] U32/0 written IN_CP2_CP3 (1 to 1_000_000) = 100 => Parameter, stored, needed_for_cp4;
     /// Of the resistor. P-0-0236 times it is the energy of a short pulse that heats a cold resistor to 100 %.
     P 237 "Thermal time constant of the chopper resistor" ["s"] U32/3 written IN_CP2_CP3 (100 to 3_600_000) = 10_000 => Parameter, stored, needed_for_cp4;
-    /// What is left to -180 degrees where the open velocity loop of P-0-0240 crosses 1, at least.
-    P 241 "Phase margin of the tuning" ["deg"] U16/0 written ALWAYS (30 to 70) = 45 => Parameter, stored;
-    /// What is left to 1 where the phase of that loop passes -180 degrees, at least.
-    P 242 "Gain margin of the tuning" ["dB"] U16/1 written ALWAYS (60 to 200) = 80 => Parameter, stored;
-    /// 1: the current of P-0-0252 is added to that of the velocity loop, in every mode in which it is closed, from the first index pulse since the start on; 0: it is not. Either comes within 64 ms. What acts shows P-0-0253.
-    P 251 "Cogging compensation" [""] U16/0 written ALWAYS (0 to 1) = 1 => Parameter, stored;
-    /// Current against the cogging, RMS, at 1 024 places of a revolution of the motor, the first one at the index, in the direction of positive current (S-0-0277 turned over where the encoder counts against it); all of them or none. Each at most a quarter of S-0-0110. P-0-0250 learns it.
-    P 252 "Cogging table" ["mA"] SIGNED_NUMBERS/0 written ALWAYS () = 0 => Parameter, stored, restricted;
-    /// What the bridge's transistors and diodes take of the voltage, as a time that is added to its dead time where that is compensated: their voltage over that of the DC link, of the period; 1.5 V of 320 V at 16 kHz are 293 ns. Where the current goes through zero, as it does against cogging, the current loop has to make good what is missing.
-    P 254 "Voltage drop of the bridge as dead time" ["ns"] U16/0 written ALWAYS (0 to 5_000) = 0 => Parameter, stored;
     /// 0: there is no second encoder, telegram types 11 to 13 and S-0-0053 are refused; 1: the motor encoder stands in for it.
     P 2705 "Source of position feedback 2" [""] U16/0 written IN_CP2_CP3 (0 to 1) = 0 => Parameter, stored;
 }

@@ -155,10 +155,7 @@ fn the_idn_lists_hold_what_the_reference_asks_for() {
     assert_eq!(numbers(Selection::NeededForCp3), [1, 2, 6, 7, 8, 9, 10, 15, 16, 24, 89]);
     assert_eq!(
         numbers(Selection::Commands),
-        [
-            99, 127, 128, 139, 148, 149, 170, 191, 262, 263, 264, 293, 447, 0x80DC, 0x80E0, 0x80E1, 0x80E2, 0x80F0,
-            0x80FA
-        ]
+        [99, 127, 128, 139, 148, 149, 170, 191, 262, 263, 264, 293, 447, 0x80DC, 0x80E0, 0x80E1, 0x80E2]
     );
     assert_eq!(
         numbers(Selection::ConfigurableInMdt),

@@ -26,6 +26,6 @@ sercos::data_blocks! {
     P 20 "Serial number" [""] TEXT/0 written NEVER () = 0 => SerialNumber;
     /// Type and version of its hardware, from its production record; empty where there is none.
     P 21 "Hardware" [""] TEXT/0 written NEVER () = 0 => HardwareName;
-    /// Why P-0-0220, P-0-0224, P-0-0225, P-0-0226 or P-0-0240 has failed last, in plain words; empty after a success.
+    /// Why P-0-0220, P-0-0224, P-0-0225 or P-0-0226 has failed last, in plain words; empty after a success.
     P 228 "Finding of the identification" [""] TEXT/0 written NEVER () = 0 => IdentificationFinding;
 }

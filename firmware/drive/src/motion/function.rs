@@ -1,5 +1,4 @@
-//! What the drive makes of the axis by itself, started over the service channel: homing S-0-0148 or an identification P-0-0224 to
-//! P-0-0226 or P-0-0250. P-0-0240 is a row of identifications, and HALT holds the axis between them.
+//! What the drive makes of the axis by itself, started over the service channel: homing S-0-0148 or an identification P-0-0224 to P-0-0226.
 //!
 //! They exclude each other: neither begins while the other is under way, nor an identification while S-0-0148 holds the axis. An identification
 //! runs while the drive is in operation and halted, instead of the halt: the control unit keeps both hands on it, because the end of HALT, like
@@ -12,13 +11,12 @@
 use sercos::command::CommandState;
 use servo::axis::Mode;
 use servo::homing::{HomingInputs, HomingSettings};
-use servo::identification::{CoggingInputs, Commanded, IdentificationInputs};
+use servo::identification::IdentificationInputs;
 use servo::path::MotionLimits;
 use servo::units::Position;
 
 use super::homing::{HomingFailure, HomingRun, HomingStep};
 use super::identification::{Failure, Identification, Outcome, Plan, Request};
-use crate::oscilloscope::Oscilloscope;
 
 /// The function that is active, and how the last ones have ended.
 #[derive(Debug, Default)]
@@ -47,7 +45,7 @@ enum Active {
     /// The axis is the control's.
     #[default]
     None,
-    /// P-0-0224, P-0-0225, P-0-0226, P-0-0250 or a measurement of P-0-0240 is under way.
+    /// P-0-0224, P-0-0225 or P-0-0226 is under way.
     Identification(Identification),
     /// S-0-0148 has ended, and holds the axis until it is cancelled.
     Held,
@@ -86,7 +84,9 @@ impl Function {
         match &self.active {
             Active::None | Active::Held => None,
             Active::Homing(_) => Some(Mode::Travel),
-            Active::Identification(identification) => Some(identification.axis_mode()),
+            Active::Identification(identification) if identification.turns() => Some(Mode::Velocity),
+            // The current along the magnets holds the rotor, and the loops look on.
+            Active::Identification(_) => Some(Mode::Off),
         }
     }
 
@@ -197,15 +197,9 @@ impl Function {
     }
 
     /// One loop tick of an identification, before that of the axis: what it asks for, and whether it has ended.
-    pub(super) fn identify(
-        &mut self,
-        inputs: &IdentificationInputs,
-        commanded: &Commanded,
-        cogging: &CoggingInputs,
-        scope: &mut Oscilloscope<'_>,
-    ) -> Option<(Request, bool)> {
+    pub(super) fn identify(&mut self, inputs: &IdentificationInputs) -> Option<(Request, bool)> {
         let Active::Identification(identification) = &mut self.active else { return None };
-        let step = identification.tick(inputs, commanded, cogging, scope);
+        let step = identification.tick(inputs);
         self.percent = step.percent;
         if let Some(result) = step.result {
             self.active = Active::None;
@@ -223,11 +217,6 @@ impl Function {
             self.identified = Some(Err(Failure::Interrupted));
         }
         interrupted
-    }
-
-    /// What came of an identification, for as long as nobody has taken it and no other one has begun.
-    pub(super) const fn identified(&self) -> Option<&Outcome> {
-        self.identified.as_ref()
     }
 
     /// What came of an identification, once.

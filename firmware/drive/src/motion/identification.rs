@@ -1,20 +1,15 @@
-//! The sequences that measure motor and axis, joined to what the commands P-0-0224 to P-0-0226, P-0-0240 and P-0-0250 stand for.
+//! The sequences that measure the motor, joined to what the commands P-0-0224 to P-0-0226 stand for.
 //!
 //! What a sequence measures is summed up here; its result takes divisions and is therefore asked for in the background
 //! (`commissioning`).
 
-use servo::axis::Mode;
 use servo::identification::{
-    CoggingIdentification, CoggingIdentificationSettings, CoggingInputs, CoggingMeasurement, CoggingRecord, Commanded,
-    CurrentRequest, ExcitationIdentification, ExcitationMeasurement, ExcitationRequest, ExcitationSettings,
-    FluxIdentification, FluxMeasurement, FluxSettings, IdentificationError, IdentificationInputs, IdentificationOutput,
-    IdentificationState, InductanceIdentification, InductanceMeasurement, InductanceSettings, InertiaIdentification,
-    InertiaMeasurement, InertiaSettings, ResistanceIdentification, ResistanceMeasurement, ResistanceSettings,
+    CurrentRequest, FluxIdentification, FluxMeasurement, FluxSettings, IdentificationError, IdentificationInputs,
+    IdentificationOutput, IdentificationState, InductanceIdentification, InductanceMeasurement, InductanceSettings,
+    InertiaIdentification, InertiaMeasurement, InertiaSettings, ResistanceIdentification, ResistanceMeasurement,
+    ResistanceSettings,
 };
-use servo::path::MotionLimits;
 use servo::units::{CurrentFraction, Position, Velocity};
-
-use crate::oscilloscope::Oscilloscope;
 
 /// What is to be measured, and how.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -25,10 +20,6 @@ pub(crate) enum Plan {
     Flux(FluxSettings),
     /// P-0-0226.
     Inertia(InertiaSettings),
-    /// P-0-0250.
-    Cogging(CoggingIdentificationSettings),
-    /// P-0-0240: the answer at one frequency.
-    Excitation(ExcitationSettings),
 }
 
 impl Plan {
@@ -36,7 +27,7 @@ impl Plan {
     fn largest_load(&self) -> Option<CurrentFraction> {
         match self {
             Self::Winding(resistance, _) => Some(resistance.largest_load()),
-            Self::Flux(_) | Self::Inertia(_) | Self::Cogging(_) | Self::Excitation(_) => None,
+            Self::Flux(_) | Self::Inertia(_) => None,
         }
     }
 
@@ -59,10 +50,6 @@ pub(crate) enum Measurement {
     Flux(FluxMeasurement),
     /// P-0-0226.
     Inertia(InertiaMeasurement),
-    /// P-0-0250, with the record.
-    Cogging(CoggingMeasurement),
-    /// P-0-0240.
-    Excitation(ExcitationMeasurement),
 }
 
 /// Why nothing was measured.
@@ -86,10 +73,6 @@ pub(crate) enum Request {
     Current { angle: u32, current: CurrentRequest },
     /// A velocity.
     Velocity(Velocity),
-    /// A place, and how the axis gets there.
-    Place(MotionLimits, Position),
-    /// A velocity, and a current beside what the loops make of it.
-    Excite(ExcitationRequest),
 }
 
 /// Result of a tick.
@@ -116,8 +99,6 @@ enum Stage {
     Inductance(ResistanceMeasurement, InductanceIdentification),
     Flux(FluxIdentification),
     Inertia(InertiaIdentification),
-    Cogging(CoggingIdentificationSettings, CoggingIdentification),
-    Excitation(ExcitationIdentification),
 }
 
 impl Identification {
@@ -132,32 +113,18 @@ impl Identification {
             }
             Plan::Flux(settings) => Stage::Flux(FluxIdentification::start(settings, position)),
             Plan::Inertia(settings) => Stage::Inertia(InertiaIdentification::start(settings, position)),
-            Plan::Cogging(settings) => Stage::Cogging(settings, CoggingIdentification::start(settings, position)),
-            Plan::Excitation(settings) => Stage::Excitation(ExcitationIdentification::start(settings, position)),
         };
         Self { stage, angle: nearest_sixth(angle), percent: 0 }
     }
 
-    /// What the axis does for it.
-    #[inline]
-    pub(crate) const fn axis_mode(&self) -> Mode {
-        match self.stage {
-            // The current along the magnets holds the rotor, and the loops look on.
-            Stage::Resistance(..) | Stage::Inductance(..) => Mode::Off,
-            Stage::Flux(_) | Stage::Inertia(_) | Stage::Excitation(_) => Mode::Velocity,
-            Stage::Cogging(..) => Mode::Travel,
-        }
+    /// It needs a velocity loop; otherwise a current at an angle.
+    pub(crate) const fn turns(&self) -> bool {
+        matches!(self.stage, Stage::Flux(_) | Stage::Inertia(_))
     }
 
-    /// One tick; `commanded` is what the loops made of the last one.
+    /// One tick.
     #[inline]
-    pub(crate) fn tick(
-        &mut self,
-        inputs: &IdentificationInputs,
-        commanded: &Commanded,
-        cogging: &CoggingInputs,
-        scope: &mut Oscilloscope<'_>,
-    ) -> Step {
+    pub(crate) fn tick(&mut self, inputs: &IdentificationInputs) -> Step {
         let angle = self.angle;
         match &mut self.stage {
             Stage::Resistance(sequence, inductance) => {
@@ -191,16 +158,6 @@ impl Identification {
                 let output = sequence.tick(inputs);
                 self.percent = percent_of(&output);
                 self.ended(Request::Velocity(output.request), output.state, Measurement::Inertia)
-            }
-            Stage::Cogging(settings, sequence) => {
-                let (place, state) = sequence.tick(cogging, &mut CoggingRecord::new(scope.lend()));
-                let output = IdentificationOutput { request: Request::Place(settings.limits(), place), state };
-                self.percent = percent_of(&output);
-                self.ended(output.request, output.state, Measurement::Cogging)
-            }
-            Stage::Excitation(sequence) => {
-                let output = sequence.tick(inputs, commanded);
-                self.ended(Request::Excite(output.request), output.state, Measurement::Excitation)
             }
         }
     }

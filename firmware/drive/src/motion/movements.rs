@@ -1,17 +1,16 @@
 //! Movements of the drive's own, and the probes that look on: from the parts that know the way to axis, motor and hardware.
 
 use sercon816::Bus;
-use servo::axis::{Mode, Travel};
+use servo::axis::Mode;
 use servo::homing::HomingInputs;
-use servo::identification::{CoggingInputs, IdentificationInputs};
+use servo::identification::IdentificationInputs;
 use servo::probe::{ProbeInput as ProbeSide, ProbeInputs};
-use servo::units::{CurrentFraction, Position};
+use servo::units::Position;
 
 use super::Motion;
 use super::function::Function;
 use super::identification::Request;
 use super::positioning::Scene;
-use super::status::TORQUE_LIMITS;
 use crate::hardware::{Hardware, ProbeInput};
 use crate::signal::control_bits::Enable;
 use crate::state::DriveState;
@@ -66,7 +65,6 @@ impl<B: Bus + Clone, H: Hardware> Motion<B, H> {
         self.encoder.set_position(self.encoder.position() + difference);
         self.axis.shift(difference);
         self.motor.shift(difference);
-        self.cogging.shift(difference);
         // What the last tick and the last t4 have left is read before the next.
         self.output.position_command = self.output.position_command + difference;
         self.shown.position = self.shown.position + difference;
@@ -81,43 +79,14 @@ impl<B: Bus + Clone, H: Hardware> Motion<B, H> {
             longest_voltage: self.motor.longest_voltage(),
             position: self.encoder.position(),
         };
-        let cogging = CoggingInputs {
-            position: self.encoder.position(),
-            origin: self.cogging.origin(),
-            current: self.output.current,
-            is_limited: self.output.limiting.intersects(TORQUE_LIMITS),
-        };
-        self.excitation.clear();
-        let commanded = self.excitation.commanded();
-        let Some((request, ended)) = self.function.identify(&inputs, commanded, &cogging, &mut self.oscilloscope)
-        else {
-            return;
-        };
+        let Some((request, ended)) = self.function.identify(&inputs) else { return };
         match request {
             Request::Current { angle, current } => self.motor.hold(Some((angle, current))),
             Request::Velocity(velocity) => self.axis.command_velocity(velocity),
-            Request::Place(limits, place) => self.axis.travel(limits, Travel::To(place)),
-            Request::Excite(request) => {
-                self.axis.command_velocity(request.velocity);
-                self.excitation.ask(request.current);
-                self.motor.note_excitation();
-            }
         }
         if ended {
             self.let_go();
         }
-    }
-
-    /// Adds the current of an excitation to that of the loops in this tick.
-    #[cold]
-    pub(super) fn excite(&mut self) {
-        self.output.current = self.excitation.add_to(self.output.current, self.motor.torque_limits());
-    }
-
-    /// And to that of the second half of the tick.
-    #[cold]
-    pub(super) fn excite_half(&mut self, own: CurrentFraction) -> CurrentFraction {
-        self.excitation.add_to_half(own, self.motor.torque_limits())
     }
 
     /// An identification has ended.

@@ -10,7 +10,7 @@ use servo::encoder::DoubleSampledEncoder;
 use servo::homing::HomingSettings;
 use servo::path::MotionLimits;
 use servo::probe::ProbeSettings;
-use servo::units::{Position, SUPERVISION_PERIOD_MICROSECONDS, Velocity};
+use servo::units::SUPERVISION_PERIOD_MICROSECONDS;
 
 use super::Motion;
 use super::function::Function;
@@ -103,7 +103,6 @@ impl<B: Bus + Clone, H: Hardware> Motion<B, H> {
         let clock = settings.cycle.clock != self.settings.cycle.clock;
         // From here on from its own place: the compiler would copy all of it a second time for what is read below.
         self.settings = *settings;
-        self.cogging.apply_settings(settings.cogging);
         self.cyclic_limits.rescale(&self.settings.limits);
         if clock {
             self.restart_clock();
@@ -126,7 +125,6 @@ impl<B: Bus + Clone, H: Hardware> Motion<B, H> {
         let count = self.hardware.encoder_count();
         self.encoder = DoubleSampledEncoder::new(self.settings.encoder, self.counted(count));
         self.axis = Axis::new(self.with_lag, self.encoder.position());
-        self.cogging.forget_index();
         self.reference.forget();
         self.positioning.forget();
         self.apply_axis_settings();
@@ -442,31 +440,6 @@ impl<B: Bus + Clone, H: Hardware> Motion<B, H> {
     /// An identification is under way.
     pub(crate) const fn is_identifying(&self) -> bool {
         self.function.is_identifying()
-    }
-
-    /// What came of an identification, for as long as nobody has taken it and no other one has begun.
-    pub(crate) fn identified(&self) -> Option<Outcome> {
-        self.function.identified().copied()
-    }
-
-    /// HALT holds the axis, and no function of the drive's own does.
-    pub(crate) const fn is_free_in_halt(&self) -> bool {
-        matches!(self.operation.state(), DriveState::Halted) && self.function.is_none()
-    }
-
-    /// Where the motor stands.
-    pub(crate) fn position(&self) -> Position {
-        self.encoder.position()
-    }
-
-    /// Longest voltage vector, 2^-14 V.
-    pub(crate) const fn longest_voltage(&self) -> i32 {
-        self.motor.longest_voltage()
-    }
-
-    /// The axis stops within this way from a velocity, by HALT. Divides.
-    pub(crate) fn halt_distance(&self, velocity: Velocity) -> Position {
-        self.axis.settings().halt_distance(velocity)
     }
 
     /// What came of an identification, once.

@@ -50,11 +50,6 @@ impl<B: Bus + Clone, H: Hardware> Motion<B, H> {
         }
         let index = index.map(|count| self.encoder.position_of(count));
         self.function.note_marker(index);
-        if self.motor.commutation_state() == 0 {
-            // Increments may have been lost, and without torque nobody is told of it.
-            self.cogging.forget_index();
-        }
-        self.cogging.supervise(index);
         self.step_sequence(index);
         self.probe();
     }

@@ -10,13 +10,10 @@
 //! | 1 | bytes until the next record: what the data block takes at most |
 //! | n | operation data as the service channel carries them, least significant byte first, then zeros |
 //!
-//! A table is too long for one record: its entries lie in several of the same IDN, one behind the other, each as long as it is.
-//!
 //! A program that knows other data blocks than the one that has written the set takes what it knows and says what it does not.
 
 use heapless::Vec;
 use sercos::Idn;
-use sercos::capacity::TABLE_ENTRIES;
 use sercos::data_block::{DataBlock, Selection};
 use sercos::dictionary::Dictionary;
 use sercos::parameters::Parameters;
@@ -26,8 +23,6 @@ use crate::dictionary::{DICTIONARY, is_rating};
 const VERSION: u8 = 1;
 const HEAD_BYTES: usize = 4;
 const RECORD_BYTES: usize = 4;
-/// Entries of a table in a record.
-const PART: usize = 126;
 /// IDNs that are told of when a set does not fit.
 pub(crate) const MOST_DROPPED: usize = 64;
 
@@ -42,8 +37,7 @@ const fn set_bytes(dictionary: &Dictionary) -> usize {
     let mut bytes = HEAD_BYTES;
     while let [block, rest @ ..] = blocks {
         if block.is_in(Selection::Backup) {
-            let records = if block.is_table() { block.most_bytes().div_ceil(2 * PART) } else { 1 };
-            bytes = bytes.saturating_add(RECORD_BYTES.saturating_mul(records)).saturating_add(block.most_bytes());
+            bytes = bytes.saturating_add(RECORD_BYTES).saturating_add(block.most_bytes());
         }
         blocks = rest;
     }
@@ -71,9 +65,8 @@ pub fn write_set(parameters: &Parameters, buffer: &mut [u8]) -> Option<usize> {
     let mut records = 0_u16;
     let mut written = HEAD_BYTES;
     for block in parameters.dictionary().select(Selection::Backup).filter(|block| is_to_be_saved(parameters, block)) {
-        let (number, bytes) = put_block(parameters, block, buffer.get_mut(written..)?)?;
-        written = written.checked_add(bytes)?;
-        records = records.checked_add(number)?;
+        written = written.checked_add(put_record(parameters, block, buffer.get_mut(written..)?)?)?;
+        records = records.checked_add(1)?;
     }
     put_head(records, buffer)?;
     Some(written)
@@ -85,37 +78,16 @@ fn put_head(records: u16, buffer: &mut [u8]) -> Option<()> {
     Some(())
 }
 
-/// The number of its records and of their bytes, or `None` if they do not fit.
-fn put_block(parameters: &Parameters, block: &DataBlock, out: &mut [u8]) -> Option<(u16, usize)> {
-    if !block.is_table() {
-        let bytes = parameters.bytes(block);
-        return Some((1, put_record(block.idn, bytes.iter().copied(), block.most_bytes(), out)?));
-    }
-    let table = parameters.table(block.idn);
-    // An empty one is told as well.
-    let parts = if table.is_empty() { table.chunks(1).chain(Some(table)) } else { table.chunks(PART).chain(None) };
-    let (mut records, mut written) = (0_u16, 0_usize);
-    for part in parts {
-        let bytes = part.iter().flat_map(|entry| entry.to_le_bytes());
-        let room = part.len().checked_mul(2)?;
-        written = written.checked_add(put_record(block.idn, bytes, room, out.get_mut(written..)?)?)?;
-        records = records.checked_add(1)?;
-    }
-    Some((records, written))
-}
-
 /// Its number of bytes, or `None` if it does not fit.
-fn put_record(idn: Idn, bytes: impl Iterator<Item = u8>, room: usize, out: &mut [u8]) -> Option<usize> {
+fn put_record(parameters: &Parameters, block: &DataBlock, out: &mut [u8]) -> Option<usize> {
+    let bytes = parameters.bytes(block);
+    let room = block.most_bytes();
     let length = RECORD_BYTES.checked_add(room)?;
     let (head, data) = out.get_mut(..length)?.split_first_chunk_mut::<RECORD_BYTES>()?;
+    let [low, high] = block.idn.0.to_le_bytes();
+    *head = [low, high, u8::try_from(bytes.len()).ok()?, u8::try_from(room).ok()?];
     data.fill(0);
-    let mut used = 0_u8;
-    for (place, byte) in data.iter_mut().zip(bytes) {
-        *place = byte;
-        used = used.checked_add(1)?;
-    }
-    let [low, high] = idn.0.to_le_bytes();
-    *head = [low, high, used, u8::try_from(room).ok()?];
+    data.get_mut(..bytes.len())?.copy_from_slice(&bytes);
     Some(length)
 }
 
@@ -133,16 +105,15 @@ pub(crate) fn amend_set(
         return None;
     }
     for idn in selected {
-        while let Some((from, to)) = place_of(*idn, buffer.get(..length)?) {
+        if let Some((from, to)) = place_of(*idn, buffer.get(..length)?) {
             buffer.copy_within(to..length, from);
             length = from.checked_add(length.checked_sub(to)?)?;
             count = count.checked_sub(1)?;
         }
         let block = parameters.dictionary().find(*idn).filter(|block| block.is_in(Selection::Backup))?;
         if is_to_be_saved(parameters, block) {
-            let (number, bytes) = put_block(parameters, block, buffer.get_mut(length..)?)?;
-            length = length.checked_add(bytes)?;
-            count = count.checked_add(number)?;
+            length = length.checked_add(put_record(parameters, block, buffer.get_mut(length..)?)?)?;
+            count = count.checked_add(1)?;
         }
     }
     put_head(count, buffer)?;
@@ -187,12 +158,6 @@ pub(crate) fn take_set(bytes: &[u8], parameters: &mut Parameters) -> Option<Drop
         if !taken {
             // More than that are not told of.
             let _ = dropped.push(record.idn);
-        }
-    }
-    for block in parameters.dictionary().select(Selection::Backup).filter(|block| block.is_table()) {
-        // Half a table is none.
-        if !matches!(parameters.table(block.idn).len(), 0 | TABLE_ENTRIES) {
-            let _ = (parameters.set_table(block.idn, &[]), dropped.push(block.idn));
         }
     }
     Some(dropped)
@@ -296,54 +261,7 @@ mod tests {
         parameters.set_text(S(142), b"folder 3").unwrap();
         parameters.set_list(Idn::SIGNAL_STATUS_LIST, &[S(330), S(331)]).unwrap();
         parameters.set_longs(Idn::product(7), &[u32::MAX, 0, 5]).unwrap();
-        parameters.set_table(TABLE, &table()).unwrap();
         parameters
-    }
-
-    const TABLE: Idn = Idn::product(252);
-
-    fn table() -> Vec<u16> {
-        (0..TABLE_ENTRIES as u16).map(|entry| entry.wrapping_mul(0x9E37)).collect()
-    }
-
-    #[test]
-    fn a_table_lies_in_several_records_and_a_part_of_it_is_none() {
-        let set = written(&changed());
-        let mut taken = Parameters::new(&DICTIONARY);
-        take_set(&set, &mut taken).unwrap();
-        assert_eq!(taken.table(TABLE), table());
-        // Without the last record of the table, which has what is left of 1 024 entries by 126.
-        let (mut from, mut last) = (HEAD_BYTES, None);
-        while from < set.len() {
-            let to = from + RECORD_BYTES + usize::from(set[from + 3]);
-            if set[from..from + 2] == TABLE.0.to_le_bytes() {
-                last = Some((from, to));
-            }
-            from = to;
-        }
-        let (from, to) = last.unwrap();
-        assert_eq!(to - from, RECORD_BYTES + 2 * 16);
-        let mut cut = [&set[..from], &set[to..]].concat();
-        let records = u16::from_le_bytes([cut[2], cut[3]]) - 1;
-        cut[2..4].copy_from_slice(&records.to_le_bytes());
-        assert_eq!(take_set(&cut, &mut taken).unwrap().as_slice(), [TABLE]);
-        assert_eq!((taken.table(TABLE), taken.text(S(142))), ([].as_slice(), "folder 3"));
-    }
-
-    #[test]
-    fn a_table_comes_into_a_set_and_out_of_it_by_itself() {
-        let mut parameters = Parameters::new(&DICTIONARY);
-        parameters.set(S(41), 77).unwrap();
-        let mut buffer = [0; memory::MOST_BYTES];
-        let without = write_set(&parameters, &mut buffer).unwrap();
-        let with = amend_set(&changed(), &[TABLE], &mut buffer, without).unwrap();
-        assert_eq!(with, without + 9 * RECORD_BYTES + 2 * TABLE_ENTRIES);
-        let mut taken = Parameters::new(&DICTIONARY);
-        take_set(&buffer[..with], &mut taken).unwrap();
-        assert_eq!((taken.table(TABLE), taken.get(S(41))), (table().as_slice(), 77));
-        assert_eq!(amend_set(&parameters, &[TABLE], &mut buffer, with), Some(without));
-        take_set(&buffer[..without], &mut taken).unwrap();
-        assert_eq!((taken.table(TABLE), taken.get(S(41))), ([].as_slice(), 77));
     }
 
     #[test]

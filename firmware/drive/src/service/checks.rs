@@ -10,7 +10,7 @@ use sercos::transition::{self, Capabilities, CyclicConfiguration, Invalid, Inval
 
 use super::context::Context;
 use super::finding::{Finding, reason_of};
-use super::{hand_over, loops};
+use super::loops;
 use servo::motor::BoardKind;
 
 use crate::amplifier::Amplifier;
@@ -101,7 +101,6 @@ where
                 self.checks.invalid_for_cp4 = InvalidData::default();
                 self.checks.finding = None;
                 self.motion.lock(|motion| motion.apply_settings(&settings));
-                hand_over::cogging(self.motion, parameters);
                 self.phases.permit_cp4(ready);
                 return CommandState::Executed;
             }

@@ -1,5 +1,5 @@
 //! Commissioning over the service channel: gains from the data of the motor (P-0-0220), and the data of the motor from measurements
-//! (P-0-0224 to P-0-0226); what P-0-0250 does begins here, too.
+//! (P-0-0224 to P-0-0226).
 //!
 //! Everything that divides is here, in the background, and after the release of the step that asked for it. A command changes all of its
 //! parameters or none, and P-0-0228 says why.
@@ -15,20 +15,28 @@ use servo::axis::{
 };
 use servo::current::PwmFrequency;
 use servo::identification::{
-    CoggingIdentificationSettings, FluxSettings, IdentificationError, IdentificationParameters, InductanceSettings,
-    Inertia, InertiaSettings, ResistanceSettings,
+    FluxSettings, IdentificationError, IdentificationParameters, InductanceSettings, Inertia, InertiaSettings,
+    ResistanceSettings,
 };
 use servo::units::{Acceleration, Position, Velocity};
 
 use crate::dictionary::procedures::Procedure;
 use crate::motion::identification::{Failure, Measurement, Outcome, Plan};
-use crate::settings::cogging::has_index;
 use crate::settings::current::{amplitude, rms, torque_constant};
 use crate::settings::invalid::InvalidSetting;
 use crate::settings::torque::TorqueScale;
 
 const S: fn(u16) -> Idn = Idn::standard;
 const P: fn(u16) -> Idn = Idn::product;
+
+/// Which identification runs, and what the last command has found.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub(crate) struct Commissioning {
+    /// P-0-0224, P-0-0225 or P-0-0226.
+    pub(crate) identifying: Option<Procedure>,
+    /// P-0-0228.
+    pub(crate) finding: Option<Finding>,
+}
 
 /// Why a command has failed.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -45,12 +53,6 @@ pub(crate) enum Finding {
     Interrupted,
     /// P-0-0224 would have let a load go.
     Loaded,
-    /// P-0-0250 on an axis without index.
-    WithoutIndex,
-    /// No velocity loop of this axis has the margins P-0-0241 and P-0-0242.
-    NoMargin,
-    /// Somebody has written parameters of the loops while P-0-0240 was at work.
-    Disturbed,
 }
 
 impl From<SettingsError> for Finding {
@@ -89,12 +91,7 @@ impl fmt::Display for Finding {
             }
             Self::Identification(error) => error.fmt(formatter),
             Self::Interrupted => formatter.write_str("interrupted: HALT, torque or operation have ended"),
-            Self::NoMargin => {
-                formatter.write_str("no velocity loop of this axis keeps P-0-0241 and P-0-0242 when it is measured")
-            }
-            Self::Disturbed => formatter.write_str("the loops were given other parameters during P-0-0240"),
             Self::Loaded => formatter.write_str("the axis holds a load that P-0-0224 would let go: take the load off"),
-            Self::WithoutIndex => formatter.write_str("a table begins at the index of the encoder, and P-0-0117 is 0"),
         }
     }
 }
@@ -167,38 +164,11 @@ pub(crate) fn compute_gains(
     )
 }
 
-/// What P-0-0224, P-0-0225, P-0-0226 or P-0-0250 is to do.
+/// What P-0-0224, P-0-0225 or P-0-0226 is to do.
 ///
 /// # Errors
-/// [`Finding::Settings`], [`Finding::WithoutIndex`].
+/// [`Finding::Settings`].
 pub(crate) fn plan(procedure: Procedure, parameters: &Parameters, frequency: PwmFrequency) -> Result<Plan, Finding> {
-    let identification = identification(parameters, frequency)?;
-    Ok(match procedure {
-        Procedure::IdentifyFlux => {
-            Plan::Flux(FluxSettings::new(&identification, parameters.get(P(111)), parameters.get(P(112)))?)
-        }
-        Procedure::IdentifyInertia => {
-            Plan::Inertia(InertiaSettings::new(&identification, torque_constant(parameters))?)
-        }
-        Procedure::LearnCogging => {
-            if !has_index(parameters) {
-                return Err(Finding::WithoutIndex);
-            }
-            let IdentificationParameters { velocity, acceleration, movement, .. } = identification;
-            Plan::Cogging(CoggingIdentificationSettings::new(velocity < Velocity::ZERO, acceleration, None, movement)?)
-        }
-        _ => Plan::Winding(ResistanceSettings::new(&identification)?, InductanceSettings::new(&identification)?),
-    })
-}
-
-/// How hard and how far the motor may be driven.
-///
-/// # Errors
-/// [`Finding::Refused`].
-pub(super) fn identification(
-    parameters: &Parameters,
-    frequency: PwmFrequency,
-) -> Result<IdentificationParameters, Finding> {
     let peak_current = amplitude(parameters.get(S(110)));
     let torque = TorqueScale::new(parameters).map_err(|invalid| Finding::Refused(invalid.idn))?;
     // An angle that is held makes torque as soon as the rotor is not where it is asked to be.
@@ -207,7 +177,7 @@ pub(super) fn identification(
     let current = amplitude(parameters.get(S(111)).min(parameters.get(S(109))).min(allowed)).min(peak_current);
     const COMMAND_REVERSED: u32 = 1 << 0;
     let velocity = Velocity::from_ten_thousandths_rpm(parameters.get(P(218)).cast_signed());
-    Ok(IdentificationParameters {
+    let identification = IdentificationParameters {
         peak_current,
         current,
         ripple: (current / 8).max(peak_current / 256).min(current / 2),
@@ -217,6 +187,15 @@ pub(super) fn identification(
         acceleration: Acceleration::from_milliradians_per_second_squared(parameters.get(P(219))),
         movement: Position::from_bits((i64::from(parameters.get(P(229))) << 32) / 100),
         frequency,
+    };
+    Ok(match procedure {
+        Procedure::IdentifyFlux => {
+            Plan::Flux(FluxSettings::new(&identification, parameters.get(P(111)), parameters.get(P(112)))?)
+        }
+        Procedure::IdentifyInertia => {
+            Plan::Inertia(InertiaSettings::new(&identification, torque_constant(parameters))?)
+        }
+        _ => Plan::Winding(ResistanceSettings::new(&identification)?, InductanceSettings::new(&identification)?),
     })
 }
 
@@ -238,51 +217,22 @@ pub(crate) fn take_over(
                 [(P(111), resistance.resistance()?), (P(112), inductances.direct), (P(113), inductances.quadrature)];
             put(parameters, values, check)
         }
-        // Of tables the file beside this one.
-        Measurement::Cogging(_) => Ok(()),
         Measurement::Flux(flux) => put(parameters, [(P(114), amplitude(flux.flux()?.torque_constant))], check),
         Measurement::Inertia(inertia) => {
-            let values = inertia_values(&inertia.inertia()?, parameters)?;
-            put(parameters, values, check)
+            let Inertia { inertia, coulomb_friction, viscous_friction } = inertia.inertia()?;
+            // Friction never drives: below zero it is noise.
+            let resisting = |amplitude: i32| rms(amplitude.max(0).unsigned_abs());
+            let scale = TorqueScale::new(parameters).map_err(|invalid| Finding::Refused(invalid.idn))?;
+            let coulomb = scale.increments(resisting(coulomb_friction));
+            // Of 1000 rpm in uA to uA/rpm.
+            let viscous = resisting(viscous_friction).saturating_add(500) / 1_000;
+            put(parameters, [(P(221), inertia), (S(155), coulomb), (P(142), viscous)], check)
         }
-        // That of P-0-0240 goes another way.
-        Measurement::Excitation(_) => Err(Finding::Interrupted),
     }
-}
-
-/// What P-0-0226 writes.
-///
-/// # Errors
-/// [`Finding::Refused`].
-pub(super) fn inertia_values(inertia: &Inertia, parameters: &Parameters) -> Result<[(Idn, u32); 3], Finding> {
-    let &Inertia { inertia, coulomb_friction, viscous_friction } = inertia;
-    // Friction never drives: below zero it is noise.
-    let resisting = |amplitude: i32| rms(amplitude.max(0).unsigned_abs());
-    let scale = TorqueScale::new(parameters).map_err(|invalid| Finding::Refused(invalid.idn))?;
-    let coulomb = scale.increments(resisting(coulomb_friction));
-    // Of 1000 rpm in uA to uA/rpm.
-    let viscous = resisting(viscous_friction).saturating_add(500) / 1_000;
-    Ok([(P(221), inertia), (S(155), coulomb), (P(142), viscous)])
-}
-
-/// What `make` makes of the parameters with these values; afterwards they are what they were.
-pub(super) fn with_values<T, const N: usize>(
-    parameters: &mut Parameters,
-    values: [(Idn, u32); N],
-    make: impl FnOnce(&Parameters) -> Result<T, Finding>,
-) -> Result<T, Finding> {
-    let before = values.map(|(idn, _)| (idn, parameters.get(idn)));
-    put(parameters, values, |_| Ok(()))?;
-    let made = make(parameters);
-    for (idn, value) in before {
-        // It was there before.
-        let _ = parameters.set(idn, value.into());
-    }
-    made
 }
 
 /// Sets all of these or, when one of them is refused, none.
-pub(super) fn put<const N: usize>(
+fn put<const N: usize>(
     parameters: &mut Parameters,
     values: [(Idn, u32); N],
     check: impl Fn(&Parameters) -> Result<(), InvalidSetting>,
@@ -417,16 +367,7 @@ mod tests {
             Finding::Settings(SettingsError::Zero { parameter: "resistance of the winding" }),
             Finding::Limits { idn: P(4_095), actual: u32::MAX },
             Finding::Refused(P(4_095)),
-            out_of_range("way of P-0-0240 in 0.01 revolutions", u32::MAX, 0, u32::MAX),
-            out_of_range("way of the excitation in 0.01 revolutions", u32::MAX, 0, u32::MAX),
-            Finding::NoMargin,
-            Finding::Disturbed,
-            IdentificationError::CurrentLimit.into(),
             Finding::Interrupted,
-            Finding::WithoutIndex,
-            IdentificationError::TorqueLimit.into(),
-            IdentificationError::NoIndex.into(),
-            IdentificationError::UnevenLoad.into(),
             IdentificationError::OutOfRange { actual: i64::MIN, minimum: 10, maximum: 1_000_000_000 }.into(),
             IdentificationError::CurrentNotReached { actual: i32::MIN, expected: i32::MIN }.into(),
             IdentificationError::NoMovement.into(),

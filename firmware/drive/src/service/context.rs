@@ -9,10 +9,10 @@ use sercos::transition::{CyclicConfiguration, InvalidData};
 use sercos::{Idn, Phase, PhaseMachine};
 
 use super::access::Access;
+use super::commissioning::Commissioning;
 use super::finding::Finding;
+use super::loops;
 use super::rescaling::Rescaling;
-use super::undertaking::Commissioning;
-use super::{hand_over, loops};
 use crate::crash::LastCrash;
 use crate::diagnosis::error_memory::ErrorMemory;
 use crate::diagnosis::table::{Diagnosis, diagnose};
@@ -76,11 +76,7 @@ where
             self.rescaling.refresh(parameters);
             // What does not go together yet waits for the rest; S-0-0128 finds what is left of it.
             match loops::settings::<H>(parameters) {
-                Ok(settings) => {
-                    self.motion.lock(|motion| motion.apply_settings(&settings));
-                    hand_over::cogging(self.motion, parameters);
-                    self.commissioning.tuning.disturb();
-                }
+                Ok(settings) => self.motion.lock(|motion| motion.apply_settings(&settings)),
                 Err(_) => debug_assert!(!self.loops_work(), "what the loops work with was checked"),
             }
         }

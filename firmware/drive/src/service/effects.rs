@@ -13,7 +13,6 @@ use sercos::error::ServiceError;
 use sercos::parameters::Parameters;
 use sercos::service::Live;
 use sercos::transition::{self, CyclicConfiguration, Invalid};
-use servo::axis::{ShapingRequest, VelocityRate};
 use servo::homing::HomingSettings;
 use servo::path::MotionLimits;
 use servo::probe::ProbeSettings;
@@ -22,7 +21,7 @@ use super::commissioning::{self, Finding as CommissioningFinding};
 use super::procedures::PROBE_CONTROL;
 use super::rig::{FACTS, Rig, Still, words_of};
 use super::tests::{P, S, attempts};
-use super::{checks, loops, scope, tuning};
+use super::{checks, loops, scope};
 use crate::dictionary::DICTIONARY;
 use crate::dictionary::procedures::Procedure;
 use crate::motion::identification::Plan;
@@ -47,17 +46,14 @@ struct Effects {
     loops: Result<DriveSettings, InvalidSetting>,
     homing: Result<(HomingSettings, MotionLimits), InvalidSetting>,
     probing: Option<ProbeSettings>,
-    identifications: [Result<Plan, CommissioningFinding>; 4],
+    identifications: [Result<Plan, CommissioningFinding>; 3],
     gains: Result<[u32; 5], CommissioningFinding>,
-    tuning: ShapingRequest,
-    window: u64,
     recording: Result<Configuration, ServiceError>,
     oscilloscope: (u64, u64),
     message: String,
     commands: Vec<u32>,
     controlled: u32,
     commutation_angle: u64,
-    against_cogging: i32,
     locked: bool,
     kept: bool,
     amended: Option<Vec<u8>>,
@@ -66,7 +62,6 @@ struct Effects {
 impl Effects {
     fn of(rig: &mut Rig) -> Self {
         let message = rig.text(S(95));
-        let against_cogging = rig.motion.current_against_cogging();
         let commands = COMMAND_VALUES.iter().map(|&(_, value)| rig.motion.command_data(value)).collect();
         rig.step(|_, parameters, context| {
             let capabilities = checks::capabilities(context.identity.bit_rate, parameters);
@@ -79,26 +74,18 @@ impl Effects {
                 homing: loops.and_then(|settings| homing(parameters, &settings.motion)),
                 loops,
                 probing: ProbeSettings::new(parameters.get_word(PROBE_CONTROL)).ok(),
-                identifications: [
-                    Procedure::IdentifyWinding,
-                    Procedure::IdentifyFlux,
-                    Procedure::IdentifyInertia,
-                    Procedure::LearnCogging,
-                ]
-                .map(|procedure| commissioning::plan(procedure, parameters, FACTS.frequency)),
+                identifications: [Procedure::IdentifyWinding, Procedure::IdentifyFlux, Procedure::IdentifyInertia]
+                    .map(|procedure| commissioning::plan(procedure, parameters, FACTS.frequency)),
                 gains: gains.map(|()| [100, 101, 104, 106, 107].map(|number| computed.get(S(number)))),
-                tuning: tuning::shaping_request(parameters, VelocityRate::TwiceATick),
                 recording: scope::configuration(parameters),
                 oscilloscope: (
                     context.read(DICTIONARY.find(oscilloscope::STATE).unwrap(), parameters),
                     context.read(DICTIONARY.find(oscilloscope::WINDOW).unwrap(), parameters),
                 ),
-                window: context.read(DICTIONARY.find(P(249)).unwrap(), parameters),
                 message,
                 commands,
                 controlled: context.motion.lock(|motion| motion.controlled_bits()).0,
                 commutation_angle: context.read(DICTIONARY.find(P(118)).unwrap(), parameters),
-                against_cogging,
                 locked: context.is_locked(),
                 kept: {
                     context.note_stored(parameters);
@@ -123,13 +110,11 @@ impl Effects {
             ("probing", self.probing != other.probing),
             ("identification", self.identifications != other.identifications),
             ("gains", self.gains != other.gains),
-            ("tuning", self.tuning != other.tuning || self.window != other.window),
             ("recording", self.recording != other.recording || self.oscilloscope != other.oscilloscope),
             ("text", self.message != other.message),
             ("commands", self.commands != other.commands),
             ("bits", self.controlled != other.controlled),
             ("commutation", self.commutation_angle != other.commutation_angle),
-            ("cogging", self.against_cogging != other.against_cogging),
             ("lock", self.locked != other.locked),
             ("memory", self.kept != other.kept),
             ("selection", self.amended != other.amended),
@@ -225,7 +210,7 @@ fn every_data_block_that_can_be_written_has_an_effect_or_refuses_to_be_changed()
     }
     assert!(without.is_empty(), "nothing reads {without:?}");
     // No kind of effect is there in vain.
-    assert_eq!(kinds.len(), 16, "{kinds:?}");
+    assert_eq!(kinds.len(), 14, "{kinds:?}");
 }
 
 #[test]

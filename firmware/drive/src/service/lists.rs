@@ -53,7 +53,6 @@ where
             Longs::ScopePoints2 => self.points(1, list),
             Longs::ScopePoints3 => self.points(2, list),
             Longs::ScopePoints4 => self.points(3, list),
-            Longs::FrequencyResponse => fill(list, self.commissioning.tuning.points()),
         }
     }
 

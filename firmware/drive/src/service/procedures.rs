@@ -9,7 +9,6 @@ use sercos::{Idn, Phase};
 use servo::motor::BoardKind;
 use servo::probe::ProbeSettings;
 
-use super::cogging;
 use super::commissioning::{self, Finding as CommissioningFinding};
 use super::context::Context;
 use super::finding::Finding;
@@ -17,7 +16,6 @@ use super::loops;
 use crate::dictionary::procedures::Procedure;
 use crate::hardware::Hardware;
 use crate::motion::Motion;
-use crate::motion::identification::Measurement;
 use crate::remembering::keeping::{MemoryFailure, Selected};
 use crate::settings::homing;
 
@@ -63,11 +61,7 @@ where
                 self.checks.started = Some(procedure);
                 Ok(CommandState::Executing)
             }
-            Procedure::IdentifyWinding
-            | Procedure::IdentifyFlux
-            | Procedure::IdentifyInertia
-            | Procedure::LearnCogging
-            | Procedure::Tune => {
+            Procedure::IdentifyWinding | Procedure::IdentifyFlux | Procedure::IdentifyInertia => {
                 self.unlocked()?;
                 if !self.motion.lock(|motion| motion.may_identify()) {
                     return Err(ServiceError::CommandNotExecutableNow);
@@ -108,18 +102,11 @@ where
     fn cancel(&mut self, procedure: Procedure) -> CommandState {
         match procedure {
             Procedure::CheckForCp3 | Procedure::CheckForCp4 => return self.give_up_check(),
-            Procedure::IdentifyWinding
-            | Procedure::IdentifyFlux
-            | Procedure::IdentifyInertia
-            | Procedure::LearnCogging
-            | Procedure::Tune
+            Procedure::IdentifyWinding | Procedure::IdentifyFlux | Procedure::IdentifyInertia
                 if self.commissioning.identifying == Some(procedure) =>
             {
                 self.commissioning.identifying = None;
                 self.motion.lock(|motion| motion.cancel_identification());
-                if procedure == Procedure::Tune {
-                    self.abandon_tuning();
-                }
             }
             Procedure::ParkAxis => self.motion.lock(|motion| motion.park(false)),
             Procedure::Homing => self.motion.lock(|motion| motion.hold_for_homing(false)),
@@ -173,13 +160,7 @@ where
         procedure: Procedure,
         parameters: &Parameters,
     ) -> Result<(), CommissioningFinding> {
-        if procedure == Procedure::Tune {
-            return self.start_tuning(parameters);
-        }
         let plan = commissioning::plan(procedure, parameters, <H::Board>::FACTS.frequency)?;
-        if procedure == Procedure::LearnCogging {
-            cogging::prepare(self.motion);
-        }
         self.motion.lock(|motion| motion.start_identification(&plan))?;
         self.commissioning.identifying = Some(procedure);
         Ok(())
@@ -187,20 +168,14 @@ where
 
     /// Takes over what an identification has measured, if one has ended.
     pub(crate) fn conclude_identification(&mut self, parameters: &mut Parameters) -> Option<(Idn, CommandState)> {
-        if self.commissioning.identifying == Some(Procedure::Tune) {
-            return self.tune(parameters).map(|state| (Procedure::Tune.idn(), state));
-        }
         let outcome = self.motion.lock(Motion::take_identified)?;
         let procedure = self.commissioning.identifying.take()?;
-        let result = match outcome {
-            Ok(Measurement::Cogging(measurement)) => cogging::take_over(&measurement, parameters, self.motion),
-            outcome => commissioning::take_over(outcome, parameters, loops::accept::<H>),
-        };
+        let result = commissioning::take_over(outcome, parameters, loops::accept::<H>);
         Some((procedure.idn(), self.taken(result, parameters)))
     }
 
     /// Found, and taken over into the parameters.
-    pub(super) fn taken(&mut self, result: Result<(), CommissioningFinding>, parameters: &Parameters) -> CommandState {
+    fn taken(&mut self, result: Result<(), CommissioningFinding>, parameters: &Parameters) -> CommandState {
         if result.is_ok() {
             self.note_stored(parameters);
         }

@@ -21,9 +21,9 @@ use servo::monitor::{Divider, TemperatureSensor, Thermometers};
 use servo::motor::{BoardKind, CurrentLink, Facts};
 
 use super::access::Access;
+use super::commissioning::Commissioning;
 use super::context::{Checks, Context};
 use super::rescaling::Rescaling;
-use super::undertaking::Commissioning;
 use super::{checks, loops};
 use crate::amplifier::Amplifier;
 use crate::crash::LastCrash;
@@ -36,7 +36,6 @@ use crate::motion::Motion;
 use crate::production::Production;
 use crate::remembering::keeping::Keeping;
 use crate::remembering::set;
-use servo::axis::CoggingTables;
 
 /// Registers and RAM that keep what is written.
 #[derive(Clone, Debug, Default)]
@@ -196,9 +195,8 @@ impl Rig {
         let settings = loops::settings::<Still>(&parameters).unwrap();
         let link = Box::leak(Box::new(CurrentLink::new()));
         let scope = Box::leak(Box::new(servo::scope::Scope::new()));
-        let cogging = Box::leak(Box::new(CoggingTables::new()));
         let mut rig = Self {
-            motion: Motion::new(bus.clone(), 5, Still, link, (scope, cogging), &settings),
+            motion: Motion::new(bus.clone(), 5, Still, link, scope, &settings),
             checks: Checks::default(),
             server: Server::new(&DICTIONARY),
             slave: Slave::new(bus),

@@ -6,7 +6,7 @@ use std::vec;
 use std::vec::Vec;
 
 use sercos::attribute::Length;
-use sercos::capacity::{LIVE_TEXT_BYTES, TABLE_ENTRIES};
+use sercos::capacity::LIVE_TEXT_BYTES;
 use sercos::data_block::{DataBlock, Location, Selection};
 use sercos::parameters::Parameters;
 use sercos::service::Live;
@@ -62,15 +62,6 @@ pub(super) fn attempts(block: &DataBlock) -> Vec<Vec<u16>> {
     }
     match block.attribute.length() {
         Length::ListOfBytes => vec![vec![4, 4, 0x4141, 0x4141], vec![0, 0]],
-        Length::ListOfTwo if block.is_table() => {
-            let all = 2 * TABLE_ENTRIES as u16;
-            // The third one is beyond what the loops take.
-            let tables = [1, 0xFFFE, 0x8001].map(|entry| {
-                let entries = core::iter::repeat_n(entry, TABLE_ENTRIES);
-                [all, all].into_iter().chain(entries).collect()
-            });
-            tables.into_iter().chain([vec![2, 2, 3], vec![0, 0]]).collect()
-        }
         Length::ListOfTwo => {
             let entries = [3, 11, 51, 36, 32, 0x8013];
             entries.into_iter().map(|entry| vec![2, 2, entry]).chain([vec![0, 0]]).collect()

@@ -9,7 +9,6 @@ use super::context::Context;
 use crate::diagnosis::error_memory::seconds;
 use crate::dictionary::access::Access;
 use crate::dictionary::numbers::Number;
-use crate::dictionary::procedures::Procedure;
 use crate::hardware::Hardware;
 use crate::motion::Motion;
 use crate::signal::feedback::{Feedback, FeedbackValue};
@@ -79,16 +78,6 @@ where
             Number::ScopeInterval => {
                 self.ask(|motion| motion.oscilloscope().interval(const { current_loop_period(&<H::Board>::FACTS) }))
             }
-            Number::CoggingState => self.ask(|motion| motion.cogging().state() as u32),
-            Number::TuningResult => self.commissioning.tuning.found().bits.into(),
-            Number::PhaseMargin => self.commissioning.tuning.found().phase_margin().into(),
-            Number::GainMargin => self.commissioning.tuning.found().gain_margin().into(),
-            Number::LoopCrossing => self.commissioning.tuning.found().margins.crossing,
-            Number::AxisResonance => self.commissioning.tuning.found().resonance,
-            Number::ResponseWindow => self.commissioning.tuning.window().into(),
-            Number::IdentificationProgress if self.commissioning.identifying == Some(Procedure::Tune) => {
-                self.commissioning.tuning.percent().into()
-            }
             Number::IdentificationProgress => self.ask(|motion| motion.identification_percent().into()),
         }
     }
@@ -113,9 +102,6 @@ where
     /// Takes operation data of two or four bytes; limits, phase and reasons of the drive's own have been looked at.
     pub(super) fn set_value(&mut self, access: Access, raw: u32) {
         let word = (raw & 0xFFFF) as u16;
-        if access == Access::Number(Number::ResponseWindow) {
-            return self.commissioning.tuning.set_window(word);
-        }
         self.motion.lock(|motion| match access {
             Access::Command(value) => motion.set_command(value, raw),
             Access::Enable(enable) => motion.set_enable(enable, raw & 1 != 0),

@@ -15,12 +15,10 @@ use super::{hand_over, loops, scope};
 use crate::dictionary::access::Access;
 use crate::dictionary::access_of;
 use crate::dictionary::numbers::Number;
-use crate::dictionary::procedures::Procedure;
 use crate::hardware::Hardware;
 use crate::motion::Motion;
 use crate::operation_mode::Direction;
 use crate::oscilloscope;
-use crate::settings::cogging::COGGING_TABLE;
 use crate::signal::word::Word;
 
 /// S-0-0393.
@@ -36,10 +34,6 @@ where
     pub(super) fn refusal(&mut self, block: &DataBlock, value: u64, parameters: &Parameters) -> Option<ServiceError> {
         let (idn, access) = (block.idn, access_of(block));
         if idn == oscilloscope::CONTROL && value == 1 {
-            if self.commissioning.identifying == Some(Procedure::LearnCogging) {
-                // It sums up in the memory of the oscilloscope.
-                return Some(ServiceError::ProtectedBySettings);
-            }
             return scope::configuration(parameters).err();
         }
         if let Some(error) = scope::refuses_setting(idn, value, parameters) {
@@ -107,10 +101,6 @@ where
                 }
             };
             hand_over::by_parts(self.motion, &settings);
-            if block.idn == COGGING_TABLE {
-                hand_over::cogging(self.motion, parameters);
-            }
-            self.commissioning.tuning.disturb();
         }
         if block.idn == PROBE_CONTROL {
             // S-0-0170 has no end of its own after which it could be taken over.

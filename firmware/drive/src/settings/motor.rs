@@ -52,7 +52,7 @@ pub(super) fn settings(
         proportional_gain: word(S(106)).into(),
         integral_time: u32::from(word(S(107))).saturating_mul(100),
         frequency: facts.frequency,
-        dead_time: if word(P(103)) == 0 { 0 } else { facts.dead_time.saturating_add(word(P(254)).into()) },
+        dead_time: if word(P(103)) == 0 { 0 } else { facts.dead_time },
         dead_time_band: u32::from(word(P(103))).max(1),
     })
     .map_err(|reason| InvalidSetting { idn: blamed(&reason), reason: Some(reason) })?;

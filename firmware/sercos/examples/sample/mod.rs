@@ -225,8 +225,6 @@ sercos::data_blocks! {
     P 7 "Application data" [""] LONGS/0 written ALWAYS () = 0 => Parameter, stored;
     /// A text of the control's own choice, as the serial number of the machine.
     P 8 "Application identifier" [""] TEXT/0 written ALWAYS () = 0 => Parameter, stored;
-    /// A table of numbers with sign, all of them or none.
-    P 9 "Application table" [""] SIGNED_NUMBERS/0 written ALWAYS () = 0 => Parameter, stored, restricted;
     /// A word of the control's own choice that comes back in the AT. Real-time and signal bits can set its bits.
     P 19 "Application word" [""] U16/0 written ALWAYS (0 to 65_535) = 0 => Live, in_at, bit_target, restricted;
 }

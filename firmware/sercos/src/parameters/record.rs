@@ -2,13 +2,13 @@
 
 use super::Parameters;
 use crate::attribute::Length;
-use crate::capacity::{LIST_ENTRIES, LONG_ENTRIES, TABLE_ENTRIES, TEXT_BYTES};
+use crate::capacity::{LIST_ENTRIES, LONG_ENTRIES, TEXT_BYTES};
 use crate::data_block::{DataBlock, Place};
 use crate::error::{Element, ServiceError};
 use crate::idn::Idn;
 use heapless::Vec;
 
-/// Bytes of the longest parameter but a table.
+/// Bytes of the longest parameter.
 pub const MOST_BYTES: usize = {
     let lists = if LIST_ENTRIES * 2 > LONG_ENTRIES * 4 { LIST_ENTRIES * 2 } else { LONG_ENTRIES * 4 };
     if lists > TEXT_BYTES { lists } else { TEXT_BYTES }
@@ -23,7 +23,6 @@ impl DataBlock {
             Place::Value(_) => 4,
             Place::Idns(_) | Place::Words(_) => LIST_ENTRIES * 2,
             Place::Longs(_) => LONG_ENTRIES * 4,
-            Place::Table(_) => TABLE_ENTRIES * 2,
             Place::Text(_) => TEXT_BYTES,
         }
     }
@@ -31,7 +30,7 @@ impl DataBlock {
 
 impl Parameters {
     /// The operation data of a parameter as they are transmitted, the least significant byte first, without the length words of a list. Empty for a
-    /// data block that is no parameter, and for a table ([`Parameters::table`]).
+    /// data block that is no parameter.
     pub fn bytes(&self, block: &DataBlock) -> Vec<u8, MOST_BYTES> {
         let mut bytes = Vec::new();
         // There is room for the longest.
@@ -39,7 +38,7 @@ impl Parameters {
             let _ = bytes.extend_from_slice(more);
         };
         match block.place {
-            Place::None | Place::Command(_) | Place::Table(_) => {}
+            Place::None | Place::Command(_) => {}
             Place::Value(_) => put(self.get(block.idn).to_le_bytes().get(..block.most_bytes()).unwrap_or(&[])),
             Place::Idns(_) => self.list(block.idn).iter().for_each(|entry| put(&entry.0.to_le_bytes())),
             Place::Words(_) => self.words(block.idn).iter().for_each(|entry| put(&entry.to_le_bytes())),
@@ -53,13 +52,11 @@ impl Parameters {
     pub fn is_default(&self, block: &DataBlock) -> bool {
         match block.place {
             Place::Value(_) => u64::from(self.get(block.idn)) == block.default_as_transmitted() & 0xFFFF_FFFF,
-            Place::Table(_) => self.table(block.idn).is_empty(),
             _ => self.bytes(block).is_empty(),
         }
     }
 
-    /// Sets a parameter from [`Parameters::bytes`] of this program or of an older one; otherwise like [`Parameters::set`]. What it gives a table
-    /// comes behind what the table has, see [`Parameters::extend_table`].
+    /// Sets a parameter from [`Parameters::bytes`] of this program or of an older one; otherwise like [`Parameters::set`].
     ///
     /// # Errors
     /// Those of [`Parameters::set`] and of its siblings for lists and texts; [`ServiceError::TooShort`] or [`ServiceError::TooLong`] for a value of
@@ -90,13 +87,6 @@ impl Parameters {
                 let (entries, rest) = bytes.as_chunks::<4>();
                 let longs = entries.iter().map(|bytes| u32::from_le_bytes(*bytes));
                 self.set_longs(block.idn, &whole::<_, LONG_ENTRIES>(longs, rest)?)
-            }
-            Place::Table(_) => {
-                let (entries, rest) = bytes.as_chunks::<2>();
-                if !rest.is_empty() {
-                    return Err(ServiceError::InvalidData);
-                }
-                self.extend_table(block.idn, entries.iter().map(|bytes| u16::from_le_bytes(*bytes)))
             }
             Place::Text(_) => self.set_text(block.idn, bytes),
         }

@@ -40,43 +40,6 @@ fn every_parameter_has_a_place_of_its_own() {
     );
     parameters.set_longs(Idn::product(7), &[u32::MAX; LONG_ENTRIES]).unwrap();
     assert_eq!(parameters.longs(Idn::product(7)), [u32::MAX; LONG_ENTRIES]);
-    parameters.set_table(Idn::product(9), &[0xFFFE; TABLE_ENTRIES]).unwrap();
-    assert_eq!(parameters.table(Idn::product(9)), [0xFFFE; TABLE_ENTRIES]);
-}
-
-#[test]
-fn a_table_has_all_of_its_entries_or_none_and_a_memory_may_give_it_in_parts() {
-    const TABLE: Idn = Idn::product(9);
-    let mut parameters = Parameters::new(&DICTIONARY);
-    let entries: std::vec::Vec<u16> = (0..TABLE_ENTRIES as u16).collect();
-    parameters.set_table(TABLE, &entries).unwrap();
-    for wrong in [1, TABLE_ENTRIES - 1, TABLE_ENTRIES + 1] {
-        assert_eq!(parameters.set_table(TABLE, &std::vec![7; wrong]), Err(ServiceError::InvalidData), "{wrong}");
-        let mut written: Vec<u16, 2_000> = Vec::from_slice(&std::vec![7; wrong + 2]).unwrap();
-        assert_eq!(parameters.exchange_table(TABLE, &mut written, 2), Err(ServiceError::InvalidData), "{wrong}");
-    }
-    assert_eq!(parameters.table(TABLE), entries);
-    // There and back, also with none.
-    for number in [0, TABLE_ENTRIES] {
-        let mut written: Vec<u16, 2_000> = Vec::from_slice(&std::vec![7; number + 2]).unwrap();
-        parameters.exchange_table(TABLE, &mut written, 2).unwrap();
-        assert_eq!((parameters.table(TABLE).len(), &written[2..]), (number, entries.as_slice()));
-        assert_eq!(written[..2], [7, 7]);
-        parameters.exchange_table(TABLE, &mut written, 2).unwrap();
-        assert_eq!((parameters.table(TABLE), written.len()), (entries.as_slice(), number + 2));
-    }
-    parameters.load_defaults();
-    assert_eq!(parameters.table(TABLE), []);
-    let block = DICTIONARY.find(TABLE).unwrap();
-    assert!(parameters.is_default(block) && block.is_table() && block.most_bytes() == 2 * TABLE_ENTRIES);
-    for part in entries.chunks(100) {
-        let bytes: std::vec::Vec<u8> = part.iter().flat_map(|entry| entry.to_le_bytes()).collect();
-        assert_eq!(parameters.set_bytes(block, &bytes[1..]), Err(ServiceError::InvalidData), "half an entry");
-        parameters.set_bytes(block, &bytes).unwrap();
-    }
-    assert_eq!(parameters.table(TABLE), entries);
-    assert_eq!(parameters.set_bytes(block, &[0, 0]), Err(ServiceError::InvalidData));
-    assert_eq!(parameters.table(TABLE), [], "what is too long is none");
 }
 
 /// A value of its own for every data block, within its limits.
@@ -216,7 +179,6 @@ fn the_checksum_sees_every_stored_data_block_and_no_other() {
             Place::Idns(_) => other.set_list(block.idn, &[Idn::product(19)]),
             Place::Words(_) => other.set_words(block.idn, &[1]),
             Place::Longs(_) => other.set_longs(block.idn, &[1]),
-            Place::Table(_) => other.set_table(block.idn, &[1; TABLE_ENTRIES]),
             Place::Text(_) => other.set_text(block.idn, b"x"),
         };
         assert_eq!(changed, Ok(()), "{}", block.idn);

@@ -1,24 +1,16 @@
 //! One element on its way: where the words to be read come from, and whether the words written are complete.
 
-use crate::attribute::{Format, Length};
-use crate::capacity::{
-    LIST_ENTRIES, LIVE_LIST_ENTRIES, LIVE_LONG_ENTRIES, LONG_ENTRIES, SEGMENT_WORDS, TABLE_ENTRIES, TEXT_BYTES,
-};
+use crate::attribute::Length;
+use crate::capacity::{LIST_ENTRIES, LIVE_LIST_ENTRIES, LIVE_LONG_ENTRIES, LONG_ENTRIES, SEGMENT_WORDS, TEXT_BYTES};
 use crate::data_block::DataBlock;
 use crate::error::{Element, ServiceError};
 use crate::idn::Idn;
 use heapless::Vec;
 
 /// Words of the longest element that is not read straight from flash: two length words and the longest list.
-pub(super) const STAGING_WORDS: usize = TABLE_ENTRIES.saturating_add(LENGTH_WORDS);
+pub(super) const STAGING_WORDS: usize = LIVE_LIST_ENTRIES.saturating_add(2);
 
-/// Words before the entries of a list.
-pub(super) const LENGTH_WORDS: usize = 2;
-
-const _: () = assert!(
-    LIVE_LIST_ENTRIES <= TABLE_ENTRIES && LIVE_LONG_ENTRIES <= TABLE_ENTRIES / 2,
-    "the staging buffer holds every list"
-);
+const _: () = assert!(LIVE_LONG_ENTRIES <= LIVE_LIST_ENTRIES / 2, "the staging buffer holds every list");
 
 /// Operation data, or what the master has written of them so far.
 pub(super) type Staging = Vec<u16, STAGING_WORDS>;
@@ -140,16 +132,6 @@ pub(super) fn stage_list(staging: &mut Staging, items: impl ExactSizeIterator<It
     fill(staging, [bytes(items.len()), bytes(maximum_items)].into_iter().chain(items));
 }
 
-/// Stages a table, in one go: all of it one by one would take most of a step's time.
-pub(super) fn stage_table(staging: &mut Staging, items: &[u16], maximum_items: usize) {
-    stage_list(staging, [].into_iter(), maximum_items);
-    if let Some(length) = staging.first_mut() {
-        *length = u16::try_from(items.len().saturating_mul(2)).unwrap_or(u16::MAX);
-    }
-    // There is room for all of them.
-    let _ = staging.extend_from_slice(items);
-}
-
 /// Stages a list of four-byte items, low word first.
 pub(super) fn stage_longs(staging: &mut Staging, items: &[u32], maximum_items: usize) {
     staging.clear();
@@ -203,9 +185,6 @@ pub(super) fn take_word(staging: &mut Staging, block: &DataBlock, word: u16) -> 
             let (maximum, whole_items) = match length {
                 Length::ListOfBytes => (TEXT_BYTES, true),
                 Length::ListOfFour => (LONG_ENTRIES.saturating_mul(4), bytes & 3 == 0),
-                Length::ListOfTwo if block.attribute.format() == Format::Signed => {
-                    (TABLE_ENTRIES.saturating_mul(2), bytes & 1 == 0)
-                }
                 _ => (LIST_ENTRIES.saturating_mul(2), bytes & 1 == 0),
             };
             if bytes > maximum || staging.len() > list_words(bytes) {

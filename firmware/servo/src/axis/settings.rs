@@ -1,6 +1,5 @@
 //! All settings of an axis: from the units of the IDNs to the scaled form of the loops.
 
-use crate::arithmetic::division::divide_rounding;
 use crate::arithmetic::trigonometry::high_product;
 use crate::axis::acceleration_gain::AccelerationSmoothing;
 use crate::axis::expected_lag::DeviationSettings;
@@ -13,7 +12,7 @@ use crate::axis::velocity_loop::VelocityLoopSettings;
 use crate::axis::velocity_rate::VelocityRate;
 use crate::error::SettingsError;
 use crate::path::command_step::CommandLimits;
-use crate::path::limits::{MotionLimits, Shape};
+use crate::path::limits::MotionLimits;
 use crate::path::settings::{Interpolation, InterpolatorSettings};
 use crate::units::derivatives::Jerk;
 use crate::units::modulo::Modulo;
@@ -263,22 +262,6 @@ impl AxisSettings {
             standstill_window: parameters.standstill_window.abs(),
         }
         .with_setpoint_ahead(0))
-    }
-
-    /// The way in which HALT stops an axis from this velocity, of one that follows it. Divides.
-    #[must_use]
-    pub fn halt_distance(&self, velocity: Velocity) -> Position {
-        let speed = i128::from(velocity.abs().to_bits()) << 12;
-        let deceleration = i128::from(self.halt.deceleration).max(1);
-        // In 2^-48 revolution.
-        let ramp = divide_rounding(speed.saturating_mul(speed), deceleration.saturating_mul(2));
-        let jerk = match self.halt.shape {
-            Shape::Trapezoid { .. } => 0,
-            Shape::Smooth(smooth) => {
-                divide_rounding(speed.saturating_mul(deceleration), i128::from(smooth.jerk).max(1).saturating_mul(2))
-            }
-        };
-        Position::from_bits(ramp.saturating_add(jerk) >> 16)
     }
 
     /// Limits of the velocity command in force.

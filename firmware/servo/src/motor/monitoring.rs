@@ -175,11 +175,6 @@ impl<B: BoardKind> Motor<B> {
         if self.tested {
             return;
         }
-        // A sine that is faster than a look is at the same place at each, or at the opposite one, and the current loop is late by a part of it.
-        if self.excited > 0 {
-            self.excited = self.excited.wrapping_sub(1);
-            return;
-        }
         let cycle = &self.link.report.cycle(true).readings;
         let readings = cycle.readings();
         let asked = [self.direct_command, self.commanded].map(CurrentCommand::reference);

@@ -75,11 +75,3 @@ pub struct CurrentSettings {
     /// Trip levels.
     pub protection: Protection,
 }
-
-impl MotorSettings {
-    /// Time constant of the current loop in us, where the motor is known. Divides.
-    #[must_use]
-    pub fn current_loop_time(&self) -> Option<u32> {
-        self.model.loop_time(&self.current.current_loop)
-    }
-}

@@ -364,15 +364,14 @@ impl Writer<'_> {
         self.event(Action::Switches(FOLLOW));
     }
 
-    /// The drive finds out about its motor: P-0-0224, 225, 226 or 250 at HALT, undisturbed or not.
+    /// The drive finds out about its motor: P-0-0224, 225 or 226 at HALT, undisturbed or not.
     pub(super) fn identify(&mut self) {
         self.event(Action::Switches(HALT));
         self.write_between(0x8000 | 218, 500_000, 4_000_000);
         self.write_between(0x8000 | 219, 100_000, 2_000_000);
         self.write_between(0x8000 | 229, 20, 300);
         self.wait(60.0);
-        let commands = [224, 225, 226, 250].map(|number| 0x8000 | number);
-        let command = self.dice.pick(&commands).unwrap_or(0x8000 | 224);
+        let command = self.dice.pick(&[0x8000 | 224, 0x8000 | 225, 0x8000 | 226]).unwrap_or(0x8000 | 224);
         self.event(Action::Start(command));
         let span = self.dice.weighted(&[(4, 20.0), (3, 100.0), (1, 400.0)]).unwrap_or(20.0);
         self.wait(span);

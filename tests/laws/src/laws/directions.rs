@@ -8,8 +8,8 @@ use crate::law::{Event, Law, Verdict};
 use crate::scene::Scene;
 
 const HOMING: Idn = Idn(148);
-/// P-0-0225, P-0-0226 and P-0-0250 turn as P-0-0218 says.
-const IDENTIFICATIONS: [Idn; 3] = [Idn(0x8000 | 225), Idn(0x8000 | 226), Idn(0x8000 | 250)];
+/// P-0-0225 and P-0-0226 turn as P-0-0218 says.
+const IDENTIFICATIONS: [Idn; 2] = [Idn(0x8000 | 225), Idn(0x8000 | 226)];
 const VELOCITY: Idn = Idn(0x8000 | 218);
 /// Its default: 300 rpm.
 const FORWARDS: i64 = 3_000_000;

@@ -20,7 +20,6 @@ mod torque_goes;
 mod true_errors;
 mod truth;
 mod vertical;
-mod window;
 
 #[cfg(test)]
 mod fake;
@@ -54,6 +53,5 @@ pub(crate) fn all() -> Vec<Box<dyn Law>> {
         Box::new(directions::Directions::default()),
         Box::new(probes::Probes::default()),
         Box::new(border::Border::default()),
-        Box::new(window::Window::default()),
     ]
 }

@@ -170,7 +170,7 @@ impl Law for Acknowledged {
 /// S-0-0025 and its like.
 pub(crate) fn is_command(idn: Idn) -> bool {
     matches!(idn.0, 99 | 127 | 128 | 139 | 146 | 148 | 149 | 152 | 170 | 191 | 262 | 263 | 264 | 293 | 447)
-        || matches!(idn.0 ^ 0x8000, 220 | 224..=226 | 240 | 250)
+        || matches!(idn.0 ^ 0x8000, 220 | 224..=226)
 }
 
 /// Remembers what was known of protected data when CP4 began.

@@ -107,7 +107,7 @@ pub(crate) const GATES: Gates = Gates {
             in_turn_with: Some("control_loop"),
             ..task("velocity_loop", "CAN2_RX1", 4, Rate::Every(125_000), Some(300), OF_THE_CYCLE)
         },
-        task("supervision", "CAN2_RX0", 4, Rate::Every(250_000), Some(1_640), OF_THE_CYCLE),
+        task("supervision", "CAN2_RX0", 4, Rate::Every(250_000), Some(1_560), OF_THE_CYCLE),
         task("phase_change", "CAN1_RX1", 2, Rate::OutsideTheCycle, None, &[]),
         task("service_channel", "CAN1_SCE", 2, Rate::EachCycle, None, &[]),
     ],
@@ -134,7 +134,7 @@ pub(crate) const GATES: Gates = Gates {
     load: 300,
     hand_over: 10_000,
     // Another motion side on the stack of the start, 6.5 KiB, does not fit in besides: somebody should know why.
-    stack_left: 8 * 1024,
+    stack_left: 20 * 1024,
 };
 
 const fn task(

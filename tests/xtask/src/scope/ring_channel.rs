@@ -32,20 +32,8 @@ pub(crate) struct RingChannel {
 impl RingChannel {
     /// Runs a drive up and switches it on; tells how far it is.
     pub(crate) fn run_up(progress: &mut dyn FnMut(&Progress)) -> Result<Self, ChannelError> {
-        Self::run_up_with(false, progress)
-    }
-
-    /// The same with HALT, which holds the axis.
-    pub(crate) fn run_up_halted(progress: &mut dyn FnMut(&Progress)) -> Result<Self, ChannelError> {
-        let mut channel = Self::run_up_with(true, progress)?;
-        // Switched on, and the phases of the motor tested.
-        channel.wait(1_000_000)?;
-        Ok(channel)
-    }
-
-    fn run_up_with(halt: bool, progress: &mut dyn FnMut(&Progress)) -> Result<Self, ChannelError> {
         let setup = DriveSetup::new(ADDRESS);
-        let master = ScriptedMaster::new(script(&setup, halt));
+        let master = ScriptedMaster::new(script(&setup));
         let (world, _) =
             ring_of_drives(RingConfiguration::new(1, BitRate::M2), master, &[setup]).map_err(|error| broken(&error))?;
         let mut channel = Self { world, clock: Rc::default() };
@@ -147,11 +135,11 @@ pub(crate) fn progress(time_us: u64, what: &str, done: u64, of: u64) -> Progress
 }
 
 /// A drive in velocity mode that is told to stand; the MDT leaves S-0-0037 to the service channel.
-fn script(setup: &DriveSetup, halt: bool) -> MasterScript {
+fn script(setup: &DriveSetup) -> MasterScript {
     let drive = DriveScript::new(ADDRESS, Telegram::application(&[Idn::VELOCITY_FEEDBACK], &[Idn::VELOCITY_COMMAND]))
         .with(Idn::OPERATION_MODE, Value::Word(2))
         .with_all(parameters_of(&setup.axis));
-    let motion = Motion::new(CYCLES, move |_| CommandValues { halt, ..CommandValues::at_velocity(0) });
+    let motion = Motion::new(CYCLES, |_| CommandValues::at_velocity(0));
     MasterScript { motion: Some(motion), stops_at_refusals: false, ..MasterScript::new(vec![drive]) }
 }
 
